@@ -1,0 +1,1 @@
+"""The stories: which stages, in which order."""

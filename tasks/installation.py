@@ -1,0 +1,68 @@
+"""What is wrong with the place a run happens in: a full disk, a folder that cannot be written.
+
+Neither the input nor the adjustment is to blame, so the command line ends with exit code 1.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tasks.errors import AerocalError
+
+_FULL = {errno.ENOSPC, errno.EDQUOT}
+_REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST}
+
+
+@dataclass
+class InstallationError(AerocalError):
+    """The machine, not the project, stands in the way.
+
+    Attributes
+    ----------
+    what : what is wrong, a sentence.
+    remedy : what to do about it, a sentence.
+    """
+
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}"
+
+
+@contextmanager
+def writing_into(folder: Path) -> Iterator[None]:
+    """Turn "no space left" and "permission denied" while writing into one clear sentence.
+
+    Raises
+    ------
+    InstallationError
+        If the disk or quota is full or `folder` may not be written; every other error passes.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            raise InstallationError(
+                f"There is no space left on the disk of {folder}.",
+                "Free some space or choose another folder with --out, then run again; "
+                "nothing half-written was kept.",
+            ) from error
+        if error.errno in _REFUSED and _within(error.filename, folder):
+            raise InstallationError(
+                f"{error.filename or folder} cannot be written ({error.strerror}).",
+                "Change its permissions or choose another folder with --out.",
+            ) from error
+        raise
+
+
+def _within(filename: object, folder: Path) -> bool:
+    """Whether the file the system complained about lies in (or above) `folder`."""
+    if filename is None:
+        return True
+    path = Path(str(filename)).absolute()
+    return path.is_relative_to(folder.absolute()) or folder.absolute().is_relative_to(path)

@@ -1,0 +1,61 @@
+"""JSON as it is written here: one spelling for one content, and no number that is not one."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias, cast
+
+JSON: TypeAlias = "str | int | float | bool | Sequence[JSON] | Mapping[str, JSON] | None"
+
+
+def json_text(value: JSON, *, indent: int | None = None) -> str:
+    """Write `value` as JSON with sorted keys; the same content always gives the same text.
+
+    Raises
+    ------
+    TypeError
+        If `value` holds something JSON has no word for.
+    ValueError
+        If it holds NaN or an infinite number.
+    """
+    return json.dumps(value, sort_keys=True, indent=indent, ensure_ascii=False, allow_nan=False)
+
+
+def finite(value: JSON) -> JSON:
+    """`value` with every NaN and infinite number replaced by null: what cannot be computed does not exist."""
+    if isinstance(value, float):
+        # float() also frees a numpy scalar of its type.
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [finite(item) for item in value]
+    return value
+
+
+def read_json(path: Path) -> JSON:
+    """Read a JSON file.
+
+    Raises
+    ------
+    ValueError
+        If the file is not JSON.
+    """
+    return cast(JSON, json.loads(path.read_text(encoding="utf-8")))
+
+
+def replace_json(path: Path, value: JSON) -> None:
+    """Write `value` to `path` so that a reader sees the old file or the new one, never a part."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8") as stream:
+            stream.write(json_text(value, indent=2) + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

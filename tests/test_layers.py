@@ -1,0 +1,29 @@
+"""The three storeys: imports point downwards only."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def test_imports_point_downwards_only() -> None:
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_only_the_registered_flows_import_prefect_when_they_are_imported() -> None:
+    """Every other module of ours loads without Prefect coming along."""
+    modules = sorted(
+        path.relative_to(REPOSITORY).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
+        for package in ("flows", "tasks", "adjust")
+        for path in (REPOSITORY / package).rglob("*.py")
+        if path.relative_to(REPOSITORY).as_posix() != "flows/registered.py"
+    )
+    program = f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
+    program += "sys.exit('prefect' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
