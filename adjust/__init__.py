@@ -1,0 +1,1 @@
+"""Adjustment of aerial blocks: the mathematics, free of files and frameworks."""

@@ -1,0 +1,136 @@
+"""The adjustment of a block: the whole story on one page."""
+
+from __future__ import annotations
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from adjust.arrays import Bools, Ints
+from adjust.block import Block
+from adjust.observations.base import ObservationGroup
+from adjust.options import AdjustmentOptions
+from adjust.parameters import State
+from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.global_test import global_test
+from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals, group_residuals
+from adjust.quality.rejection import Rejection, reject
+from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.solve.datum import datum_shares
+from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
+from adjust.solve.normal_equations import Observations, System
+
+
+def adjust_block(
+    block: Block,
+    observations: Observations,
+    options: AdjustmentOptions | None = None,
+    progress: Progress | None = None,
+) -> AdjustmentResult:
+    """Adjust a block by least squares and state how good the result is.
+
+    Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
+    pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
+    all statistics come. Runs on one thread of the linear algebra library, so that the result does
+    not depend on their number.
+
+    Parameters
+    ----------
+    progress : called after every iteration.
+
+    Raises
+    ------
+    DatumDefectError : the observations do not determine all unknowns.
+    DivergenceError : no convergence.
+    InconsistentBlockError : the block contradicts itself.
+    """
+    options = options or AdjustmentOptions()
+    history: list[tuple[Iteration, ...]] = []
+    rejected_per_pass: list[int] = []
+    state, remaining = block.approximate_state(), observations
+    with threadpool_limits(limits=1):
+        for _ in range(options.most_passes):
+            system = System.of(block, remaining)
+            solution = iterate(system, state, options.most_iterations, progress)
+            state = solution.state
+            history.append(solution.iterations)
+            quality = cofactor(system, solution)
+            residuals = group_residuals(system, state, quality)
+            if options.critical_value is None:
+                break
+            rejection = reject(remaining, residuals, options.critical_value)
+            if rejection.count == 0:
+                break
+            rejected_per_pass.append(rejection.count)
+            remaining = without(remaining, rejection)
+        return _result(
+            system,
+            solution,
+            quality,
+            residuals,
+            observations,
+            options,
+            tuple(history),
+            tuple(rejected_per_pass),
+        )
+
+
+def without(observations: Observations, rejection: Rejection) -> Observations:
+    """The observations that remain after a pass of rejection."""
+    of_rays = rejection.rejected[0].copy()
+    of_rays[rejection.dropped] = True
+    return Observations(
+        observations.image_points.without(of_rays),
+        tuple(
+            group.without(mask)
+            for group, mask in zip(observations.others, rejection.rejected[1:], strict=True)
+        ),
+    )
+
+
+def _result(
+    system: System,
+    solution: Solution,
+    quality: Cofactor,
+    residuals: tuple[GroupResiduals, ...],
+    given: Observations,
+    options: AdjustmentOptions,
+    history: tuple[tuple[Iteration, ...], ...],
+    rejected_per_pass: tuple[int, ...],
+) -> AdjustmentResult:
+    """Everything about the last pass."""
+    state: State = solution.state
+    squares = float(sum(item.weighted_squares for item in residuals))
+    groups = tuple(
+        GroupResult(
+            group,
+            item.residual,
+            group.stochastic.sigma,
+            item.redundancy,
+            item.standardized,
+            _status(group, left, item),
+            item.weighted_squares,
+        )
+        for group, left, item in zip(given.groups, system.observations.groups, residuals, strict=True)
+    )
+    return AdjustmentResult(
+        state,
+        system.layout,
+        quality,
+        global_test(squares, system.redundancy, options.confidence),
+        groups,
+        history,
+        rejected_per_pass,
+        system.active_point,
+        datum_shares(system, state),
+    )
+
+
+def _status(given: ObservationGroup, left: ObservationGroup, residuals: GroupResiduals) -> Ints:
+    """Status (n, m) of every component: rejected is what was given and is not left."""
+    was_given: Bools = given.stochastic.present
+    is_left: Bools = left.stochastic.present
+    status = np.full(was_given.shape, int(ObservationStatus.NOT_USED), dtype=np.int64)
+    status[is_left] = ObservationStatus.USED
+    status[is_left & (np.nan_to_num(residuals.redundancy) < UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
+    status[was_given & ~is_left] = ObservationStatus.REJECTED
+    return status

@@ -1,0 +1,81 @@
+"""A block: its cameras, images and object points, and the approximate values of the unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.camera.interior import FrameCamera
+from adjust.errors import InconsistentBlockError
+from adjust.geometry.earth import LocalFrame
+from adjust.parameters import ParameterLayout, State, SystemParameters
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """What is to be adjusted, without its observations.
+
+    Attributes
+    ----------
+    frame : the local Cartesian frame.
+    cameras : the cameras; their mountings are fixed, their interior orientation is a family.
+    images : names of the n images.
+    camera_of_image : (n,) index into ``cameras``.
+    flights, flight_of_image : names, and (n,) index into them.
+    points : names of the m object points.
+    system : the families of system parameters with given values and freedom.
+    projection_centre, local_from_camera, object_point : approximate values, see :class:`State`.
+    """
+
+    frame: LocalFrame
+    cameras: tuple[FrameCamera, ...]
+    images: tuple[str, ...]
+    camera_of_image: Ints
+    flights: tuple[str, ...]
+    flight_of_image: Ints
+    points: tuple[str, ...]
+    system: tuple[SystemParameters, ...]
+    projection_centre: Floats
+    local_from_camera: Floats
+    object_point: Floats
+
+    def __post_init__(self) -> None:
+        n, m = len(self.images), len(self.points)
+        shapes = {
+            "camera_of_image": (self.camera_of_image.shape, (n,)),
+            "flight_of_image": (self.flight_of_image.shape, (n,)),
+            "projection_centre": (self.projection_centre.shape, (n, 3)),
+            "local_from_camera": (self.local_from_camera.shape, (n, 3, 3)),
+            "object_point": (self.object_point.shape, (m, 3)),
+        }
+        for name, (found, expected) in shapes.items():
+            if found != expected:
+                raise InconsistentBlockError(f"{name} has the shape {found}; {expected} is needed.")
+        for name, values in (
+            ("projection centres", self.projection_centre),
+            ("rotations", self.local_from_camera),
+            ("object points", self.object_point),
+        ):
+            if not np.isfinite(values).all():
+                raise InconsistentBlockError(f"The approximate values of the {name} are not all finite.")
+
+    @property
+    def layout(self) -> ParameterLayout:
+        """The place of every unknown in the normal equations."""
+        return ParameterLayout(len(self.images), len(self.points), self.system)
+
+    @property
+    def body_from_camera(self) -> Floats:
+        """Nominal mounting T of the camera of each image, (n, 3, 3)."""
+        return np.stack([camera.body_from_camera for camera in self.cameras])[self.camera_of_image]
+
+    def approximate_state(self) -> State:
+        """The approximate values, and the given values of the system parameters."""
+        return State(
+            self.projection_centre,
+            self.local_from_camera,
+            self.object_point,
+            {parameters.family.name: parameters.values for parameters in self.system},
+        )

@@ -1,0 +1,1 @@
+"""The frame camera: interior orientation, mounting, collinearity."""

@@ -1,0 +1,72 @@
+"""What can go wrong in an adjustment, in the terms of the field.
+
+Every error carries the facts a program needs as attributes and says in its message what
+happened, to which entity, and what to do about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class AdjustmentError(Exception):
+    """Base of everything the mathematics refuses to compute."""
+
+
+@dataclass
+class InconsistentBlockError(AdjustmentError):
+    """The block contradicts itself: an index out of range, a shape or a value that cannot be."""
+
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass
+class DatumDefectError(AdjustmentError):
+    """The normal equations are singular: some combination of unknowns is not determined.
+
+    Attributes
+    ----------
+    defect : number of undetermined combinations.
+    parameters : the unknowns that take the largest part in them, strongest first.
+    explanation : plain sentences, one for each combination.
+    """
+
+    defect: int
+    parameters: tuple[str, ...]
+    explanation: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return " ".join(
+            (
+                f"The normal equations have a rank defect of {self.defect}.",
+                *self.explanation,
+                "Add observations that fix them, or hold the parameters named.",
+            )
+        )
+
+
+@dataclass
+class DivergenceError(AdjustmentError):
+    """The iteration did not converge.
+
+    Attributes
+    ----------
+    iterations : number of iterations that were tried.
+    weighted_squares : vᵀPv of each of them, the approximate values first.
+    largest : the unknown that still moves most, in words.
+    """
+
+    iterations: int
+    weighted_squares: tuple[float, ...]
+    largest: str
+
+    def __str__(self) -> str:
+        history = ", ".join(f"{value:.4g}" for value in self.weighted_squares)
+        return (
+            f"No convergence after {self.iterations} iterations (vPv {history}). "
+            f"The largest change is still at {self.largest}. "
+            "Check the approximate values, units and angle conventions of the input."
+        )

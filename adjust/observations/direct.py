@@ -1,0 +1,68 @@
+"""Direct observations of unknowns: priors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.parameters import FAMILIES, State
+
+
+@dataclass(frozen=True, eq=False)
+class DirectObservations:
+    """Given values of the parameters of one family of system parameters.
+
+    The observation is zero when parameter = given value.
+
+    Attributes
+    ----------
+    family : name of the family.
+    entity : (n,) index of the camera, flight or strip.
+    given : (n, d) given values, SI and radians.
+    stochastic : the d components of the family.
+    """
+
+    family: str
+    entity: Ints
+    given: Floats
+    stochastic: StochasticModel
+
+    @property
+    def name(self) -> str:
+        """Name of the group: prior:FAMILY."""
+        return f"prior:{self.family}"
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """The parameters of the family."""
+        return FAMILIES[self.family].components
+
+    @property
+    def unit(self) -> Literal["m", "rad"]:
+        """Unit of the family."""
+        return FAMILIES[self.family].unit
+
+    @property
+    def image(self) -> Ints:
+        """−1 for every observation: it belongs to no image."""
+        return np.full(len(self.entity), -1, dtype=np.int64)
+
+    @property
+    def point(self) -> Ints:
+        """−1 for every observation: it belongs to no object point."""
+        return np.full(len(self.entity), -1, dtype=np.int64)
+
+    def linearize(self, state: State) -> Linearization:
+        """Observation equations at a state."""
+        computed = state.system[self.family][self.entity]
+        dimension = computed.shape[1]
+        jacobian = np.broadcast_to(np.eye(dimension), (len(self.entity), dimension, dimension))
+        return Linearization(self.given - computed, (Term(self.family, self.entity, jacobian),))
+
+    def without(self, rejected: Bools) -> Self:
+        """The same group with the observations (n,) that are rejected taken out."""
+        return replace(self, stochastic=self.stochastic.without(rejected))

@@ -1,0 +1,150 @@
+"""The unknowns of a block and their place in the normal equations.
+
+Unknowns come in three kinds: exterior orientations (six for each image: projection centre in local
+axes, small rotation δ in the camera frame), object points (three each, eliminated first) and system
+parameters (families such as boresight or lever arm, with one entity for each camera, flight or
+strip), which form the dense border. What is held has column −1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.geometry import rotation
+
+EXTERIOR_ORIENTATION = "exterior_orientation"
+OBJECT_POINT = "object_point"
+INTERIOR_ORIENTATION = "interior_orientation"
+BORESIGHT = "boresight"
+LEVER_ARM = "lever_arm"
+GNSS_SHIFT = "gnss_shift"
+
+EntityKind = Literal["camera", "flight", "strip"]
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of system parameters that always come together.
+
+    Attributes
+    ----------
+    name : of the family.
+    components : the names of its parameters, as they are reported.
+    entity_kind : what has its own set of them.
+    unit : "m" or "rad".
+    """
+
+    name: str
+    components: tuple[str, ...]
+    entity_kind: EntityKind
+    unit: Literal["m", "rad"]
+
+
+FAMILIES: Mapping[str, Family] = {
+    family.name: family
+    for family in (
+        Family(
+            INTERIOR_ORIENTATION, ("focal_length", "principal_point_x", "principal_point_y"), "camera", "m"
+        ),
+        Family(BORESIGHT, ("boresight_roll", "boresight_pitch", "boresight_yaw"), "camera", "rad"),
+        Family(LEVER_ARM, ("lever_arm_x", "lever_arm_y", "lever_arm_z"), "camera", "m"),
+        Family(GNSS_SHIFT, ("gnss_shift_x", "gnss_shift_y", "gnss_shift_z"), "flight", "m"),
+    )
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SystemParameters:
+    """The parameters of one family: their values for every entity, and which are free.
+
+    Attributes
+    ----------
+    family : the family.
+    entities : names of the e cameras, flights or strips.
+    values : (e, d) given values, SI and radians.
+    free : (e, d) true where the parameter is unknown; elsewhere it keeps its value.
+    """
+
+    family: Family
+    entities: tuple[str, ...]
+    values: Floats
+    free: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Values of all unknowns, and of what is held, at one moment of the iteration.
+
+    Attributes
+    ----------
+    projection_centre : (n, 3) metres, local frame.
+    local_from_camera : (n, 3, 3).
+    object_point : (m, 3) metres, local frame.
+    system : family name → (entities, components), SI and radians.
+    """
+
+    projection_centre: Floats
+    local_from_camera: Floats
+    object_point: Floats
+    system: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterLayout:
+    """Which column of the border each system parameter has; −1 where it is held."""
+
+    images: int
+    points: int
+    system: tuple[SystemParameters, ...]
+    columns: Mapping[str, Ints] = field(init=False)
+    border: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        columns: dict[str, Ints] = {}
+        following = 0
+        for parameters in self.system:
+            index = np.full(parameters.free.shape, -1, dtype=np.int64)
+            count = int(parameters.free.sum())
+            index[parameters.free] = np.arange(following, following + count)
+            columns[parameters.family.name] = index
+            following += count
+        object.__setattr__(self, "columns", columns)
+        object.__setattr__(self, "border", following)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns u."""
+        return 6 * self.images + 3 * self.points + self.border
+
+    def border_names(self) -> tuple[tuple[str, str, str], ...]:
+        """(parameter, entity, unit) of every column of the border."""
+        names: list[tuple[str, str, str]] = []
+        for parameters in self.system:
+            family = parameters.family
+            names += [
+                (family.components[component], parameters.entities[entity], family.unit)
+                for entity, component in np.argwhere(parameters.free)
+            ]
+        return tuple(names)
+
+    def update(self, state: State, of_exposures: Floats, of_border: Floats, of_points: Floats) -> State:
+        """Values after adding (n, 6), (g,) and (m, 3) increments; rotations by R ← R · exp(δ)."""
+        system = dict(state.system)
+        for name, columns in self.columns.items():
+            free = columns >= 0
+            if free.any():
+                values = system[name].copy()
+                values[free] += of_border[columns[free]]
+                system[name] = values
+        return replace(
+            state,
+            projection_centre=state.projection_centre + of_exposures[:, :3],
+            local_from_camera=state.local_from_camera @ rotation.exp(of_exposures[:, 3:]),
+            object_point=state.object_point + of_points,
+            system=system,
+        )

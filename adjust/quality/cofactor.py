@@ -1,0 +1,54 @@
+"""Marginal cofactor matrices of every unknown: the covariance for σ0 = 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from adjust.arrays import Floats
+from adjust.parameters import INTERIOR_ORIENTATION
+from adjust.quality import cofactor_kernel
+from adjust.solve.factorization import ReducedCofactor
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.normal_equations import System
+
+
+@dataclass(frozen=True, eq=False)
+class Cofactor:
+    """Cofactor matrices, marginal: what nothing else is held for.
+
+    Attributes
+    ----------
+    reduced : of exposures (with each other where they see common points) and system parameters.
+    of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that took no part.
+    hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
+    """
+
+    reduced: ReducedCofactor
+    of_points: Floats
+    hat_of_rays: Floats
+
+
+def cofactor(system: System, solution: Solution) -> Cofactor:
+    """Cofactors at the solution, marginal for every unknown and every image point."""
+    reduced = solution.factorization.cofactor()
+    rays, state = system.observations.image_points, solution.state
+    of_points, hat = cofactor_kernel.point_cofactors(
+        system.point_start,
+        rays.image,
+        rays.camera_of_image,
+        state.projection_centre,
+        state.local_from_camera,
+        state.object_point,
+        state.system[INTERIOR_ORIENTATION],
+        rays.xy,
+        rays.inverse_sigma,
+        system.active_point,
+        system.layout.columns[INTERIOR_ORIENTATION],
+        solution.normals.point_factor,
+        system.pattern.row_start,
+        system.pattern.column,
+        reduced.blocks,
+        reduced.border,
+        reduced.corner,
+    )
+    return Cofactor(reduced, of_points, hat)

@@ -1,0 +1,189 @@
+"""Marginal cofactors of object points and of adjusted image points, compiled.
+
+With Y = N_qp N_pp⁻¹ of one point and Q the cofactor of exposures and system parameters,
+
+    Q_pp = N_pp⁻¹ + Yᵀ Q Y,     Q_qp = −Q Y,
+
+and the cofactor of an adjusted, whitened image point is H = a Q_full aᵀ over the exposure, system
+and point parts of its row a. Its redundancy matrix is I − H.
+"""
+
+import numpy as np
+
+from adjust.compiled import kernel
+from adjust.observations.image_point_kernel import linearize_ray
+from adjust.solve.covisibility_kernel import find_block
+
+
+@kernel
+def inverse_from_factor(lower, inverse):
+    """Inverse = (L Lᵀ)⁻¹ of a 3 × 3 lower factor."""
+    for c in range(3):
+        for k in range(3):
+            value = 1.0 if k == c else 0.0
+            for q in range(k):
+                value -= lower[k, q] * inverse[q, c]
+            inverse[k, c] = value / lower[k, k]
+        for k in range(2, -1, -1):
+            value = inverse[k, c]
+            for q in range(k + 1, 3):
+                value -= lower[q, k] * inverse[q, c]
+            inverse[k, c] = value / lower[k, k]
+
+
+@kernel
+def point_cofactors(
+    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
+    active_point, interior_columns, point_factor, row_start, column, blocks, border, corner,
+):  # fmt: skip
+    """Cofactors (m, 3, 3) of the object points and (n, 3) hat elements xx, xy, yy of the image points."""
+    m = points.shape[0]
+    borders = border.shape[2]
+    cofactor = np.full((m, 3, 3), np.nan)
+    hat = np.zeros((image.shape[0], 3))
+    most = 1
+    for j in range(m):
+        most = max(most, point_start[j + 1] - point_start[j])
+    misclosure = np.zeros(2)
+    of_exterior = np.zeros((most, 2, 6))
+    of_interior = np.zeros((most, 2, 3))
+    of_point = np.zeros((most, 2, 3))
+    gain = np.zeros((most, 6, 3))
+    moved = np.zeros((most, 6, 3))
+    gain_border = np.zeros((borders, 3))
+    moved_border = np.zeros((borders, 3))
+    local = np.empty(borders, np.int64)
+    position = np.full(borders, -1, np.int64)
+    inverse = np.zeros((3, 3))
+    mixed = np.zeros(3)
+    to_point = np.zeros((2, 3))
+    for j in range(m):
+        if not active_point[j]:
+            continue
+        first = point_start[j]
+        count = point_start[j + 1] - first
+        inverse_from_factor(point_factor[j], inverse)
+        touched = 0
+        for a in range(count):
+            i = first + a
+            e = image[i]
+            camera = camera_of_image[e]
+            linearize_ray(
+                centres[e], rotations[e], points[j], interior[camera], xy[i], inverse_sigma[i],
+                misclosure, of_exterior[a], of_interior[a], of_point[a],
+            )  # fmt: skip
+            for k in range(6):
+                for q in range(3):
+                    mixed[q] = (
+                        of_exterior[a, 0, k] * of_point[a, 0, q] + of_exterior[a, 1, k] * of_point[a, 1, q]
+                    )
+                for q in range(3):
+                    gain[a, k, q] = (
+                        mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
+                    )
+            for s in range(3):
+                g = interior_columns[camera, s]
+                if g < 0:
+                    continue
+                if position[g] < 0:
+                    position[g] = touched
+                    local[touched] = g
+                    gain_border[touched, :] = 0.0
+                    touched += 1
+                for q in range(3):
+                    mixed[q] = (
+                        of_interior[a, 0, s] * of_point[a, 0, q] + of_interior[a, 1, s] * of_point[a, 1, q]
+                    )
+                for q in range(3):
+                    gain_border[position[g], q] += (
+                        mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
+                    )
+        # moved = Q Y, exposure rows of this point and system rows it touches
+        moved[:count, :, :] = 0.0
+        moved_border[:touched, :] = 0.0
+        for a in range(count):
+            e = image[first + a]
+            for b in range(a, count):
+                f = image[first + b]
+                if e <= f:
+                    block = blocks[find_block(row_start, column, e, f)]
+                    for k in range(6):
+                        for q in range(6):
+                            value = block[k, q]
+                            for c in range(3):
+                                moved[a, k, c] += value * gain[b, q, c]
+                                if a != b:
+                                    moved[b, q, c] += value * gain[a, k, c]
+                else:
+                    block = blocks[find_block(row_start, column, f, e)]
+                    for k in range(6):
+                        for q in range(6):
+                            value = block[k, q]
+                            for c in range(3):
+                                moved[b, k, c] += value * gain[a, q, c]
+                                moved[a, q, c] += value * gain[b, k, c]
+            for u in range(touched):
+                g = local[u]
+                for k in range(6):
+                    value = border[e, k, g]
+                    for c in range(3):
+                        moved[a, k, c] += value * gain_border[u, c]
+                        moved_border[u, c] += value * gain[a, k, c]
+        for u in range(touched):
+            for v in range(touched):
+                value = corner[local[u], local[v]]
+                for c in range(3):
+                    moved_border[u, c] += value * gain_border[v, c]
+        for k in range(3):
+            for q in range(3):
+                value = inverse[k, q]
+                for a in range(count):
+                    for c in range(6):
+                        value += gain[a, c, k] * moved[a, c, q]
+                for u in range(touched):
+                    value += gain_border[u, k] * moved_border[u, q]
+                cofactor[j, k, q] = value
+        for a in range(count):
+            i = first + a
+            e = image[i]
+            columns = interior_columns[camera_of_image[e]]
+            diagonal_block = blocks[row_start[e]]
+            for r in range(2):
+                for k in range(3):
+                    value = 0.0
+                    for c in range(6):
+                        value += of_exterior[a, r, c] * moved[a, c, k]
+                    for s in range(3):
+                        if columns[s] >= 0:
+                            value += of_interior[a, r, s] * moved_border[position[columns[s]], k]
+                    to_point[r, k] = value
+            slot = 0
+            for r in range(2):
+                for t in range(r, 2):
+                    value = 0.0
+                    for k in range(6):
+                        for q in range(6):
+                            value += of_exterior[a, r, k] * diagonal_block[k, q] * of_exterior[a, t, q]
+                        for s in range(3):
+                            if columns[s] >= 0:
+                                value += border[e, k, columns[s]] * (
+                                    of_exterior[a, r, k] * of_interior[a, t, s]
+                                    + of_exterior[a, t, k] * of_interior[a, r, s]
+                                )
+                    for s in range(3):
+                        for q in range(3):
+                            if columns[s] >= 0 and columns[q] >= 0:
+                                value += (
+                                    of_interior[a, r, s]
+                                    * corner[columns[s], columns[q]]
+                                    * of_interior[a, t, q]
+                                )
+                    for k in range(3):
+                        value -= to_point[r, k] * of_point[a, t, k] + to_point[t, k] * of_point[a, r, k]
+                        for q in range(3):
+                            value += of_point[a, r, k] * cofactor[j, k, q] * of_point[a, t, q]
+                    hat[i, slot] = value
+                    slot += 1
+        for u in range(touched):
+            position[local[u]] = -1
+    return cofactor, hat

@@ -1,0 +1,88 @@
+"""What an adjustment returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.observations.base import ObservationGroup
+from adjust.parameters import ParameterLayout, State
+from adjust.quality.cofactor import Cofactor
+from adjust.quality.global_test import GlobalTest
+from adjust.solve.datum import DatumShare
+from adjust.solve.gauss_newton import Iteration
+
+
+class ObservationStatus(IntEnum):
+    """What became of one component of an observation."""
+
+    USED = 0
+    REJECTED = 1
+    UNCONTROLLED = 2
+    NOT_USED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class GroupResult:
+    """Residuals of one group; arrays (n, m).
+
+    Attributes
+    ----------
+    group : the observations as given (nothing rejected).
+    residual : v = adjusted − observed, SI and radians.
+    sigma : a-priori standard deviations.
+    redundancy : redundancy numbers; NaN for what takes no part.
+    standardized : w for an a-priori σ0 of 1; NaN for what takes no part.
+    status : values of :class:`ObservationStatus`.
+    weighted_squares : vᵀPv of the group.
+    """
+
+    group: ObservationGroup
+    residual: Floats
+    sigma: Floats
+    redundancy: Floats
+    standardized: Floats
+    status: Ints
+    weighted_squares: float
+
+    @property
+    def redundancy_sum(self) -> float:
+        """Redundancy of the group."""
+        return float(np.nansum(self.redundancy))
+
+    @property
+    def sigma0(self) -> float:
+        """σ0 of the group, √(vᵀPv / r); NaN where it has no redundancy."""
+        total = self.redundancy_sum
+        return float(np.sqrt(self.weighted_squares / total)) if total > 1e-6 else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustmentResult:
+    """An adjusted block with everything known about its quality.
+
+    Attributes
+    ----------
+    state : adjusted values.
+    layout : the place of the unknowns.
+    cofactor : cofactor matrices (a-priori σ0 = 1); times σ0² they are covariances.
+    test : σ0 and its χ² test.
+    groups : residuals of every group, image points first.
+    iterations : of every pass, the last one is the final, non-robust adjustment.
+    rejected_per_pass : number of observations each pass rejected.
+    active_point : (m,) whether the object point took part.
+    datum : what fixes the block in space.
+    """
+
+    state: State
+    layout: ParameterLayout
+    cofactor: Cofactor
+    test: GlobalTest
+    groups: tuple[GroupResult, ...]
+    iterations: tuple[tuple[Iteration, ...], ...]
+    rejected_per_pass: tuple[int, ...]
+    active_point: Bools
+    datum: tuple[DatumShare, ...]

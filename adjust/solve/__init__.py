@@ -1,0 +1,1 @@
+"""Normal equations: assembled, reduced to the exposures, factorised, iterated."""

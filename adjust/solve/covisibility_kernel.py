@@ -1,0 +1,56 @@
+"""Which pairs of images see a common object point, compiled."""
+
+import numpy as np
+
+from adjust.compiled import kernel
+
+
+@kernel
+def upper_pattern(image_start, point_of_ray, point_start, image_of_ray, images):
+    """Rows of the upper block triangle, diagonal included: row_start (images + 1), column (blocks).
+
+    image_start / point_of_ray list the points of every image, point_start / image_of_ray the images
+    of every point.
+    """
+    mark = np.full(images, -1, np.int64)
+    row_start = np.zeros(images + 1, np.int64)
+    for fill in range(2):
+        column = np.empty(row_start[images] if fill == 1 else 0, np.int64)
+        total = 0
+        for i in range(images):
+            stamp = i + fill * images
+            begin = total
+            mark[i] = stamp
+            if fill == 1:
+                column[total] = i
+            total += 1
+            for k in range(image_start[i], image_start[i + 1]):
+                j = point_of_ray[k]
+                for q in range(point_start[j], point_start[j + 1]):
+                    other = image_of_ray[q]
+                    if other > i and mark[other] != stamp:
+                        mark[other] = stamp
+                        if fill == 1:
+                            column[total] = other
+                        total += 1
+            if fill == 1:
+                column[begin:total] = np.sort(column[begin:total])
+            else:
+                row_start[i + 1] = total
+    return row_start, column
+
+
+@kernel
+def find_block(row_start, column, i, j):
+    """Position of block (i, j), i ≤ j, in the pattern; −1 if it is not there."""
+    low = row_start[i]
+    high = row_start[i + 1] - 1
+    while low <= high:
+        middle = (low + high) // 2
+        if column[middle] == j:
+            return middle
+        if column[middle] < j:
+            low = middle + 1
+        else:
+            high = middle - 1
+    return -1

@@ -1,0 +1,121 @@
+"""Gauss–Newton iteration, with Levenberg–Marquardt damping only when a step fails.
+
+Stops when bᵀdx < ε². Since (dx_i/σ_i)² ≤ dxᵀ N dx = bᵀdx for every unknown (Cauchy–Schwarz), no
+unknown then moves by more than ε of its own a-priori standard deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.errors import DatumDefectError, DivergenceError, InconsistentBlockError
+from adjust.parameters import State
+from adjust.solve.datum import explain_defect
+from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
+from adjust.solve.normal_equations import ReducedNormals, System, reduced_normals, substitute_back
+
+# No unknown moves by more than this part of its standard deviation any more.
+_CONVERGED = 1e-3
+_FIRST_DAMPING = 1e-4
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One step of the iteration.
+
+    Attributes
+    ----------
+    number : counted from 1 within a pass.
+    weighted_squares : vᵀPv before the step.
+    largest_move : upper bound of |dx_i|/σ_i over all unknowns, √(bᵀdx).
+    damping : λ of the step, 0 for Gauss–Newton.
+    """
+
+    number: int
+    weighted_squares: float
+    largest_move: float
+    damping: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A converged state with its last normal equations, linearised at that state."""
+
+    state: State
+    normals: ReducedNormals
+    factorization: Factorization
+    iterations: tuple[Iteration, ...]
+
+
+Progress = Callable[[Iteration], None]
+
+
+def iterate(system: System, start: State, most: int, progress: Progress | None = None) -> Solution:
+    """Iterate from approximate values to convergence.
+
+    Parameters
+    ----------
+    most : number of steps after which it is given up.
+
+    Raises
+    ------
+    DivergenceError : no convergence within ``most`` steps.
+    DatumDefectError : singular normal equations, explained.
+    """
+    state, damping = start, 0.0
+    normals = reduced_normals(system, state)
+    history: list[Iteration] = []
+    for number in range(1, most + 1):
+        factorization = _factorize(system, state, normals)
+        of_exposures, of_border = factorization.solve()
+        decrement = normals.eliminated + float(
+            np.sum(normals.rhs_exposure * of_exposures) + normals.rhs_border @ of_border
+        )
+        of_points = substitute_back(system, state, normals, of_exposures, of_border)
+        step = Iteration(number, normals.weighted_squares, float(np.sqrt(max(decrement, 0.0))), damping)
+        history.append(step)
+        if progress is not None:
+            progress(step)
+        moved = system.layout.update(state, of_exposures, of_border, of_points)
+        following = _try(system, moved)
+        if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
+            damping = max(10.0 * damping, _FIRST_DAMPING)
+            normals = reduced_normals(system, state, damping)
+            continue
+        state, normals = moved, following
+        if step.largest_move < _CONVERGED and damping == 0.0:
+            return Solution(state, normals, _factorize(system, state, normals), tuple(history))
+        damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
+        if damping > 0.0:
+            normals = reduced_normals(system, state, damping)
+    raise DivergenceError(
+        most, tuple(item.weighted_squares for item in history), _largest(system, of_exposures, of_border)
+    )
+
+
+def _try(system: System, state: State) -> ReducedNormals | None:
+    """Normal equations at a state, None where the step has left the domain of the model."""
+    try:
+        return reduced_normals(system, state)
+    except (DatumDefectError, InconsistentBlockError):
+        return None
+
+
+def _factorize(system: System, state: State, normals: ReducedNormals) -> Factorization:
+    try:
+        return factorize(normals)
+    except SingularNormalsError as error:
+        raise explain_defect(system, state, error.null_space) from error
+
+
+def _largest(system: System, of_exposures: Floats, of_border: Floats) -> str:
+    """The exposure or system parameter that moved most in the last step, in words."""
+    shift = np.linalg.norm(of_exposures[:, :3], axis=1)
+    image = int(np.argmax(shift))
+    return f"image {system.block.images[image]} ({shift[image]:.3g} m)" + (
+        f"; system parameters by up to {np.max(np.abs(of_border)):.3g}" if len(of_border) else ""
+    )

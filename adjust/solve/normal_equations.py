@@ -1,0 +1,286 @@
+"""The normal equations of a block, reduced to exposures and system parameters.
+
+Image points go through the compiled kernel; every other group takes one generic path, which only
+knows misclosures, terms and whiteners. ``design_matrix`` builds the same equations in full, as an
+independent check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.block import Block
+from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.observations.base import Linearization, ObservationGroup
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import (
+    EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    ParameterLayout,
+    State,
+)
+from adjust.solve import reduction_kernel
+from adjust.solve.covisibility import Covisibility, covisibility, point_starts
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """All observations of a block: the image points, and every other group."""
+
+    image_points: ImagePoints
+    others: tuple[ObservationGroup, ...]
+
+    @property
+    def groups(self) -> tuple[ObservationGroup, ...]:
+        """All groups, image points first."""
+        return (self.image_points, *self.others)
+
+    @property
+    def count(self) -> int:
+        """Number n of scalar observations that take part."""
+        return int(sum(int(group.stochastic.present.sum()) for group in self.groups))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedNormals:
+    """S dq = s after elimination of the object points, and what is needed to go back to them.
+
+    Attributes
+    ----------
+    pattern : which exposure blocks are there.
+    blocks : (blocks, 6, 6) upper block triangle of the exposures.
+    border : (n, 6, g) exposures × system parameters.  corner : (g, g).
+    rhs_exposure : (n, 6).  rhs_border : (g,).
+    diagonal_exposure : (n, 6), diagonal_border : (g,) of the unreduced normal equations.
+    point_factor : (m, 3, 3) lower Cholesky factors of N_pp.  point_rhs : (m, 3) right-hand sides b_p.
+    weighted_squares : vᵀPv at the state of linearisation.
+    eliminated : Σ b_pᵀ N_pp⁻¹ b_p.
+    """
+
+    pattern: Covisibility
+    blocks: Floats
+    border: Floats
+    corner: Floats
+    rhs_exposure: Floats
+    rhs_border: Floats
+    diagonal_exposure: Floats
+    diagonal_border: Floats
+    point_factor: Floats
+    point_rhs: Floats
+    weighted_squares: float
+    eliminated: float
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """What stays the same over the iterations: unknowns, observations, sparsity.
+
+    Attributes
+    ----------
+    active_point : (m,) object points that are unknown; the others have lost too many rays.
+    point_start : (m + 1,) where the rays of each point begin.
+    """
+
+    block: Block
+    layout: ParameterLayout
+    observations: Observations
+    pattern: Covisibility
+    point_start: Ints
+    active_point: Bools
+
+    @classmethod
+    def of(cls, block: Block, observations: Observations) -> System:
+        """Symbolic analysis of a block and its observations."""
+        images, points = len(block.images), len(block.points)
+        return cls(
+            block,
+            block.layout,
+            observations,
+            covisibility(observations.image_points, images, points),
+            point_starts(observations.image_points.point, points),
+            determined_points(block, observations),
+        )
+
+    @property
+    def unknowns(self) -> int:
+        """Number u of unknowns that take part."""
+        layout = self.layout
+        return 6 * layout.images + 3 * int(self.active_point.sum()) + layout.border
+
+    @property
+    def redundancy(self) -> int:
+        """N − u."""
+        return self.observations.count - self.unknowns
+
+
+def determined_points(block: Block, observations: Observations) -> Bools:
+    """Object points (m,) with enough observations: two rays, or one and a known height, or a full survey."""
+    equations = np.bincount(
+        observations.image_points.point,
+        weights=2.0 * observations.image_points.active,
+        minlength=len(block.points),
+    )
+    for group in observations.others:
+        touching = group.point >= 0
+        present = group.stochastic.present[touching].sum(axis=1)
+        np.add.at(equations, group.point[touching], present)
+    return equations >= 3
+
+
+def reduced_normals(system: System, state: State, damping: float = 0.0) -> ReducedNormals:
+    """Normal equations at a state, object points eliminated; N + damping · diag N.
+
+    Raises
+    ------
+    DatumDefectError : if an object point is not determined by its observations.
+    InconsistentBlockError : if an object point lies behind a camera that sees it.
+    """
+    layout = system.layout
+    n, m, g = layout.images, layout.points, layout.border
+    blocks = np.zeros((len(system.pattern.column), 6, 6))
+    border, corner = np.zeros((n, 6, g)), np.zeros((g, g))
+    rhs_exposure, rhs_border = np.zeros((n, 6)), np.zeros(g)
+    point_normal, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    squares = 0.0
+    for group in system.observations.others:
+        equations = whiten(group, group.linearize(state))
+        squares += float(np.sum(equations.misclosure**2))
+        of_exposure, of_border, of_point = _gathered(equations, layout)
+        if of_point is not None:
+            index, jacobian = of_point
+            np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
+            np.add.at(point_rhs, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
+        if of_exposure is not None:
+            index, jacobian = of_exposure
+            transposed = np.swapaxes(jacobian, 1, 2)
+            np.add.at(blocks, system.pattern.diagonal[index], transposed @ jacobian)
+            np.add.at(rhs_exposure, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
+            np.add.at(border, index, transposed @ of_border)
+        corner += np.einsum("nij,nik->jk", of_border, of_border)
+        rhs_border += np.einsum("nij,ni->j", of_border, equations.misclosure)
+    diagonal_exposure = np.diagonal(blocks[system.pattern.diagonal], axis1=1, axis2=2).copy()
+    diagonal_border = np.diagonal(corner).copy()
+
+    rays = system.observations.image_points
+    of_images, eliminated, behind, undetermined = reduction_kernel.reduce_points(
+        system.point_start,
+        rays.image,
+        rays.camera_of_image,
+        state.projection_centre,
+        state.local_from_camera,
+        state.object_point,
+        state.system[INTERIOR_ORIENTATION],
+        rays.xy,
+        rays.inverse_sigma,
+        system.active_point,
+        layout.columns[INTERIOR_ORIENTATION],
+        damping,
+        system.pattern.row_start,
+        system.pattern.column,
+        blocks,
+        border,
+        corner,
+        rhs_exposure,
+        rhs_border,
+        diagonal_exposure,
+        diagonal_border,
+        point_normal,
+        point_rhs,
+    )
+    _refuse(system.block, behind, undetermined)
+    if damping > 0.0:
+        diagonal = np.arange(6)
+        blocks[system.pattern.diagonal[:, None], diagonal, diagonal] += damping * diagonal_exposure
+        corner[np.arange(g), np.arange(g)] += damping * diagonal_border
+    return ReducedNormals(
+        system.pattern,
+        blocks,
+        border,
+        corner,
+        rhs_exposure,
+        rhs_border,
+        diagonal_exposure,
+        diagonal_border,
+        point_normal,
+        point_rhs,
+        squares + of_images,
+        eliminated,
+    )
+
+
+def substitute_back(
+    system: System, state: State, normals: ReducedNormals, of_exposures: Floats, of_border: Floats
+) -> Floats:
+    """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
+    rays = system.observations.image_points
+    increments: Floats = reduction_kernel.substitute_back(
+        system.point_start,
+        rays.image,
+        rays.camera_of_image,
+        state.projection_centre,
+        state.local_from_camera,
+        state.object_point,
+        state.system[INTERIOR_ORIENTATION],
+        rays.xy,
+        rays.inverse_sigma,
+        system.active_point,
+        system.layout.columns[INTERIOR_ORIENTATION],
+        normals.point_factor,
+        normals.point_rhs,
+        of_exposures,
+        of_border,
+    )
+    return increments
+
+
+def whiten(group: ObservationGroup, equations: Linearization) -> Linearization:
+    """The same observation equations with unit weight matrix: every row multiplied by W."""
+    whitener = group.stochastic.whitener
+    terms = tuple(type(term)(term.block, term.index, whitener @ term.jacobian) for term in equations.terms)
+    return Linearization(np.einsum("nij,nj->ni", whitener, equations.misclosure), terms)
+
+
+def _gathered(
+    equations: Linearization, layout: ParameterLayout
+) -> tuple[tuple[Ints, Floats] | None, Floats, tuple[Ints, Floats] | None]:
+    """Jacobians by kind: (index, (n, m, 6)) of exposures, (n, m, g) of the border, (index, (n, m, 3))."""
+    n, m = equations.misclosure.shape
+    of_border = np.zeros((n, m, layout.border))
+    of_exposure = of_point = None
+    for term in equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            of_exposure = (term.index, term.jacobian)
+        elif term.block == OBJECT_POINT:
+            of_point = (term.index, term.jacobian)
+        else:
+            add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
+    if of_point is not None and (of_exposure is not None or np.any(of_border)):
+        raise InconsistentBlockError(
+            "Only image points may connect object points with other unknowns; the object points are "
+            "eliminated first."
+        )
+    return of_exposure, of_border, of_point
+
+
+def add_border_columns(of_border: Floats, columns: Ints, jacobian: Floats) -> None:
+    """Scatter the Jacobian (n, m, d) of a family into (n, m, g); columns (n, d), −1 where held."""
+    for component in range(columns.shape[1]):
+        rows = np.flatnonzero(columns[:, component] >= 0)
+        of_border[rows, :, columns[rows, component]] += jacobian[rows, :, component]
+
+
+def _refuse(block: Block, behind: int, undetermined: int) -> None:
+    if behind >= 0:
+        raise InconsistentBlockError(
+            f"Object point {block.points[behind]} lies behind a camera that sees it. Check the angle "
+            "convention, the mounting and the approximate heights."
+        )
+    if undetermined >= 0:
+        name = block.points[undetermined]
+        raise DatumDefectError(
+            1, (f"object point {name}",), (f"Object point {name}: its rays do not intersect.",)
+        )

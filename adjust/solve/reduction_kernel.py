@@ -1,0 +1,268 @@
+"""Accumulation of the normal equations point by point, object points eliminated, compiled.
+
+For one object point with rays a: N_pp = Σ A_pᵀ A_p (+ what control adds), W_a = A_aᵀ A_p, and with the
+Cholesky factor N_pp = L Lᵀ the Schur complement is
+
+    S_ab −= Z_a Z_bᵀ,  Z_a = W_a L⁻ᵀ,      s_a −= Z_a z,  z = L⁻¹ b_p.
+
+All rows are whitened. Rays with zero weight (rejected) add nothing.
+"""
+
+import numpy as np
+
+from adjust.compiled import kernel
+from adjust.observations.image_point_kernel import linearize_ray
+from adjust.solve.covisibility_kernel import find_block
+
+# A pivot below this part of the original diagonal element means that the point is not determined.
+_PIVOT = 1e-13
+
+
+@kernel
+def factorize_point(normal, lower):
+    """Lower Cholesky factor of a 3 × 3 matrix; False if it is singular."""
+    for i in range(3):
+        for j in range(i + 1):
+            value = normal[i, j]
+            for k in range(j):
+                value -= lower[i, k] * lower[j, k]
+            if i == j:
+                if not value > _PIVOT * normal[i, i]:
+                    return False
+                lower[i, i] = np.sqrt(value)
+            else:
+                lower[i, j] = value / lower[j, j]
+        for j in range(i + 1, 3):
+            lower[i, j] = 0.0
+    return True
+
+
+@kernel
+def times_inverse_transpose(rows, lower, result, count):
+    """Result = rows · L⁻ᵀ for the first ``count`` rows (count, 3)."""
+    for i in range(count):
+        for j in range(3):
+            value = rows[i, j]
+            for k in range(j):
+                value -= result[i, k] * lower[j, k]
+            result[i, j] = value / lower[j, j]
+
+
+@kernel
+def point_normals(
+    rays, image, camera_of_image, centres, rotations, x_in_local, interior, xy, inverse_sigma,
+    misclosure, of_exterior, of_interior, of_point, normal, rhs,
+):  # fmt: skip
+    """Linearise the rays of one point and add A_pᵀ A_p and A_pᵀ l to normal (3, 3) and rhs (3,).
+
+    rays is the pair (first, last + 1) of the point's image points; the row arrays are filled from 0.
+    Returns the weighted square of the misclosures, or −1 if the point lies behind a camera.
+    """
+    total = 0.0
+    for a in range(rays[1] - rays[0]):
+        i = rays[0] + a
+        e = image[i]
+        front = linearize_ray(
+            centres[e], rotations[e], x_in_local, interior[camera_of_image[e]], xy[i], inverse_sigma[i],
+            misclosure[a], of_exterior[a], of_interior[a], of_point[a],
+        )  # fmt: skip
+        if not front and inverse_sigma[i, 0] > 0.0:
+            return -1.0
+        for c in range(2):
+            total += misclosure[a, c] * misclosure[a, c]
+            for k in range(3):
+                rhs[k] += of_point[a, c, k] * misclosure[a, c]
+                for q in range(3):
+                    normal[k, q] += of_point[a, c, k] * of_point[a, c, q]
+    return total
+
+
+@kernel
+def reduce_points(
+    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
+    active_point, interior_columns, damping, row_start, column,
+    blocks, border, corner, rhs_exposure, rhs_border, diagonal_exposure, diagonal_border,
+    point_normal, point_rhs,
+):  # fmt: skip
+    """Add all image points to the reduced normal equations.
+
+    point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
+    points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
+    blocks (blocks, 6, 6), border (n, 6, g), corner (g, g), rhs_exposure (n, 6), rhs_border (g) are
+    added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
+
+    Returns (weighted squares, Σ b_pᵀ N_pp⁻¹ b_p, first point behind a camera or −1, first undetermined
+    point or −1).
+    """
+    most = 1
+    for j in range(points.shape[0]):
+        most = max(most, point_start[j + 1] - point_start[j])
+    misclosure = np.zeros((most, 2))
+    of_exterior = np.zeros((most, 2, 6))
+    of_interior = np.zeros((most, 2, 3))
+    of_point = np.zeros((most, 2, 3))
+    mixed = np.zeros((most, 6, 3))
+    reduced = np.zeros((most, 6, 3))
+    borders = border.shape[2]
+    mixed_border = np.zeros((borders, 3))
+    reduced_border = np.zeros((borders, 3))
+    local = np.empty(borders, np.int64)
+    position = np.full(borders, -1, np.int64)
+    lower = np.zeros((3, 3))
+    half = np.zeros((1, 3))
+    rays = np.zeros(2, np.int64)
+    total = 0.0
+    eliminated = 0.0
+    behind = -1
+    undetermined = -1
+    for j in range(points.shape[0]):
+        if not active_point[j]:
+            continue
+        rays[0] = point_start[j]
+        rays[1] = point_start[j + 1]
+        count = rays[1] - rays[0]
+        normal = point_normal[j]
+        rhs = point_rhs[j]
+        squares = point_normals(
+            rays, image, camera_of_image, centres, rotations, points[j], interior, xy, inverse_sigma,
+            misclosure, of_exterior, of_interior, of_point, normal, rhs,
+        )  # fmt: skip
+        if squares < 0.0:
+            if behind < 0:
+                behind = j
+            continue
+        total += squares
+        for k in range(3):
+            normal[k, k] *= 1.0 + damping
+        if not factorize_point(normal, lower):
+            if undetermined < 0:
+                undetermined = j
+            continue
+        normal[:, :] = lower
+        for k in range(3):
+            value = rhs[k]
+            for q in range(k):
+                value -= lower[k, q] * half[0, q]
+            half[0, k] = value / lower[k, k]
+            eliminated += half[0, k] * half[0, k]
+        touched = 0
+        for a in range(count):
+            i = rays[0] + a
+            e = image[i]
+            ae = of_exterior[a]
+            diagonal_block = blocks[row_start[e]]
+            for k in range(6):
+                l0 = ae[0, k]
+                l1 = ae[1, k]
+                rhs_exposure[e, k] += l0 * misclosure[a, 0] + l1 * misclosure[a, 1]
+                diagonal_exposure[e, k] += l0 * l0 + l1 * l1
+                for q in range(6):
+                    diagonal_block[k, q] += l0 * ae[0, q] + l1 * ae[1, q]
+                for q in range(3):
+                    mixed[a, k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
+            times_inverse_transpose(mixed[a], lower, reduced[a], 6)
+            if borders > 0:
+                columns = interior_columns[camera_of_image[e]]
+                for s in range(3):
+                    g = columns[s]
+                    if g < 0:
+                        continue
+                    if position[g] < 0:
+                        position[g] = touched
+                        local[touched] = g
+                        mixed_border[touched, :] = 0.0
+                        touched += 1
+                    s0 = of_interior[a, 0, s]
+                    s1 = of_interior[a, 1, s]
+                    rhs_border[g] += s0 * misclosure[a, 0] + s1 * misclosure[a, 1]
+                    diagonal_border[g] += s0 * s0 + s1 * s1
+                    for k in range(6):
+                        border[e, k, g] += ae[0, k] * s0 + ae[1, k] * s1
+                    for q in range(3):
+                        mixed_border[position[g], q] += s0 * of_point[a, 0, q] + s1 * of_point[a, 1, q]
+                    for t in range(3):
+                        h = columns[t]
+                        if h >= 0:
+                            corner[g, h] += s0 * of_interior[a, 0, t] + s1 * of_interior[a, 1, t]
+        for a in range(count):
+            e = image[rays[0] + a]
+            za = reduced[a]
+            for k in range(6):
+                rhs_exposure[e, k] -= za[k, 0] * half[0, 0] + za[k, 1] * half[0, 1] + za[k, 2] * half[0, 2]
+            for b in range(a, count):
+                f = image[rays[0] + b]
+                zb = reduced[b]
+                if e <= f:
+                    block = blocks[find_block(row_start, column, e, f)]
+                    for k in range(6):
+                        for q in range(6):
+                            block[k, q] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+                else:
+                    block = blocks[find_block(row_start, column, f, e)]
+                    for k in range(6):
+                        for q in range(6):
+                            block[q, k] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+        if touched > 0:
+            times_inverse_transpose(mixed_border, lower, reduced_border, touched)
+            for u in range(touched):
+                g = local[u]
+                zg = reduced_border[u]
+                rhs_border[g] -= zg[0] * half[0, 0] + zg[1] * half[0, 1] + zg[2] * half[0, 2]
+                for a in range(count):
+                    e = image[rays[0] + a]
+                    for k in range(6):
+                        border[e, k, g] -= (
+                            reduced[a, k, 0] * zg[0] + reduced[a, k, 1] * zg[1] + reduced[a, k, 2] * zg[2]
+                        )
+                for v in range(touched):
+                    zh = reduced_border[v]
+                    corner[g, local[v]] -= zg[0] * zh[0] + zg[1] * zh[1] + zg[2] * zh[2]
+                position[g] = -1
+    return total, eliminated, behind, undetermined
+
+
+@kernel
+def substitute_back(
+    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
+    active_point, interior_columns, point_factor, point_rhs, of_exposures, of_border,
+):  # fmt: skip
+    """Increments (m, 3) of the object points: dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a)."""
+    m = points.shape[0]
+    result = np.zeros((m, 3))
+    misclosure = np.zeros(2)
+    of_exterior = np.zeros((2, 6))
+    of_interior = np.zeros((2, 3))
+    of_point = np.zeros((2, 3))
+    rhs = np.zeros(3)
+    for j in range(m):
+        if not active_point[j]:
+            continue
+        rhs[:] = point_rhs[j]
+        for i in range(point_start[j], point_start[j + 1]):
+            e = image[i]
+            camera = camera_of_image[e]
+            linearize_ray(
+                centres[e], rotations[e], points[j], interior[camera], xy[i], inverse_sigma[i],
+                misclosure, of_exterior, of_interior, of_point,
+            )  # fmt: skip
+            for c in range(2):
+                moved = 0.0
+                for k in range(6):
+                    moved += of_exterior[c, k] * of_exposures[e, k]
+                for s in range(3):
+                    g = interior_columns[camera, s]
+                    if g >= 0:
+                        moved += of_interior[c, s] * of_border[g]
+                for k in range(3):
+                    rhs[k] -= of_point[c, k] * moved
+        lower = point_factor[j]
+        for k in range(3):
+            for q in range(k):
+                rhs[k] -= lower[k, q] * rhs[q]
+            rhs[k] /= lower[k, k]
+        for k in range(2, -1, -1):
+            for q in range(k + 1, 3):
+                rhs[k] -= lower[q, k] * rhs[q]
+            rhs[k] /= lower[k, k]
+        result[j, :] = rhs
+    return result
