@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
+from adjust.errors import InconsistentBlockError
 from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
@@ -46,6 +47,7 @@ def adjust_block(
     options = options or AdjustmentOptions()
     history: list[tuple[Iteration, ...]] = []
     rejected_per_pass: list[int] = []
+    rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in observations.groups)
     state, remaining = block.approximate_state(), observations
     with threadpool_limits(limits=1):
         for _ in range(options.most_passes):
@@ -61,13 +63,20 @@ def adjust_block(
             if rejection.count == 0:
                 break
             rejected_per_pass.append(rejection.count)
+            rejected = tuple(a | b for a, b in zip(rejected, rejection.rejected, strict=True))
             remaining = without(remaining, rejection)
+        else:
+            raise InconsistentBlockError(
+                f"After {options.most_passes} passes of rejection there are still standardized residuals "
+                f"above {options.critical_value}. The critical value is too small for these weights."
+            )
         return _result(
             system,
             solution,
             quality,
             residuals,
             observations,
+            rejected,
             options,
             tuple(history),
             tuple(rejected_per_pass),
@@ -93,6 +102,7 @@ def _result(
     quality: Cofactor,
     residuals: tuple[GroupResiduals, ...],
     given: Observations,
+    rejected: tuple[Bools, ...],
     options: AdjustmentOptions,
     history: tuple[tuple[Iteration, ...], ...],
     rejected_per_pass: tuple[int, ...],
@@ -107,10 +117,13 @@ def _result(
             group.stochastic.sigma,
             item.redundancy,
             item.standardized,
-            _status(group, left, item),
+            item.detectable,
+            _status(left, mask, item),
             item.weighted_squares,
         )
-        for group, left, item in zip(given.groups, system.observations.groups, residuals, strict=True)
+        for group, left, mask, item in zip(
+            given.groups, system.observations.groups, rejected, residuals, strict=True
+        )
     )
     return AdjustmentResult(
         state,
@@ -125,12 +138,12 @@ def _result(
     )
 
 
-def _status(given: ObservationGroup, left: ObservationGroup, residuals: GroupResiduals) -> Ints:
-    """Status (n, m) of every component: rejected is what was given and is not left."""
-    was_given: Bools = given.stochastic.present
+def _status(left: ObservationGroup, rejected: Bools, residuals: GroupResiduals) -> Ints:
+    """Status (n, m) of every component after the last pass."""
     is_left: Bools = left.stochastic.present
-    status = np.full(was_given.shape, int(ObservationStatus.NOT_USED), dtype=np.int64)
+    given: Bools = np.isfinite(left.stochastic.sigma)
+    status = np.full(is_left.shape, int(ObservationStatus.NOT_USED), dtype=np.int64)
     status[is_left] = ObservationStatus.USED
     status[is_left & (np.nan_to_num(residuals.redundancy) < UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
-    status[was_given & ~is_left] = ObservationStatus.REJECTED
+    status[given & rejected[:, None]] = ObservationStatus.REJECTED
     return status

@@ -17,7 +17,10 @@ from adjust.solve.gauss_newton import Iteration
 
 
 class ObservationStatus(IntEnum):
-    """What became of one component of an observation."""
+    """What became of one component of an observation.
+
+    NOT_USED: never observed, or a ray whose point was given up when another ray was rejected.
+    """
 
     USED = 0
     REJECTED = 1
@@ -36,6 +39,7 @@ class GroupResult:
     sigma : a-priori standard deviations.
     redundancy : redundancy numbers; NaN for what takes no part.
     standardized : w for an a-priori σ0 of 1; NaN for what takes no part.
+    detectable : minimal detectable bias, SI and radians; NaN for what takes no part.
     status : values of :class:`ObservationStatus`.
     weighted_squares : vᵀPv of the group.
     """
@@ -45,8 +49,14 @@ class GroupResult:
     sigma: Floats
     redundancy: Floats
     standardized: Floats
+    detectable: Floats
     status: Ints
     weighted_squares: float
+
+    @property
+    def rejected(self) -> int:
+        """Number of observations with a rejected component."""
+        return int((self.status == ObservationStatus.REJECTED).any(axis=1).sum())
 
     @property
     def redundancy_sum(self) -> float:

@@ -3,7 +3,8 @@
 For a whitened group with hat matrix H = A Q Aᵀ of one observation (m × m) the redundancy matrix is
 I − H. The redundancy number of component i of correlated components is (Q_vv P)_ii; their sum over
 all observations is n − u. The standardized residual is w = (P v)_i / √(P Q_vv P)_ii, which for
-uncorrelated components is v/(σ √r) (Baarda 1968).
+uncorrelated components is v/(σ √r), and the minimal detectable bias δ0/√(P Q_vv P)_ii, there
+σ δ0/√r (Baarda 1968).
 """
 
 from __future__ import annotations
@@ -28,12 +29,14 @@ class GroupResiduals:
     residual : v = adjusted − observed, SI and radians; also of rejected observations.
     redundancy : redundancy number r, 0 … 1.
     standardized : w, dimensionless, for an a-priori σ0 of 1; NaN where r is too small to divide by.
+    detectable : minimal detectable bias at α0 = 0.1 % and a power of 80 %, SI and radians; NaN likewise.
     weighted_squares : vᵀPv of the group.
     """
 
     residual: Floats
     redundancy: Floats
     standardized: Floats
+    detectable: Floats
     weighted_squares: float
 
 
@@ -41,6 +44,8 @@ class GroupResiduals:
 UNCONTROLLED = 0.1
 # Below this the division by √r would only magnify rounding.
 _NO_REDUNDANCY = 1e-6
+# Non-centrality of the w-test for α0 = 0.1 % (two-sided) and power 80 %: 3.2905 + 0.8416.
+NON_CENTRALITY = 4.132
 
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
@@ -96,12 +101,13 @@ def _residuals(group: ObservationGroup, residual: Floats, hat: Floats) -> GroupR
     clean = np.where(model.present, np.nan_to_num(residual), 0.0)
     pulled = np.einsum("nij,nj->ni", weight, clean)
     with np.errstate(invalid="ignore", divide="ignore"):
-        standardized = np.where(redundancy > _NO_REDUNDANCY, pulled / np.sqrt(scatter), np.nan)
+        root = np.where(redundancy > _NO_REDUNDANCY, np.sqrt(scatter), np.nan)
     whitened = np.einsum("nij,nj->ni", whitener, clean)
     return GroupResiduals(
         np.where(np.isnan(model.sigma), np.nan, residual),
         np.where(model.present, redundancy, np.nan),
-        np.where(model.present, standardized, np.nan),
+        np.where(model.present, pulled / root, np.nan),
+        np.where(model.present, NON_CENTRALITY / root, np.nan),
         float(np.sum(whitened**2)),
     )
 
