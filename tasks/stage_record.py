@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import cast
 
@@ -29,6 +30,7 @@ class StageRecord:
     ----------
     stage, key : which stage, and the key of its output.
     reused : whether the output was found in the store.
+    started : when it began, ISO 8601, UTC.
     seconds : time the stage took in this run.
     outputs : file name → digest of its bytes.
     inputs : path of a delivered file the stage read → digest of its bytes.
@@ -37,6 +39,7 @@ class StageRecord:
     stage: str
     key: str
     reused: bool
+    started: str
     seconds: float
     outputs: Mapping[str, str]
     inputs: Mapping[str, str]
@@ -47,6 +50,7 @@ class StageRecord:
         key: StageKey,
         outputs: Mapping[str, Artifact],
         reused: bool,
+        started: str,
         seconds: float,
         inputs: tuple[InputFile, ...],
     ) -> StageRecord:
@@ -55,6 +59,7 @@ class StageRecord:
             key.stage,
             key.digest,
             reused,
+            started,
             round(seconds, 3),
             {artifact.path.name: artifact.sha256 for artifact in outputs.values()},
             {str(file.path): file.sha256 for file in inputs},
@@ -82,3 +87,17 @@ def read_records(folder: Path) -> tuple[StageRecord, ...]:
     if not path.is_file():
         return ()
     return tuple(StageRecord(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines())
+
+
+def timings_s(records: Sequence[StageRecord]) -> dict[str, float]:
+    """Seconds by stage, and their sum as ``total``."""
+    seconds: dict[str, float] = {}
+    for record in records:
+        seconds[record.stage] = seconds.get(record.stage, 0.0) + record.seconds
+    seconds["total"] = sum(seconds.values())
+    return {stage: round(value, 3) for stage, value in seconds.items()}
+
+
+def utc_now() -> str:
+    """The time now, ISO 8601 with milliseconds, UTC."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -30,7 +30,7 @@ from tasks.artifact import Artifact, artifact_of, digest_of_file
 from tasks.installation import writing_into
 from tasks.json_text import JSON, read_json, replace_json
 from tasks.stage_key import InputFile, StageKey, differences, input_files, stage_key
-from tasks.stage_record import StageRecord, append_record, clear_records
+from tasks.stage_record import StageRecord, append_record, clear_records, utc_now
 
 P = ParamSpec("P")
 Outputs = dict[str, Artifact]
@@ -146,7 +146,7 @@ def stored(
         @wraps(function)
         def run_stage(store: Store, /, *args: P.args, **kwargs: P.kwargs) -> Outputs:
             arguments = _bound(signature, args, kwargs)
-            started = time.perf_counter()
+            began, started = utc_now(), time.perf_counter()
             inputs = tuple(InputFile.of(path) for path in sorted(set(input_files(arguments))))
             key = stage_key(stage, function, arguments)
             outputs = store.outputs(key)
@@ -158,7 +158,7 @@ def stored(
             seconds = time.perf_counter() - started
             _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
             with writing_into(store.folder):
-                append_record(store.folder, StageRecord.of(key, outputs, reused, seconds, inputs))
+                append_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
             return outputs
 
         first, *others = signature.parameters.values()

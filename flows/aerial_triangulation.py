@@ -1,0 +1,23 @@
+"""Aerial triangulation: from the deliveries of a flight to adjusted exterior orientations."""
+
+from __future__ import annotations
+
+from flows.block_preparation import prepare_block
+from flows.stage import stage
+from tasks import estimate
+from tasks import publish as publishing
+from tasks.settings.project import Project
+from tasks.store import Store
+from tasks.summary import Summary
+
+adjust_bundle = stage(estimate.adjust_bundle)
+publish = stage(publishing.publish)
+
+
+def aerial_triangulation(project: Project, store: Store) -> Summary:
+    """Read the deliveries, find approximate values, adjust the bundle, publish the result."""
+    block = prepare_block(project, store)
+    adjusted = adjust_bundle(
+        store, **block.observations, project=project.project, adjustment=project.adjustment
+    )
+    return publish(store, project, (*block.stages, adjusted))

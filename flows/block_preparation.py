@@ -1,0 +1,67 @@
+"""From deliveries to a block that can be adjusted: read everything, find approximate values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flows.stage import stage
+from tasks import approximate, ingest
+from tasks.artifact import Artifact
+from tasks.settings.project import Project
+from tasks.store import Outputs, Store
+
+import_exposures = stage(ingest.import_exposures)
+import_image_points = stage(ingest.import_image_points)
+import_control = stage(ingest.import_control)
+approximate_block = stage(approximate.approximate_block)
+
+
+@dataclass(frozen=True)
+class PreparedBlock:
+    """Outputs of the stages up to the approximate values, in the order in which they ran."""
+
+    exposures: Outputs
+    image_points: Outputs
+    control: Outputs
+    approximate: Outputs
+
+    @property
+    def observations(self) -> dict[str, Artifact]:
+        """The tables of the block, by the names the adjustment knows them by."""
+        return {
+            "exposures": self.exposures["exposures"],
+            "cameras": self.exposures["cameras"],
+            "images": self.approximate["images"],
+            "image_points": self.image_points["image_points"],
+            "control_points": self.control["control_points"],
+            "approximate_points": self.approximate["approximate_points"],
+        }
+
+    @property
+    def stages(self) -> tuple[Outputs, ...]:
+        """The outputs as publishing wants them."""
+        return (self.exposures, self.image_points, self.control, self.approximate)
+
+
+def prepare_block(project: Project, store: Store) -> PreparedBlock:
+    """Read exposures, image points and control, and compute approximate values."""
+    read = import_exposures(
+        store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
+    )
+    points = import_image_points(
+        store,
+        sources=project.inputs.image_points,
+        exposures=read["exposures"],
+        cameras=read["cameras"],
+    )
+    control = import_control(store, sources=project.inputs.control, project=project.project)
+    approximate = approximate_block(
+        store,
+        exposures=read["exposures"],
+        cameras=read["cameras"],
+        image_points=points["image_points"],
+        control_points=control["control_points"],
+        project=project.project,
+        checks=project.checks,
+    )
+    return PreparedBlock(read, points, control, approximate)

@@ -1,0 +1,83 @@
+"""Carry out ``aerocal doctor`` and show what it found."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from flows.command.exit_code import DONE
+from flows.command.progress import show_progress
+from flows.examination import Finding, examine_project
+from flows.project_run import RunRequest
+from tasks.json_text import JSON, json_text
+from tasks.run_lock import run_lock
+from tasks.store import Store
+
+
+def examine(
+    project_file: Path, out: Path | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
+) -> int:
+    """Examine a project and print the findings; wrong input leaves as an InputError."""
+    show_progress()
+    request = RunRequest(project_file, out, overrides, data)
+    project = request.project()
+    with tempfile.TemporaryDirectory(prefix="aerocal-doctor-") as temporary:
+        # Without --out nothing is written beside the project.
+        directory = out if out is not None else Path(temporary)
+        with run_lock(directory):
+            store = Store.of(directory)
+            store.begin_run()
+            findings = examine_project(project, store)
+    if as_json:
+        print(json_text({finding.subject: _as_json(finding) for finding in findings}, indent=2))
+    else:
+        _show(findings)
+    return DONE
+
+
+def _as_json(finding: Finding) -> JSON:
+    return {"figures": finding.figures, "problems": finding.problems}
+
+
+def _show(findings: Sequence[Finding]) -> None:
+    console = Console()
+    problems = [sentence for finding in findings for sentence in finding.problems]
+    word = "nothing looks wrong" if not problems else f"{len(problems)} remark(s)"
+    console.print(Text(f"\nThe project can be read: {word}.", style="bold"))
+    for sentence in problems:
+        console.print(Text(f"• {sentence}", style="yellow"))
+    for finding in findings:
+        table = Table(title=finding.subject, title_justify="left", title_style="bold", show_header=False)
+        for name, value in _rows(finding.figures):
+            table.add_row(name, value)
+        if table.row_count:
+            console.print(table)
+
+
+def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]:
+    """Figures as rows of text; those inside a table of figures carry its name before theirs."""
+    rows: list[tuple[str, str]] = []
+    for name, value in figures.items():
+        label = f"{above}{name.replace('_', ' ')}"
+        if isinstance(value, Mapping):
+            rows += _rows(value, f"{label}: ")
+        else:
+            rows.append((label, _text(value)))
+    return rows
+
+
+def _text(value: JSON) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:,.4g}" if abs(value) < 1e4 else f"{value:,.1f}"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(_text(item) for item in value)
+    return str(value)

@@ -1,0 +1,52 @@
+"""From what happened to the exit code of the contract, and to one line on the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NoReturn
+
+import typer
+
+DONE = 0
+DEFECT = 1
+INPUT_ERROR = 2
+NOT_COMPUTABLE = 3
+GATE_FAILED = 4
+INTERRUPTED = 130
+TERMINATED = 143
+
+OF_STATUS = {
+    "done": DONE,
+    "gate_failed": GATE_FAILED,
+    "input_error": INPUT_ERROR,
+    "not_computable": NOT_COMPUTABLE,
+}
+
+
+class TerminationError(BaseException):
+    """The process was asked to end (SIGTERM). Not an Exception: nothing may swallow it."""
+
+
+def end_with(action: Callable[[], int]) -> NoReturn:
+    """Carry out a command and end with its exit code; expected errors become one line on stderr."""
+    # Imported late: --help needs no error classes of the stages.
+    from tasks.errors import AerocalError, InputError, NotComputableError
+
+    try:
+        code = action()
+    except AerocalError as error:
+        complain(str(error))
+        kinds = ((InputError, INPUT_ERROR), (NotComputableError, NOT_COMPUTABLE))
+        code = next((code for kind, code in kinds if isinstance(error, kind)), DEFECT)
+    except KeyboardInterrupt:
+        typer.echo("Interrupted; finished stages are kept and will be reused.", err=True)
+        code = INTERRUPTED
+    except TerminationError:
+        typer.echo("Terminated; finished stages are kept and will be reused.", err=True)
+        code = TERMINATED
+    raise typer.Exit(code)
+
+
+def complain(error: str) -> None:
+    """Print an error in one line on stderr."""
+    typer.secho(f"Error: {error}", err=True, fg=typer.colors.RED)

@@ -1,0 +1,60 @@
+"""The command ``aerocal``."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+import typer
+
+from flows.command.adjust import adjust
+from flows.command.doctor import doctor
+from flows.command.exit_code import TERMINATED, TerminationError
+from flows.command.run import run
+
+_ABOUT = """
+Aerial triangulation and calibration of large-format aerial cameras.
+
+A project is one TOML file that says which files were delivered, what they mean (units, coordinate
+systems, angles) and what the result must keep.
+
+Start with [bold]aerocal doctor PROJECT.toml[/bold]: it reads and checks, and adjusts nothing.
+Then [bold]aerocal run PROJECT.toml[/bold]: tables and figures appear in results/ beside the project.
+"""
+
+_EXIT_CODES = """
+[bold]Exit codes:[/bold]  0 done · 2 the input is wrong · 3 the adjustment cannot be computed ·
+4 done, but a quality gate failed · 1 the installation (or aerocal itself) is at fault ·
+130 interrupted · 143 terminated
+"""
+
+app = typer.Typer(
+    name="aerocal",
+    help=_ABOUT,
+    epilog=_EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    # A traceback is for defects of ours only, and then it should be the plain one.
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(run)
+app.command()(adjust)
+app.command()(doctor)
+
+
+def main() -> None:
+    """Run the command line; ends the process with the exit code of the contract."""
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        app()
+    except TerminationError:
+        sys.exit(TERMINATED)
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
+    # An exception, so that half-written folders are removed on the way out.
+    raise TerminationError

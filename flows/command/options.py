@@ -1,0 +1,51 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+ProjectFile: TypeAlias = Annotated[Path, typer.Argument(metavar="PROJECT.toml", help="The project file.")]
+
+Out: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="DIR", help="Output folder.", show_default="results/ beside the project file"
+    ),
+]
+
+Overrides: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a value of the project file, e.g. [bold]--set adjustment.max_iterations=10[/bold]. "
+        "Repeatable; VALUE is TOML, else text; only the stages it touches run again.",
+    ),
+]
+
+Data: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--data",
+        metavar="DIR",
+        help="Folder of the delivered files: relative paths that are not beside the project file are "
+        "looked up here, and it stands for ${AEROCAL_TEST_DATA} when that is not set.",
+    ),
+]
+
+Server: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--server",
+        metavar="URL|none",
+        help="Prefect server the run is reported to; [bold]none[/bold] runs in process whatever is set.",
+        show_default="PREFECT_API_URL, else in process",
+    ),
+]
+
+Json: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print nothing but the JSON summary on standard output.")
+]

@@ -1,0 +1,31 @@
+"""Progress on stderr: what the stages tell the logger ``aerocal``."""
+
+from __future__ import annotations
+
+import logging
+
+from rich.console import Console
+from rich.text import Text
+
+_STYLES = {logging.WARNING: "yellow", logging.ERROR: "red"}
+
+
+class _ScreenHandler(logging.Handler):
+    """Prints messages with the time since the start of the program; warnings in colour."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(logging.INFO)
+        self.console = console
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = Text(f"{record.relativeCreated / 1000:7.1f} s  ", style="dim")
+        line.append(record.getMessage(), style=_STYLES.get(record.levelno, "none"))
+        self.console.print(line, soft_wrap=True)
+
+
+def show_progress() -> None:
+    """Show the stages' messages on stderr from now on (once, however often it is called)."""
+    log = logging.getLogger("aerocal")
+    log.setLevel(logging.INFO)
+    if not any(isinstance(handler, _ScreenHandler) for handler in log.handlers):
+        log.addHandler(_ScreenHandler(Console(stderr=True)))

@@ -1,0 +1,137 @@
+"""The result of a run on the screen: problems first, then figures, parameters, gates, files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from flows.project_run import RunOutcome
+from tasks.json_text import json_text
+from tasks.summary import Summary
+
+_WORDS = {
+    "done": ("adjusted", "bold green"),
+    "gate_failed": ("adjusted, but a quality gate failed", "bold red"),
+    "input_error": ("the input is wrong", "bold red"),
+    "not_computable": ("not computable", "bold red"),
+}
+#: Parameters shown on the screen; parameters.parquet has all of them.
+_SHOWN_PARAMETERS = 30
+
+
+def show_result(outcome: RunOutcome, *, as_json: bool) -> None:
+    """Print the outcome on standard output: the JSON summary alone, or tables for people."""
+    if as_json:
+        # Plain print: no styling, no wrapping of long lines.
+        print(json_text(outcome.summary.to_json(), indent=2))
+        return
+    if outcome.error is not None:
+        return
+    console = Console()
+    console.print(result_table(outcome))
+
+
+def result_table(outcome: RunOutcome) -> RenderableType:
+    """The outcome of a run that has a result."""
+    summary = outcome.summary
+    word, style = _WORDS[summary.status]
+    parts: list[RenderableType] = [Text(f"\n{word}", style=style)]
+    parts += [_problems(summary.problems)] if summary.problems else []
+    parts.append(_figures(summary))
+    parts += [_parameters(summary)] if summary.parameters else []
+    parts += [_gates(summary)] if summary.gates else []
+    parts.append(Text(f"Tables, summary.json and manifest.json are in {outcome.directory}"))
+    return Group(*parts)
+
+
+def _problems(problems: Sequence[str]) -> RenderableType:
+    lines = [Text(f"• {sentence}", style="yellow") for sentence in problems]
+    return Padding(Group(*lines), (0, 0, 1, 0))
+
+
+def _figures(summary: Summary) -> Table:
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    counts = summary.counts
+    rows = [
+        ("σ0 (a posteriori / a priori)", _number(summary.sigma0, 3)),
+        ("σ0 of an image coordinate", _joined((summary.sigma0_um, 2, "µm"), (summary.sigma0_px, 3, "px"))),
+        ("redundancy", _number(summary.redundancy, 0)),
+        ("iterations", _number(summary.iterations, 0)),
+        ("images, object points", f"{_number(counts.images, 0)}, {_number(counts.object_points, 0)}"),
+        (
+            "image points, rejected",
+            f"{_number(counts.image_points, 0)}, {_number(counts.rejected, 0)}",
+        ),
+        ("control, check points", f"{_number(counts.control, 0)}, {_number(counts.check, 0)}"),
+        ("RMS control X, Y, Z", _components(summary.rmse_control_m)),
+        ("RMS check X, Y, Z", _components(summary.rmse_check_m)),
+    ]
+    for name, value in rows:
+        table.add_row(name, value)
+    return table
+
+
+def _parameters(summary: Summary) -> Table:
+    parameters = summary.parameters or ()
+    table = Table(title="System parameters", title_justify="left", title_style="bold")
+    for column in ("parameter", "entity"):
+        table.add_column(column)
+    for column in ("value", "± σ"):
+        table.add_column(column, justify="right")
+    table.add_column("unit")
+    table.add_column("status")
+    for item in parameters[:_SHOWN_PARAMETERS]:
+        table.add_row(
+            item.parameter,
+            item.entity or "",
+            _significant(item.value, item.sigma),
+            _significant(item.sigma, item.sigma),
+            item.unit or "",
+            (item.status or "").replace("_", " "),
+        )
+    if len(parameters) > _SHOWN_PARAMETERS:
+        table.caption = f"and {len(parameters) - _SHOWN_PARAMETERS} more in parameters.parquet"
+    return table
+
+
+def _gates(summary: Summary) -> Table:
+    table = Table(title="Gates", title_justify="left", title_style="bold")
+    for column in ("gate", "value", "limit", ""):
+        table.add_column(column, justify="left" if column in ("gate", "") else "right")
+    for gate in summary.gates:
+        sign = "≤" if gate.bound == "max" else "≥"
+        unit = "" if gate.unit == "1" else f" {gate.unit}"
+        verdict = Text("passed", style="green") if gate.passed else Text("failed", style="bold red")
+        table.add_row(gate.name, f"{_number(gate.value, 3)}{unit}", f"{sign} {gate.limit:g}{unit}", verdict)
+    return table
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "–" if value is None else f"{value:,.{decimals}f}"
+
+
+def _joined(*items: tuple[float | None, int, str]) -> str:
+    shown = [f"{_number(value, decimals)} {unit}" for value, decimals, unit in items if value is not None]
+    return " = ".join(shown) or "–"
+
+
+def _components(values: Sequence[float | None] | None) -> str:
+    return "–" if values is None else ", ".join(_number(value, 3) for value in values) + " m"
+
+
+def _significant(value: float | None, sigma: float | None) -> str:
+    """A value with as many decimals as give its standard deviation two digits."""
+    if value is None:
+        return "–"
+    if not sigma:
+        return f"{value:.6g}"
+    decimals = max(0, -_exponent(sigma) + 1)
+    return f"{value:.{decimals}f}"
+
+
+def _exponent(value: float) -> int:
+    return int(f"{abs(value):e}".split("e")[1])

@@ -1,0 +1,33 @@
+"""``aerocal run``: everything a project asks for."""
+
+from __future__ import annotations
+
+from flows.command.exit_code import end_with
+from flows.command.options import Data, Json, Out, Overrides, ProjectFile, Server
+
+
+def run(
+    project: ProjectFile,
+    out: Out = None,
+    overrides: Overrides = None,
+    data: Data = None,
+    server: Server = None,
+    json: Json = False,
+) -> None:
+    """Run a project: read the deliveries, adjust the block, publish tables and figures.
+
+    Stages whose inputs, settings and code did not change are reused, so a rerun is cheap.
+
+    [bold]Examples[/bold]
+
+      aerocal run project.toml
+
+      aerocal run project.toml --out results/strict --set "adjustment.rejection={ critical_value = 3.29 }"
+
+      aerocal run project.toml --json | jq .sigma0
+
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 not computable · 4 a gate failed · 1 installation
+    """
+    from flows.command.execution import execute
+
+    end_with(lambda: execute(project, out, tuple(overrides or ()), data, server, as_json=json))

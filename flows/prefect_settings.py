@@ -1,0 +1,76 @@
+"""Settings of Prefect, made in one place before Prefect is imported.
+
+Its home folder is ours, so profiles and databases of other Prefect projects of the same user have no
+say; nothing is sent to anybody; results are not persisted (the stage store does that).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import platformdirs
+
+from tasks.installation import InstallationError
+
+
+def prepare_prefect(server: str | None = None) -> None:
+    """Set Prefect's environment variables; without effect on what is set once Prefect is imported.
+
+    Parameters
+    ----------
+    server : API address of the server that runs are reported to; None leaves PREFECT_API_URL as it is.
+        A PREFECT_HOME set by the caller stays.
+    """
+    if server is not None:
+        os.environ["PREFECT_API_URL"] = server
+    if "prefect" in sys.modules:
+        return
+    home = os.environ.setdefault(
+        "PREFECT_HOME", str(Path(platformdirs.user_state_dir("aerocal")) / "prefect")
+    )
+    os.environ["PREFECT_PROFILES_PATH"] = str(Path(home) / "profiles.toml")
+    os.environ["DO_NOT_TRACK"] = "1"
+    os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
+    os.environ["PREFECT_RESULTS_PERSIST_BY_DEFAULT"] = "false"
+    # Our progress messages appear in the run's log on the dashboard.
+    os.environ.setdefault("PREFECT_LOGGING_EXTRA_LOGGERS", "aerocal")
+
+
+def server_address(option: str | None) -> str | None:
+    """The API address to report to: the option, else PREFECT_API_URL; None: in process.
+
+    Parameters
+    ----------
+    option : value of ``--server``: an address, ``none``, or None when it was not given. An address
+        without a path means Prefect's usual ``/api``.
+    """
+    address = option if option is not None else os.environ.get("PREFECT_API_URL")
+    if not address or address == "none":
+        return None
+    return address.rstrip("/") + ("" if urlsplit(address).path.strip("/") else "/api")
+
+
+def require_server(address: str, timeout_s: float = 5.0) -> None:
+    """Ask the server whether it is well, without loading Prefect.
+
+    Raises
+    ------
+    InstallationError
+        If it does not answer.
+    """
+    remedy = "Start it, correct the address, or run in process with --server none."
+    if urlsplit(address).scheme not in ("http", "https"):
+        raise InstallationError(f"'{address}' is not the address of a Prefect server.", remedy)
+    try:
+        with urllib.request.urlopen(f"{address}/health", timeout=timeout_s) as answer:
+            answer.read()
+    except (OSError, urllib.error.URLError, ValueError) as error:
+        reason = getattr(error, "reason", error)
+        raise InstallationError(
+            f"The Prefect server {address} does not answer ({reason}).", remedy
+        ) from error

@@ -1,0 +1,105 @@
+"""One run of a story on a project: settings in, published results or one clear reason out.
+
+Whoever starts it (the command line, a Prefect flow) gets the same outcome: the project file is read,
+the output folder is locked, the story runs, and an input error or an adjustment that cannot be
+computed ends in a summary.json that says so and changes nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.installation import writing_into
+from tasks.run_lock import run_lock
+from tasks.settings.load import load_project
+from tasks.settings.project import Project
+from tasks.stage_record import read_records, timings_s
+from tasks.store import Store
+from tasks.summary import Summary, failed_summary, write_summary
+
+Story: TypeAlias = Callable[[Project, Store], Summary]
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What to run.
+
+    Attributes
+    ----------
+    project_file : the TOML file.
+    out : the output folder; None: ``results`` beside the project file.
+    overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
+    data : a second folder for relative input paths.
+    """
+
+    project_file: Path
+    out: Path | None = None
+    overrides: tuple[str, ...] = ()
+    data: Path | None = None
+
+    @property
+    def directory(self) -> Path:
+        """The output folder."""
+        return self.out if self.out is not None else self.project_file.parent / "results"
+
+    def project(self) -> Project:
+        """Read the project file.
+
+        Raises
+        ------
+        InputError
+            If it, or a value in it, is wrong.
+        """
+        return load_project(self.project_file, self.overrides, self.data)
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    directory : the output folder.
+    summary : what stands in its summary.json.
+    error : why there is no result, in one line; None if there is one.
+    """
+
+    directory: Path
+    summary: Summary
+    error: str | None = None
+
+
+def carry_out(story: Story, request: RunRequest) -> RunOutcome:
+    """Run a story on a project and publish its result.
+
+    Raises
+    ------
+    InstallationError
+        If the machine stands in the way (full disk, no permission).
+    """
+    store = Store.of(request.directory)
+    try:
+        project = request.project()
+        with run_lock(request.directory):
+            store.begin_run()
+            return RunOutcome(request.directory, story(project, store))
+    except InputError as error:
+        return _without_result(request, store, "input_error", error)
+    except NotComputableError as error:
+        return _without_result(request, store, "not_computable", error)
+
+
+def _without_result(
+    request: RunRequest, store: Store, status: Literal["input_error", "not_computable"], error: AerocalError
+) -> RunOutcome:
+    """Say in summary.json why there is no result; everything else in the output folder stays as it is."""
+    summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
+    # A mistyped project path must not leave a results folder in some unrelated place.
+    if request.out is not None or request.project_file.is_file():
+        with writing_into(request.directory), run_lock(request.directory):
+            write_summary(request.directory, summary)
+    return RunOutcome(request.directory, summary, str(error))

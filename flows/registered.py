@@ -1,0 +1,95 @@
+"""The stories as Prefect flows: name, run name, timeout, and how an outcome becomes a state.
+
+The only file that imports Prefect. Deployments and ``--server`` come through here; the stories
+themselves know nothing of it. Annotations are evaluated on purpose: Prefect builds its forms from
+them when a deployment is served.
+"""
+
+from pathlib import Path
+
+from flows.prefect_settings import prepare_prefect
+
+prepare_prefect()
+
+from prefect import flow  # noqa: E402
+from prefect.client.schemas.objects import State  # noqa: E402
+from prefect.runtime import flow_run  # noqa: E402
+from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
+
+from flows.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
+from flows.project_run import RunOutcome, RunRequest, carry_out  # noqa: E402
+from tasks.summary import failed_summary, read_summary  # noqa: E402
+
+#: Names of the failed states, by the status in summary.json.
+STATE_NAMES = {"gate_failed": "GateFailed", "input_error": "InputError", "not_computable": "NotComputable"}
+
+_HOUR_S = 3600
+
+
+def run_name() -> str:
+    """Name of a flow run: folder and name of its project file."""
+    project_file = Path(str(flow_run.parameters["project_file"]))
+    return f"{project_file.absolute().parent.name}/{project_file.name}"
+
+
+def state_of(outcome: RunOutcome) -> State[None]:
+    """The Prefect state of a finished run: Completed, or Failed under the name of what went wrong."""
+    status = outcome.summary.status
+    if status == "done":
+        return Completed(message=f"Results are in {outcome.directory}.")
+    if status == "gate_failed":
+        failed = ", ".join(gate.name for gate in outcome.summary.gates if not gate.passed)
+        return Failed(name=STATE_NAMES[status], message=f"Gates not passed: {failed}.")
+    return Failed(name=STATE_NAMES[status], message=str(outcome.error))
+
+
+@flow(
+    name="aerial-triangulation",
+    flow_run_name=run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    validate_parameters=True,
+)
+def aerial_triangulation(
+    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
+) -> State[None]:
+    """Adjust the block of a project file.
+
+    Parameters
+    ----------
+    project_file : the project's TOML file.
+    out : output folder; by default ``results`` beside the project file.
+    overrides : values to replace, each as ``a.b.c=VALUE``.
+    data : a second folder for relative input paths.
+    """
+    request = RunRequest(
+        Path(project_file),
+        Path(out) if out is not None else None,
+        tuple(overrides or ()),
+        Path(data) if data is not None else None,
+    )
+    return state_of(carry_out(aerial_triangulation_story, request))
+
+
+def run_and_report(request: RunRequest) -> RunOutcome:
+    """Run the aerial triangulation here as a Prefect flow, with states and logs on the server.
+
+    Raises
+    ------
+    Exception
+        What ended the flow without an outcome, as it was raised (a full disk, a defect).
+    """
+    state = aerial_triangulation(
+        str(request.project_file.absolute()),
+        str(request.directory.absolute()) if request.out is not None else None,
+        list(request.overrides),
+        str(request.data.absolute()) if request.data is not None else None,
+        return_state=True,
+    )
+    if state.name not in {"Completed", *STATE_NAMES.values()}:
+        raise_state_exception(state)
+    for status in ("input_error", "not_computable"):
+        if state.name == STATE_NAMES[status]:
+            problem = state.message or ""
+            return RunOutcome(request.directory, failed_summary(status, problem, {}), problem)
+    return RunOutcome(request.directory, read_summary(request.directory))

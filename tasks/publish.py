@@ -1,0 +1,92 @@
+"""Publish a run: the stages' finished files and the summary appear in the output folder.
+
+The files are hard links into the store where the file system has them, else copies: each appears
+at once under its name. ``manifest.json`` is replaced last; who trusts it never sees half a run.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tasks.artifact import Artifact, digest_of_file, verified
+from tasks.installation import writing_into
+from tasks.manifest import Manifest, manifest_of, read_manifest, write_manifest
+from tasks.notes import read_notes
+from tasks.settings.project import Project
+from tasks.stage_record import read_records, timings_s
+from tasks.store import Store
+from tasks.summary import Summary, summary_of, write_summary
+
+PUBLISHED = (
+    "images",
+    "image_points",
+    "exposures",
+    "control_points",
+    "exterior_orientations",
+    "object_points",
+    "residuals",
+    "parameters",
+    "correlations",
+    "control_residuals",
+    "check_points",
+)
+
+
+def publish(store: Store, project: Project, stages: Sequence[Mapping[str, Artifact]]) -> Summary:
+    """Put the result of a run into the output folder.
+
+    Parameters
+    ----------
+    store : the store of the output folder; its parent is where the files go.
+    project : the project that was run; its gates are tested, its settings go into the manifest.
+    stages : the outputs of the stages, in the order in which they ran.
+
+    Returns
+    -------
+    summary : what stands in summary.json.
+    """
+    directory = store.folder.parent
+    records = read_records(store.folder)
+    notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
+    summary = summary_of(notes, project.gates, timings_s(records))
+    artifacts = [outputs[name] for outputs in stages for name in outputs if name in PUBLISHED]
+    with writing_into(directory):
+        last = read_manifest(directory)
+        for artifact in artifacts:
+            _place(artifact, directory / artifact.path.name)
+        manifest = manifest_of(artifacts, project, records)
+        _remove_outdated(directory, last, manifest)
+        write_summary(directory, summary)
+        write_manifest(directory, manifest)
+    return summary
+
+
+def _place(artifact: Artifact, target: Path) -> None:
+    """Make the artifact's bytes appear at `target` in one step."""
+    source = verified(artifact)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    temporary.unlink(missing_ok=True)
+    try:
+        try:
+            os.link(source, temporary)
+        except OSError:
+            # Another file system, or one without hard links.
+            shutil.copyfile(source, temporary)
+        temporary.replace(target)
+    finally:
+        # Renaming one hard link onto another of the same file does nothing and leaves the first.
+        temporary.unlink(missing_ok=True)
+
+
+def _remove_outdated(directory: Path, last: Manifest | None, manifest: Manifest) -> None:
+    """Remove tables that the last run published and this one did not, unless somebody changed them."""
+    if last is None:
+        return
+    for name in last.artifacts.keys() - manifest.artifacts.keys():
+        entry = last.artifacts[name]
+        path = directory / entry.file
+        if path.is_file() and digest_of_file(path) == entry.sha256:
+            path.unlink()

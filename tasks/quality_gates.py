@@ -1,0 +1,88 @@
+"""Quality gates: the figures of a result against the limits of the project file.
+
+A gate that is not in the project file is not tested. One that is there but whose figure does not
+exist (no check points, say) has not been passed: that is reported as failed and said in a sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from tasks.json_text import JSON
+from tasks.settings.quality import AxisGate, Gate, Gates
+
+_AXES = ("x", "y", "z")
+
+
+class GateResult(BaseModel):
+    """One tested limit.
+
+    Attributes
+    ----------
+    name : the figure, with ``_x``, ``_y``, ``_z`` for the component of one that has three.
+    value, limit : the figure (null: it does not exist) and its limit, in `unit`.
+    unit : ``m``, or ``1`` for a ratio.
+    bound : whether `limit` is the largest or the smallest value that passes.
+    passed : whether the figure exists and keeps the limit.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    value: float | None
+    limit: float
+    unit: str
+    bound: Literal["max", "min"] = "max"
+    passed: bool
+
+
+def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateResult, ...], tuple[str, ...]]:
+    """Test all gates of a project.
+
+    Returns
+    -------
+    results : one for each limit, in the order of the project file's keys.
+    untested : a sentence for each gate whose figure does not exist.
+    """
+    results: list[GateResult] = []
+    sentences: list[str] = []
+    for name in type(gates).model_fields:
+        gate = getattr(gates, name)
+        if gate is None:
+            continue
+        tested = tuple(_results(name, gate, figures.get(name)))
+        results += tested
+        if any(result.value is None for result in tested):
+            sentences.append(
+                f"The gate {name} counts as failed: this run has no such figure that could be tested."
+            )
+    return tuple(results), tuple(sentences)
+
+
+def _results(name: str, gate: Gate | AxisGate, figure: JSON) -> Iterator[GateResult]:
+    if isinstance(gate, Gate):
+        value = _number(figure)
+        if gate.max is not None:
+            yield _tested(name, value, gate.max, "1", "max")
+        if gate.min is not None:
+            yield _tested(name, value, gate.min, "1", "min")
+        return
+    components = (
+        figure if isinstance(figure, Sequence) and not isinstance(figure, str) else (None, None, None)
+    )
+    for axis, component, limit in zip(_AXES, components, gate.max, strict=True):
+        yield _tested(f"{name}_{axis}", _number(component), limit, "m", "max")
+
+
+def _tested(
+    name: str, value: float | None, limit: float, unit: str, bound: Literal["max", "min"]
+) -> GateResult:
+    kept = value is not None and (value <= limit if bound == "max" else value >= limit)
+    return GateResult(name=name, value=value, limit=limit, unit=unit, bound=bound, passed=kept)
+
+
+def _number(figure: JSON) -> float | None:
+    return float(figure) if isinstance(figure, int | float) and not isinstance(figure, bool) else None

@@ -1,0 +1,100 @@
+"""A stage is a plain call in process and a Prefect task inside a flow run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flows.stage import flow_run_is_active, stage
+from tasks.artifact import Artifact, verified
+from tasks.errors import InputError
+from tasks.store import Outputs, Store, stored
+
+
+@stored("write_text")
+def write_text(folder: Path, *, text: str) -> None:
+    (folder / "text.txt").write_text(text)
+
+
+@stored("join_texts")
+def join_texts(folder: Path, *, parts: tuple[Artifact, ...]) -> None:
+    (folder / "joined.txt").write_text(" ".join(verified(part).read_text() for part in parts))
+
+
+@stored("refuse")
+def refuse(folder: Path, *, text: str) -> None:
+    raise InputError(f"'{text}' is wrong.", "Write something else.", file=folder.parent.with_name("x"))
+
+
+write = stage(write_text)
+join = stage(join_texts)
+refused = stage(refuse)
+
+
+def story(store: Store) -> Outputs:
+    one = write(store, text="one")
+    others = write.map([{"text": "two"}, {"text": "three"}], store)
+    return join(store, parts=(one["text"], *(other["text"] for other in others)))
+
+
+def published(outputs: Outputs) -> str:
+    return verified(outputs["joined"]).read_text()
+
+
+def test_outside_a_flow_run_a_stage_is_a_plain_call(tmp_path: Path) -> None:
+    assert not flow_run_is_active()
+    assert published(story(Store.of(tmp_path))) == "one two three"
+
+
+def test_a_story_in_process_never_imports_prefect(tmp_path: Path) -> None:
+    program = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from pathlib import Path; from test_stage import story; from tasks.store import Store\n"
+        f"story(Store.of(Path({str(tmp_path)!r})))\n"
+        "sys.exit(any(name.split('.')[0] == 'prefect' for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.prefect
+@pytest.mark.usefixtures("prefect_server")
+def test_inside_a_flow_run_every_stage_is_a_task_and_the_bytes_are_the_same(tmp_path: Path) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import TaskRunFilter, TaskRunFilterFlowRunId
+
+    @flow(name="story", persist_result=False)
+    def as_flow(folder: str) -> tuple[str, str]:
+        from prefect.runtime import flow_run
+
+        assert flow_run_is_active()
+        return published(story(Store.of(Path(folder)))), str(flow_run.id)
+
+    text, flow_run_id = as_flow(str(tmp_path / "flow"))
+    assert text == published(story(Store.of(tmp_path / "plain")))
+    with get_client(sync_client=True) as client:
+        of_this_run = TaskRunFilter(flow_run_id=TaskRunFilterFlowRunId(any_=[flow_run_id]))
+        runs = client.read_task_runs(task_run_filter=of_this_run)
+    names = sorted(run.name.rsplit("-", 1)[0] for run in runs)
+    assert names == ["join_texts", "write_text", "write_text", "write_text"]
+    assert all(run.state_name == "Completed" for run in runs)
+
+
+@pytest.mark.prefect
+@pytest.mark.usefixtures("prefect_server")
+def test_an_input_error_passes_through_the_task_unchanged(tmp_path: Path) -> None:
+    from prefect import flow
+
+    @flow(name="refusal", persist_result=False)
+    def as_flow(folder: str) -> str:
+        try:
+            refused(Store.of(Path(folder)), text="x")
+        except InputError as error:
+            return str(error)
+        return "not refused"
+
+    assert as_flow(str(tmp_path)).endswith("x: 'x' is wrong. Write something else.")
