@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -16,6 +16,34 @@ os.environ["DO_NOT_TRACK"] = "1"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
 for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
     os.environ.pop(name, None)
+
+#: A small valid project.
+PROJECT = """
+version = 1
+[project]
+name = "small"
+crs = "local"
+heights = "ellipsoidal"
+[cameras.C]
+columns = 100
+rows = 80
+pixel_um = 5.0
+focal_length_mm = 50.0
+principal_point_mm = [0.0, 0.0]
+pixel_origin = "corner"
+mount_deg = 0
+[inputs.image_points]
+file = "image_points.csv"
+format = "csv"
+unit = "px"
+[inputs.exposures]
+file = "exposures.csv"
+format = "csv"
+crs = "local"
+heights = "ellipsoidal"
+position = "projection_centre"
+angles = { order = "omega-phi-kappa", unit = "deg", reference = "grid" }
+"""
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -39,3 +67,20 @@ def prefect_server() -> Iterator[None]:
 
     with prefect_test_harness(server_startup_timeout=120):
         yield
+
+
+@pytest.fixture
+def write_project() -> Callable[..., Path]:
+    """Writes a small valid project with its deliveries, for tests of what is around the stages."""
+
+    def write(folder: Path, more: str = "") -> Path:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "image_points.csv").write_text("image,point,x,y\n1,a,10,10\n2,a,20,20\n")
+        (folder / "exposures.csv").write_text(
+            "image,camera,strip,x,y,z,omega,phi,kappa\n1,C,s,0,0,100,0,0,0\n2,C,s,10,0,100,0,0,0\n"
+        )
+        file = folder / "project.toml"
+        file.write_text(PROJECT + more)
+        return file
+
+    return write

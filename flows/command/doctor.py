@@ -15,15 +15,14 @@ def doctor(
 ) -> None:
     """Read and check a project: what is there, and what looks wrong.
 
-    All files are read and approximate values are computed, so wrong units, swapped axes, unknown images
-    and points far off are found before hours of computing. Nothing is published; with --out the stages
-    already finished are kept in that folder for the run that follows.
+    All files are read and approximate values computed: wrong units, swapped axes, unknown images are found.
+    Nothing is published; with --out the finished stages are kept there for the run that follows.
 
     [bold]Example[/bold]
 
       aerocal doctor project.toml
 
-    [bold]Exit codes[/bold]  0 clean, or suspicions only · 2 wrong input · 1 installation
+    [bold]Exit codes[/bold]  0 clean, or suspicions only · 2 input wrong
     """
     from flows.command.examination import examine
 

@@ -14,21 +14,20 @@ from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.run import run
 
-_ABOUT = """
-Aerial triangulation and calibration of large-format aerial cameras.
+# One line a paragraph: the help is wrapped to the width of the screen.
+_ABOUT = (
+    "Aerial triangulation and calibration of large-format aerial cameras.\n\n"
+    "A project is one TOML file that says which files were delivered, what they mean (units, coordinate "
+    "systems, angles) and what the result must keep.\n\n"
+    "Start with [bold]aerocal doctor PROJECT.toml[/bold]: it reads and checks, and adjusts nothing. Then "
+    "[bold]aerocal run PROJECT.toml[/bold]: tables and figures appear in results/ beside the project."
+)
 
-A project is one TOML file that says which files were delivered, what they mean (units, coordinate
-systems, angles) and what the result must keep.
-
-Start with [bold]aerocal doctor PROJECT.toml[/bold]: it reads and checks, and adjusts nothing.
-Then [bold]aerocal run PROJECT.toml[/bold]: tables and figures appear in results/ beside the project.
-"""
-
-_EXIT_CODES = """
-[bold]Exit codes:[/bold]  0 done · 2 the input is wrong · 3 the adjustment cannot be computed ·
-4 done, but a quality gate failed · 1 the installation (or aerocal itself) is at fault ·
-130 interrupted · 143 terminated
-"""
+_EXIT_CODES = (
+    "[bold]Exit codes[/bold]  0 done · 2 the input is wrong · 3 the adjustment cannot be computed · 4 done, "
+    "but a quality gate failed · 1 the installation (or aerocal itself) is at fault · 130 interrupted · "
+    "143 terminated"
+)
 
 app = typer.Typer(
     name="aerocal",

@@ -22,11 +22,11 @@ def run(
 
       aerocal run project.toml
 
-      aerocal run project.toml --out results/strict --set "adjustment.rejection={ critical_value = 3.29 }"
+      aerocal run project.toml --out strict --set adjustment.rejection.critical_value=3.29
 
       aerocal run project.toml --json | jq .sigma0
 
-    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 not computable · 4 a gate failed · 1 installation
+    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 not computable · 4 gate failed
     """
     from flows.command.execution import execute
 

@@ -1,0 +1,107 @@
+"""What a run leaves in its output folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tasks.installation import InstallationError
+from tasks.notes import Notes, write_notes
+from tasks.publish import publish
+from tasks.settings.load import load_project
+from tasks.settings.project import Project
+from tasks.store import Store, stored
+from tasks.summary import Summary
+
+
+@stored("make_tables")
+def make_tables(folder: Path, *, names: tuple[str, ...], project: Project, sigma0: float) -> None:
+    assert project.project.name == "small"
+    for name in names:
+        pd.DataFrame({"point": [f"{name}-1", f"{name}-2"]}).to_parquet(folder / f"{name}.parquet")
+    write_notes(folder, Notes(("a problem",), {"sigma0": sigma0}))
+
+
+@pytest.fixture
+def project(tmp_path: Path, write_project: Callable[..., Path]) -> Project:
+    return load_project(write_project(tmp_path / "delivery", "[gates]\nsigma0 = { max = 1.2 }\n"))
+
+
+def run(out: Path, project: Project, names: tuple[str, ...], sigma0: float = 1.0) -> Summary:
+    store = Store.of(out)
+    store.begin_run()
+    return publish(store, project, [make_tables(store, names=names, project=project, sigma0=sigma0)])
+
+
+def manifest(out: Path) -> dict[str, dict[str, dict[str, object]]]:
+    content = json.loads((out / "manifest.json").read_text())
+    assert isinstance(content, dict)
+    return content
+
+
+def files(out: Path) -> set[str]:
+    return {path.name for path in out.iterdir()}
+
+
+def test_published_are_the_tables_of_the_contract_and_nothing_internal(
+    tmp_path: Path, project: Project
+) -> None:
+    run(tmp_path / "out", project, ("images", "object_points", "cameras"))
+    expected = {".store", "images.parquet", "object_points.parquet", "summary.json", "manifest.json"}
+    assert files(tmp_path / "out") == expected
+
+
+def test_the_manifest_tells_where_everything_comes_from(tmp_path: Path, project: Project) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images",))
+    content = manifest(out)
+    entry = content["artifacts"]["images"]
+    assert entry["sha256"] == hashlib.sha256((out / "images.parquet").read_bytes()).hexdigest()
+    assert (out / ".store" / str(entry["stage"]) / str(entry["key"]) / "images.parquet").is_file()
+    assert (entry["rows"], entry["file"]) == (2, "images.parquet")
+    delivered = tmp_path / "delivery" / "image_points.csv"
+    assert content["inputs"][str(delivered)] == hashlib.sha256(delivered.read_bytes()).hexdigest()
+    assert content["settings"]["project"]["name"] == "small"
+    assert {"aerocal", "numpy", "PROJ"} <= set(content["versions"])
+    assert str(content["times"]["started"]) <= str(content["times"]["finished"])
+
+
+def test_a_second_run_replaces_the_files_and_leaves_no_temporary_ones(
+    tmp_path: Path, project: Project
+) -> None:
+    run(tmp_path / "out", project, ("images", "check_points"))
+    before = files(tmp_path / "out")
+    run(tmp_path / "out", project, ("images", "check_points"))
+    assert files(tmp_path / "out") == before
+
+
+def test_a_table_this_run_does_not_have_does_not_stay_from_the_last(tmp_path: Path, project: Project) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images", "check_points"))
+    run(out, project, ("images",))
+    assert "check_points.parquet" not in files(out)
+    run(out, project, ("images", "check_points"))
+    (out / "check_points.parquet").unlink()
+    (out / "check_points.parquet").write_text("a user's own file")
+    run(out, project, ("images",))
+    assert (out / "check_points.parquet").read_text() == "a user's own file"
+
+
+def test_a_failed_gate_keeps_the_outputs(tmp_path: Path, project: Project) -> None:
+    summary = run(tmp_path / "out", project, ("images",), sigma0=1.3)
+    assert summary.status == "gate_failed"
+    assert {"images.parquet", "manifest.json"} <= files(tmp_path / "out")
+    assert summary.problems == ("a problem",)
+
+
+def test_a_target_that_cannot_be_written_is_one_clear_message(tmp_path: Path, project: Project) -> None:
+    out = tmp_path / "out"
+    (out / "images.parquet").mkdir(parents=True)
+    with pytest.raises(InstallationError, match="cannot be written"):
+        run(out, project, ("images",))
+    assert files(out) == {".store", "images.parquet"}
