@@ -1,0 +1,18 @@
+"""Further columns of input files, kept as text beside those of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pyarrow as pa
+
+
+def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dict[str, pa.Array]:
+    """One column for each name, file after file; null where a file does not have it."""
+    names = dict.fromkeys(name for extra in extras for name in extra)
+    return {
+        name: pa.concat_arrays(
+            [extra.get(name, pa.nulls(count, pa.string())) for extra, count in zip(extras, rows, strict=True)]
+        )
+        for name in names
+    }

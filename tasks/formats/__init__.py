@@ -1,0 +1,1 @@
+"""Foreign files: one reader a format, all returning records with the line each row came from."""

@@ -1,0 +1,79 @@
+"""IGN's camera file: an XML element ``sensor`` with the virtual, distortion-free image of a camera.
+
+| element | meaning |
+|---|---|
+| ``usefull-frame/rect/w, h`` | size of the image, px |
+| ``pixel_size`` | side of a pixel, m |
+| ``focal/pt3d/x, y`` | principal point, px from the top left corner, y downwards |
+| ``focal/pt3d/z`` | principal distance, px |
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.records import CameraRecord
+from tasks.formats.text_table import read_bytes
+
+
+def read_ign_camera(path: Path) -> CameraRecord:
+    """Read a camera.
+
+    Raises
+    ------
+    InputError
+        If the file is not such an XML file or lacks a value.
+    """
+    try:
+        root = ElementTree.fromstring(read_bytes(path).strip())
+    except ElementTree.ParseError as error:
+        raise InputError(
+            f"This is not well-formed XML ({error.msg}).",
+            "Deliver the camera file again.",
+            file=path,
+            line=error.position[0],
+        ) from error
+    frame = "usefull-frame/rect"
+    columns, rows = (_positive(root, f"{frame}/{name}", path) for name in "wh")
+    pixel_m = _positive(root, "pixel_size", path)
+    x, y = (_number(root, f"focal/pt3d/{name}", path) for name in "xy")
+    focal = _positive(root, "focal/pt3d/z", path)
+    pixel_mm = pixel_m * 1e3
+    return CameraRecord(
+        columns=round(columns),
+        rows=round(rows),
+        pixel_um=round(pixel_m * 1e6, 9),
+        focal_length_mm=round(focal * pixel_mm, 12),
+        principal_point_mm=(
+            round((x - 0.5 * columns) * pixel_mm, 12),
+            round((0.5 * rows - y) * pixel_mm, 12),
+        ),
+    )
+
+
+def _number(root: ElementTree.Element, name: str, path: Path) -> float:
+    element = root.find(name)
+    text = (element.text or "").strip() if element is not None else ""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"The camera file lacks a number in <{name.replace('/', '><')}>.",
+            "Deliver it again, or write the camera's values into the project file.",
+            file=path,
+        )
+    return value
+
+
+def _positive(root: ElementTree.Element, name: str, path: Path) -> float:
+    value = _number(root, name, path)
+    if value <= 0.0:
+        raise InputError(
+            f"The value {value:g} of <{name}> cannot be.", "Deliver the camera file again.", file=path
+        )
+    return value

@@ -1,0 +1,187 @@
+"""IGN's text files of aerial triangulation: ``.mes``, ``.OPK`` and ``.APP``.
+
+| file | row | unit and frame |
+|---|---|---|
+| ``.mes`` | point image column row | pixels, origin at the top left corner, row downwards |
+| ``.OPK`` | image X Y Z ω φ κ [camera] | as declared; R_x(ω) R_y(φ) R_z(κ), grid axes |
+| ``.APP`` | point code x y z | CRS and heights as declared |
+
+Columns are separated by any number of blanks; names may stand in quotation marks; lines may end in blank,
+CR, blank, LF, and the last one in nothing. An OPK file may open with lines ``KEY : value`` and a line of
+column names (``NOM`` or ``ID``, X, Y, Z, O, P, K, CAMERA). Image names like ``21FD244720x00015_00614`` hold
+flight (before the x), strip (``x00015``) and number.
+
+Code of a control point: 13 and 3 occur. The samples we could compare with orientations do not show that 3
+would make a coordinate less certain, so every row counts as known in x, y and z.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from tasks.errors import InputError
+from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
+from tasks.formats.text_table import TextTable, read_bytes, read_table_text
+
+_OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
+_IMAGE_NAME = r"^(?P<flight>.*?)(?P<strip>[xX]\d+)_\d+"
+_ANGLE_UNIT = re.compile(r"^\s*UNITE\s+ANGLE\s*:\s*(\S+)", re.IGNORECASE)
+_UNITS: dict[str, Literal["deg", "gon", "rad"]] = {
+    "degre": "deg", "degree": "deg", "degres": "deg", "grade": "gon", "grades": "gon", "gon": "gon",
+    "radian": "rad", "radians": "rad",
+}  # fmt: skip
+
+
+def read_ign_mes(path: Path) -> ImagePointRecords:
+    """Read image points: point image column row.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`.
+    """
+    table = _read(path, ("point", "image", "column", "row"), ("column", "row"))
+    return ImagePointRecords(
+        file=path,
+        image=table.text("image"),
+        point=table.text("point"),
+        xy=table.numbers(("column", "row")),
+        sigma=np.full((len(table), 2), np.nan),
+        line=table.line,
+    )
+
+
+def read_ign_app(path: Path) -> ControlRecords:
+    """Read control points: point code x y z; all of them fully known (see the module's docstring).
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`.
+    """
+    table = _read(path, ("point", "code", "x", "y", "z"), ("x", "y", "z"))
+    return ControlRecords(
+        file=path,
+        point=table.text("point"),
+        position=table.numbers(("x", "y", "z")),
+        sigma=np.full((len(table), 3), np.nan),
+        role=pa.nulls(len(table), pa.string()),
+        line=table.line,
+    )
+
+
+def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
+    """Read exposures: image X Y Z ω φ κ [camera]; strip and flight come from the image's name.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; a header without the needed columns; an order of
+        angles this format does not have.
+    """
+    if order == "heading-pitch-roll":
+        raise InputError(
+            "A file in ign-opk format holds ω, φ, κ, but the project file declares heading-pitch-roll.",
+            'Declare angles.order = "omega-phi-kappa".',
+            file=path,
+        )
+    content = _decodable(path)
+    header_lines, names, unit = _opk_header(content, path)
+    rows = content.split(b"\n", header_lines)[-1] if header_lines else content
+    table = _read_rows(rows, path, names, ("X", "Y", "Z", "O", "P", "K"), header_lines + 1)
+    image = table.text(names[0])
+    camera = table.text("CAMERA") if table.has("CAMERA") else pa.nulls(len(table), pa.string())
+    flight, strip = _flight_and_strip(image)
+    missing = np.full((len(table), 3), np.nan)
+    return ExposureRecords(
+        file=path,
+        image=image,
+        camera=camera,
+        strip=strip,
+        flight=flight,
+        time_s=missing[:, 0],
+        position=table.numbers(("X", "Y", "Z")),
+        angles=table.numbers(("O", "P", "K")),
+        sigma_position=missing,
+        sigma_angles=missing,
+        line=table.line,
+        declared_angle_unit=unit,
+    )
+
+
+def _flight_and_strip(image: pa.Array) -> tuple[pa.Array, pa.Array]:
+    """Flight and strip in names like ``21FD244720x00015_00614``; null where the name is made otherwise."""
+    encoded = image.dictionary_encode()
+    parts = pd.Series(encoded.dictionary.to_pylist(), dtype="str").str.extract(_IMAGE_NAME)
+    columns = []
+    for name in ("flight", "strip"):
+        values = pa.array(parts[name].tolist(), pa.string(), from_pandas=True)
+        values = pc.if_else(pc.equal(values, ""), None, values)
+        columns.append(pc.take(values, encoded.indices))
+    return columns[0], columns[1]
+
+
+def _opk_header(
+    content: bytes, path: Path
+) -> tuple[int, tuple[str, ...], Literal["deg", "gon", "rad"] | None]:
+    """Number of lines before the first row, the column names, and the angle unit if a line states it."""
+    unit: Literal["deg", "gon", "rad"] | None = None
+    for number, raw in enumerate(content.split(b"\n", 50)[:50]):
+        line = raw.decode("latin-1").strip()
+        fields = line.split()
+        if not fields:
+            continue
+        stated = _ANGLE_UNIT.match(line)
+        if stated:
+            unit = _UNITS.get(stated.group(1).lower().replace("é", "e"))
+        if fields[0].upper() in {"NOM", "ID"}:
+            return number + 1, _opk_names(fields, path, number + 1), unit
+        if ":" not in line:
+            return number, _OPK_COLUMNS[: max(7, min(len(fields), 8))], unit
+    return 0, _OPK_COLUMNS, unit
+
+
+def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
+    names = tuple(field.upper() for field in fields)
+    missing = [name for name in _OPK_COLUMNS[1:7] if name not in names]
+    if missing:
+        raise InputError(
+            f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}.",
+            "Needed are NOM (or ID), X, Y, Z, O, P, K and, if there are several cameras, CAMERA.",
+            file=path,
+            line=line,
+        )
+    return names
+
+
+def _decodable(path: Path) -> bytes:
+    # A blank for each CR keeps the line numbers: the files mix CR LF with "CR blank LF".
+    return read_bytes(path).replace(b"\r", b" ")
+
+
+def _read(path: Path, names: Sequence[str], numeric: Sequence[str]) -> TextTable:
+    return _read_rows(_decodable(path), path, names, numeric, 1)
+
+
+def _read_rows(
+    content: bytes, path: Path, names: Sequence[str], numeric: Sequence[str], first_line: int
+) -> TextTable:
+    # The files are older than UTF-8; every byte is a character in Latin-1, so nothing is lost.
+    encoding = "utf-8" if _is_utf8(content) else "latin-1"
+    return read_table_text(content, path, names, numeric, "blank", first_line, encoding)
+
+
+def _is_utf8(content: bytes) -> bool:
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True

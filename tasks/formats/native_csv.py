@@ -1,0 +1,159 @@
+"""Our own text inputs: UTF-8, a header line, comma, decimal point, columns in any order.
+
+| file | columns |
+|---|---|
+| image points | image, point, x, y [, sx, sy] |
+| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
+| control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
+
+Names are text and are kept verbatim. Further columns are kept as text.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+
+from tasks.errors import InputError
+from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
+from tasks.formats.text_table import TextTable, read_bytes, read_table_text
+from tasks.nearest_name import nearest
+
+_XYZ = ("x", "y", "z")
+_SIGMA_XYZ = ("sx", "sy", "sz")
+
+
+def read_csv_image_points(path: Path) -> ImagePointRecords:
+    """Read image points.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; missing columns.
+    """
+    table, extra = _read(path, ("image", "point", "x", "y"), ("sx", "sy"), ("x", "y", "sx", "sy"))
+    return ImagePointRecords(
+        file=path,
+        image=table.text("image"),
+        point=table.text("point"),
+        xy=table.numbers(("x", "y")),
+        sigma=table.numbers(("sx", "sy"), may_be_empty=True),
+        line=table.line,
+        extra=extra,
+    )
+
+
+def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
+    """Read exposures whose angles are ω, φ, κ or heading, pitch, roll.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; missing columns.
+    """
+    angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
+    sigmas = tuple(f"s{name}" for name in angles)
+    required = ("image", "camera", "strip", *_XYZ, *angles)
+    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas)
+    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas))
+    return ExposureRecords(
+        file=path,
+        image=table.text("image"),
+        camera=table.text("camera"),
+        strip=table.text("strip", may_be_empty=True),
+        flight=_optional_text(table, "flight"),
+        time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
+        position=table.numbers(_XYZ),
+        angles=table.numbers(angles),
+        sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
+        sigma_angles=table.numbers(sigmas, may_be_empty=True),
+        line=table.line,
+        extra=extra,
+    )
+
+
+def read_csv_control(path: Path) -> ControlRecords:
+    """Read control and check points.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; missing columns.
+    """
+    table, extra = _read(path, ("point", *_XYZ), (*_SIGMA_XYZ, "role"), (*_XYZ, *_SIGMA_XYZ))
+    return ControlRecords(
+        file=path,
+        point=table.text("point"),
+        position=table.numbers(_XYZ, may_be_empty=True),
+        sigma=table.numbers(_SIGMA_XYZ, may_be_empty=True),
+        role=_optional_text(table, "role"),
+        line=table.line,
+        extra=extra,
+    )
+
+
+def _optional_text(table: TextTable, name: str) -> pa.Array:
+    return table.text(name, may_be_empty=True) if table.has(name) else pa.nulls(len(table), pa.string())
+
+
+def _read(
+    path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str]
+) -> tuple[TextTable, Mapping[str, pa.Array]]:
+    content = read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    header_line, names, rows = _header(content, path)
+    _check_columns(names, required, optional, path, header_line)
+    present = [name for name in numeric if name in names]
+    table = read_table_text(rows, path, names, present, "comma", first_line=header_line + 1)
+    known = {*required, *optional}
+    extra = {name: table.text(name, may_be_empty=True) for name in names if name not in known}
+    return table, extra
+
+
+def _header(content: bytes, path: Path) -> tuple[int, list[str], bytes]:
+    """Line of the header, its names, and the bytes below it."""
+    line = 1
+    while True:
+        first, _, rest = content.partition(b"\n")
+        if first.strip():
+            break
+        content, line = rest, line + 1
+    try:
+        fields = next(csv.reader([first.decode("utf-8")], skipinitialspace=True))
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "The header is not UTF-8 text.", "Save the file as UTF-8.", file=path, line=line
+        ) from error
+    if not rest.strip():
+        raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
+    return line, [field.strip() for field in fields], rest
+
+
+def _check_columns(
+    names: Sequence[str], required: Sequence[str], optional: Sequence[str], path: Path, line: int
+) -> None:
+    missing = [name for name in required if name not in names]
+    if missing and len(names) == 1 and any(mark in names[0] for mark in ";\t|"):
+        mark = next(mark for mark in ";\t|" if mark in names[0])
+        shown = {";": "a semicolon", "\t": "a tab", "|": "a bar"}[mark]
+        raise InputError(
+            f"The columns are separated by {shown}.",
+            "Separate them by commas, with decimal points.",
+            file=path,
+            line=line,
+        )
+    if missing:
+        like = {
+            name: nearest(name, [n for n in names if n not in (*required, *optional)]) for name in missing
+        }
+        hints = [f"'{found}' may be meant for '{name}'" for name, found in like.items() if found]
+        what = f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}."
+        remedy = f"Needed are {', '.join(required)}" + (f"; {', '.join(hints)}." if hints else ".")
+        raise InputError(what, remedy, file=path, line=line)
+    double = next((name for name in names if list(names).count(name) > 1), None)
+    if double is not None:
+        raise InputError(
+            f"The header names the column '{double}' twice.", "Delete one.", file=path, line=line
+        )

@@ -1,0 +1,119 @@
+"""What readers return: columns as they stand in the file, and the line of every row.
+
+Nothing is converted here. Units, frames and datums are declared in the project file and applied in
+``tasks.ingest``; a reader only knows the file's layout. Texts are Arrow arrays, numbers numpy arrays; a
+number that is not given is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Lines: TypeAlias = NDArray[np.int64]
+AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePointRecords:
+    """Image points as read.
+
+    Attributes
+    ----------
+    file : the file they came from.
+    image, point : names, text (n,).
+    xy : (n, 2) in the unit the project file declares: column, row, or x, y in the image system.
+    sigma : (n, 2) in the same unit, NaN where the row gives none.
+    line : (n,) 1-based line of each row.
+    extra : further columns of the file, text (n,), verbatim.
+    """
+
+    file: Path
+    image: pa.Array
+    point: pa.Array
+    xy: Floats
+    sigma: Floats
+    line: Lines
+    extra: Mapping[str, pa.Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExposureRecords:
+    """Exposures as read.
+
+    Attributes
+    ----------
+    file : the file they came from.
+    image, camera, strip, flight : names, text (n,); null where the row gives none.
+    time_s : (n,) seconds on any scale that is continuous within a flight.
+    position : (n, 3) x (east), y (north), z in the CRS and heights the project file declares.
+    angles : (n, 3) in the declared unit: ω, φ, κ (also for phi-omega-kappa), or heading, pitch, roll.
+    sigma_position, sigma_angles : (n, 3) in the units of their quantities and in the same order.
+    line : (n,) 1-based line of each row.
+    declared_angle_unit : the unit a header of the file itself names, None if it names none.
+    extra : further columns of the file, text (n,), verbatim.
+    """
+
+    file: Path
+    image: pa.Array
+    camera: pa.Array
+    strip: pa.Array
+    flight: pa.Array
+    time_s: Floats
+    position: Floats
+    angles: Floats
+    sigma_position: Floats
+    sigma_angles: Floats
+    line: Lines
+    declared_angle_unit: Literal["deg", "gon", "rad"] | None = None
+    extra: Mapping[str, pa.Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlRecords:
+    """Control and check points as read.
+
+    Attributes
+    ----------
+    file : the file they came from.
+    point : names, text (n,).
+    position : (n, 3) x (east), y (north), z; NaN where a coordinate is not known.
+    sigma : (n, 3) metres, NaN where the row gives none.
+    role : text (n,) ``control`` or ``check``, null where the row gives none.
+    line : (n,) 1-based line of each row.
+    extra : further columns of the file, text (n,), verbatim.
+    """
+
+    file: Path
+    point: pa.Array
+    position: Floats
+    sigma: Floats
+    role: pa.Array
+    line: Lines
+    extra: Mapping[str, pa.Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRecord:
+    """A frame camera as a file describes it.
+
+    Attributes
+    ----------
+    columns, rows : size of the image, px.
+    pixel_um : side of a pixel, µm.
+    focal_length_mm : principal distance, mm.
+    principal_point_mm : x, y in the image system (from the format centre), mm.
+    """
+
+    columns: int
+    rows: int
+    pixel_um: float
+    focal_length_mm: float
+    principal_point_mm: tuple[float, float]

@@ -1,0 +1,243 @@
+"""Tables in text files: fast to read, and an error that names the line of the first bad row.
+
+The whole file goes through the compiled parser of pandas with numbers read as numbers. Only when that
+fails is it read a second time as text, to find the row to blame. Carriage returns are replaced by blanks
+(or line feeds) before, so that the lines counted here are the lines an editor shows.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from tasks.errors import InputError
+
+Separator = Literal["comma", "blank"]
+_REGEX = {"comma": ",", "blank": r"\s+"}
+_REMAINDER = "\x00more"
+_DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextTable:
+    """Columns of a text table with the line of every row.
+
+    Attributes
+    ----------
+    file : where it was read from.
+    line : (n,) 1-based line of each row.
+    """
+
+    file: Path
+    line: NDArray[np.int64]
+    _frame: pd.DataFrame
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def has(self, name: str) -> bool:
+        """Whether the table has this column."""
+        return name in self._frame.columns
+
+    def text(self, name: str, *, may_be_empty: bool = False) -> pa.Array:
+        """A column as text (n,), verbatim; empty fields are null.
+
+        Raises
+        ------
+        InputError
+            If a field is empty and may not be.
+        """
+        column = self._frame[name]
+        empty = column.isna().to_numpy()
+        if not may_be_empty and empty.any():
+            raise self._error(int(np.argmax(empty)), f"The column '{name}' is empty here.", "Fill it in.")
+        categories = pa.array(column.cat.categories.astype(str).to_numpy(dtype=object), pa.string())
+        codes = pa.array(column.cat.codes.to_numpy().astype(np.int32), mask=empty)
+        return pa.DictionaryArray.from_arrays(codes, categories).cast(pa.string())
+
+    def numbers(self, names: Sequence[str], *, may_be_empty: bool = False) -> NDArray[np.float64]:
+        """Columns as numbers (n, len(names)); NaN where a field is empty or the column does not exist.
+
+        Raises
+        ------
+        InputError
+            If a field is empty and may not be, or is infinite.
+        """
+        values = np.full((len(self), len(names)), np.nan)
+        for position, name in enumerate(names):
+            if not self.has(name):
+                continue
+            column = self._frame[name].to_numpy(dtype=np.float64)
+            bad = np.isinf(column) if may_be_empty else ~np.isfinite(column)
+            if bad.any():
+                row = int(np.argmax(bad))
+                what = "empty" if np.isnan(column[row]) else "infinite"
+                raise self._error(
+                    row, f"The column '{name}' is {what} here.", "Give a number or delete the line."
+                )
+            values[:, position] = column
+        return values
+
+    def _error(self, row: int, what: str, remedy: str) -> InputError:
+        return InputError(what, remedy, file=self.file, line=int(self.line[row]))
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a text file without its byte-order mark.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or has no content.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"The file cannot be read ({error.strerror}).", "Check the path.", file=path
+        ) from error
+    content = content.removeprefix(b"\xef\xbb\xbf")
+    if not content.strip():
+        raise InputError(
+            "The file is empty.", "Deliver it again, or take it out of the project file.", file=path
+        )
+    return content
+
+
+def read_table_text(
+    content: bytes,
+    file: Path,
+    names: Sequence[str],
+    numeric: Sequence[str],
+    separator: Separator,
+    first_line: int = 1,
+    encoding: str = "utf-8",
+) -> TextTable:
+    """Parse rows of text into columns.
+
+    Parameters
+    ----------
+    content : the rows, without header lines; line ends as in `read_bytes`, CR already replaced.
+    file : for messages.
+    names : the columns in their order in the file.
+    numeric : those that are numbers.
+    separator : ``comma``, or ``blank`` for any run of blanks and tabs.
+    first_line : the line of the file in which `content` starts.
+    encoding : of the text columns.
+
+    Raises
+    ------
+    InputError
+        Naming the line: too many or too few columns, a field that is not a number, an open quotation mark,
+        bytes that are not text in this encoding; or naming the file: no rows.
+    """
+    options = _options(names, separator, encoding)
+    kinds: dict[str, Any] = {name: np.float64 if name in numeric else "category" for name in names}
+    kinds[_REMAINDER] = "category"
+    try:
+        frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
+    except UnicodeDecodeError as error:
+        raise _not_text(content, file, first_line, encoding) from error
+    except pd.errors.ParserError as error:
+        raise _malformed(str(error), file, len(names), first_line) from error
+    except (ValueError, TypeError) as error:
+        raise _not_a_number(content, file, numeric, options, first_line) from error
+    blank = frame.isna().all(axis=1).to_numpy()
+    line = np.arange(len(frame), dtype=np.int64) + first_line
+    if blank.any():
+        frame, line = frame[~blank], line[~blank]
+    if len(frame) == 0:
+        raise InputError(
+            "The file has no rows.", "Deliver it again, or take it out of the project file.", file=file
+        )
+    _refuse_remainder(frame, line, file, len(names))
+    return TextTable(file, line, frame)
+
+
+def _options(names: Sequence[str], separator: Separator, encoding: str) -> Mapping[str, Any]:
+    # One column more than the file should have: surplus fields land there instead of getting lost.
+    return {
+        "sep": _REGEX[separator],
+        "header": None,
+        "names": [*names, _REMAINDER],
+        "index_col": False,
+        "skip_blank_lines": False,
+        "skipinitialspace": True,
+        "keep_default_na": False,
+        "na_values": [""],
+        "encoding": encoding,
+    }
+
+
+def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int) -> None:
+    surplus = frame[_REMAINDER].notna().to_numpy()
+    if surplus.any():
+        raise InputError(
+            f"This line has more than {expected} columns.",
+            "Correct it; numbers need a decimal point, a comma only separates columns.",
+            file=file,
+            line=int(line[np.argmax(surplus)]),
+        )
+
+
+def _malformed(message: str, file: Path, expected: int, first_line: int) -> InputError:
+    quote = re.search(r"EOF inside string starting at row (\d+)", message)
+    if quote:
+        line = int(quote.group(1)) + first_line
+        return InputError("A quotation mark is not closed.", "Close it or delete it.", file=file, line=line)
+    found = re.search(r"in line (\d+)", message)
+    return InputError(
+        f"This line has more than {expected} columns.",
+        "Correct it; numbers need a decimal point, a comma only separates columns.",
+        file=file,
+        line=int(found.group(1)) - 1 + first_line if found else None,
+    )
+
+
+def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> InputError:
+    try:
+        content.decode(encoding)
+        line = None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + first_line
+    return InputError(
+        f"There are characters here that are not {encoding.upper()} text.",
+        "Save the file as UTF-8.",
+        file=file,
+        line=line,
+    )
+
+
+def _not_a_number(
+    content: bytes,
+    file: Path,
+    numeric: Sequence[str],
+    options: Mapping[str, Any],
+    first_line: int,
+) -> InputError:
+    """Read everything as text and name the first field that is not a number."""
+    frame = pd.read_csv(io.BytesIO(content), dtype=str, **options)
+    bad = np.zeros((len(frame), len(numeric)), dtype=bool)
+    for position, name in enumerate(numeric):
+        given = frame[name].notna()
+        # "nan" converts, but is not a number either.
+        bad[:, position] = (given & pd.to_numeric(frame[name], errors="coerce").isna()).to_numpy()
+    row = int(np.argmax(bad.any(axis=1)))
+    name = list(numeric)[int(np.argmax(bad[row]))]
+    value = str(frame[name].iloc[row])
+    remedy = "Correct the field or delete the line."
+    if _DECIMAL_COMMA.match(value):
+        remedy = "Write the number with a decimal point."
+    elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
+        remedy = "Leave the field empty if the value is not known and may be missing, else delete the line."
+    what = f"'{value}' in the column '{name}' is not a number."
+    return InputError(what, remedy, file=file, line=row + first_line)

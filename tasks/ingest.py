@@ -1,0 +1,107 @@
+"""Import: the files of a delivery become tables in the project's coordinate system and in millimetres.
+
+Three stages, one for each kind of input. What is wrong with the input stops here with file, line and remedy;
+what only looks odd becomes a sentence in the notes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tasks.artifact import Artifact
+from tasks.camera_table import write_cameras
+from tasks.control_import import control_columns
+from tasks.crs import MapFrame
+from tasks.errors import InputError
+from tasks.exposure_import import exposure_columns
+from tasks.image_point_import import usable_image_points
+from tasks.notes import Notes, write_notes
+from tasks.schemas import CONTROL_POINTS, EXPOSURES, IMAGE_POINTS
+from tasks.settings.cameras import CameraInput
+from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
+from tasks.settings.project import ProjectSettings
+from tasks.store import stored
+from tasks.tables import read_table, write_table
+
+
+def project_frame(project: ProjectSettings) -> MapFrame:
+    """The coordinate system of the results.
+
+    Raises
+    ------
+    InputError
+        If it is not a map projection in metres or local.
+    """
+    frame = MapFrame.of(project.crs, project.heights)
+    if not (frame.is_local or frame.is_projected):
+        raise InputError(
+            "The CRS of the results is geographic, and results are in metres.",
+            'Give a map projection, e.g. crs = "EPSG:2154", or "local".',
+            entity=project.crs,
+        )
+    return frame
+
+
+@stored("import_exposures")
+def import_exposures(
+    folder: Path,
+    *,
+    sources: tuple[ExposuresInput, ...],
+    cameras: dict[str, CameraInput],
+    project: ProjectSettings,
+) -> None:
+    """Write ``exposures.parquet``, ``cameras.parquet`` and notes.
+
+    Raises
+    ------
+    InputError
+        See `tasks.exposure_import` and `tasks.camera_table`.
+    """
+    frame = project_frame(project)
+    write_cameras(folder / "cameras.parquet", cameras)
+    columns, extra, notes = exposure_columns(sources, tuple(cameras), frame)
+    write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
+    write_notes(folder, notes)
+
+
+@stored("import_image_points")
+def import_image_points(
+    folder: Path,
+    *,
+    sources: tuple[ImagePointsInput, ...],
+    exposures: Artifact,
+    cameras: Artifact,
+    control_points: Artifact | None = None,
+) -> None:
+    """Write ``image_points.parquet`` and notes.
+
+    With `control_points`, a control point seen in one image only is kept: with its coordinates it is an
+    observation of the orientation, which a tie point with a single ray is not.
+
+    Raises
+    ------
+    InputError
+        See `tasks.image_point_import`.
+    """
+    surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
+    columns, extra, notes = usable_image_points(sources, read_table(exposures), read_table(cameras), surveyed)
+    write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
+    write_notes(folder, notes)
+
+
+@stored("import_control")
+def import_control(folder: Path, *, sources: tuple[ControlInput, ...], project: ProjectSettings) -> None:
+    """Write ``control_points.parquet`` (without rows if there are no sources) and notes.
+
+    Raises
+    ------
+    InputError
+        See `tasks.control_import`.
+    """
+    frame = project_frame(project)
+    if sources:
+        columns, extra, notes = control_columns(sources, frame)
+    else:
+        columns, extra, notes = {"point": [], "role": []}, {}, Notes((), {"control": 0, "check": 0})
+    write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame, extra)
+    write_notes(folder, notes)

@@ -1,0 +1,27 @@
+"""The known name that is most like a misspelt one, for error messages."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_SHOWN = 12
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is most like `name`; None if nothing is alike."""
+    by_lower_case = {candidate.lower(): candidate for candidate in reversed(list(known))}
+    found = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=0.6)
+    return by_lower_case[found[0]] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A remedy that names the nearest known name, or some of them when nothing is alike."""
+    names = list(known)
+    if not names:
+        return "There is none to choose from."
+    like = nearest(name, names)
+    if like is not None:
+        return f"Did you mean '{like}'?"
+    shown = ", ".join(f"'{candidate}'" for candidate in names[:_SHOWN])
+    return f"Known are: {shown}{', …' if len(names) > _SHOWN else ''}."

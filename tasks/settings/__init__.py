@@ -1,0 +1,1 @@
+"""The project file: every key with its unit, default and meaning."""

@@ -1,0 +1,89 @@
+"""Settings of the adjustment: what is free, how gross errors are rejected, how precision is stated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from tasks.settings.base import Settings, trouble
+from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple
+
+FreeParameter: TypeAlias = Literal["boresight", "lever_arm", "gnss_shift", "focal_length", "principal_point"]
+
+
+class Rejection(Settings):
+    """Rejection of gross errors."""
+
+    critical_value: Annotated[float, Field(gt=1.0, allow_inf_nan=False)] | None = Field(
+        default=4.13,
+        description="Observations whose standardized residual exceeds it are rejected. Written as "
+        '`rejection = { critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: one false alarm '
+        "in 20 "
+        "blocks of 1,500 observations; 3.29 means one in 1,000 observations. Too small a value makes the "
+        "results look better than they are.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_text(cls, value: object) -> object:
+        if value == "none":
+            return {"critical_value": None}
+        if isinstance(value, dict | Rejection):
+            return value
+        raise trouble("The rejection is not understood.", 'Write "none" or { critical_value = 4.13 }.')
+
+
+class Priors(Settings):
+    """Standard deviations of directly observed parameters; a parameter without one is free of it."""
+
+    boresight_deg: PositiveTriple | None = Field(
+        default=None,
+        description="Boresight roll, pitch, yaw about its initial value, degrees; one number or three.",
+    )
+    lever_arm_m: PositiveTriple | None = Field(
+        default=None, description="Lever arm about its initial value (body axes), m; one number or three."
+    )
+    gnss_shift_m: PositiveTriple | None = Field(
+        default=None, description="GNSS shift of a flight about zero, m; one number or three."
+    )
+    focal_length_mm: Positive | None = Field(
+        default=None, description="Focal length about the camera's value, mm."
+    )
+    principal_point_mm: PositivePair | None = Field(
+        default=None, description="Principal point x, y about the camera's value, mm; one number or two."
+    )
+
+
+class AdjustmentSettings(Settings):
+    """The bundle adjustment."""
+
+    free: tuple[FreeParameter, ...] = Field(
+        default=(),
+        description='System parameters to estimate, e.g. `["boresight", "lever_arm"]`; everything else '
+        "stays at its "
+        "given value.",
+    )
+    rejection: Rejection = Field(default_factory=Rejection, description="Rejection of gross errors.")
+    sigma0: Literal["a_posteriori", "a_priori"] = Field(
+        default="a_posteriori",
+        description="The σ0 that scales the standard deviations: `a_posteriori` (from the residuals) or "
+        "`a_priori` (1: "
+        "the stated σ of the observations are trusted).",
+    )
+    max_iterations: Annotated[int, Field(ge=1)] = Field(
+        default=20,
+        description="Iterations after which the adjustment counts as divergent; good starts need 2 to 5.",
+    )
+    confidence: Annotated[float, Field(gt=0.5, lt=1.0)] = Field(
+        default=0.95, description="Confidence level of tests and of statements about significance."
+    )
+    priors: Priors = Field(
+        default_factory=Priors, description="Standard deviations of the initial values of free parameters."
+    )
+
+    @model_validator(mode="after")
+    def _free_only_once(self) -> AdjustmentSettings:
+        if len(set(self.free)) != len(self.free):
+            raise trouble("A parameter is named twice in `free`.", "Name each of them once.")
+        return self

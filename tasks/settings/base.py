@@ -1,0 +1,174 @@
+"""The base of all settings, and paths to input files inside them.
+
+A settings model says two things to the stage store: its values, and which bytes stand behind the
+paths in it. Hence :meth:`Settings.key_content`: a path is replaced by the digest of the file it points
+to. Moving a delivery to another folder changes nothing, changing one byte of it does.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+from tasks.artifact import digest_of_file
+from tasks.errors import InputError
+from tasks.json_text import JSON
+from tasks.nearest_name import did_you_mean
+
+_VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
+
+#: The variable of the public test data; ``--data DIR`` stands in for it when it is not set.
+DATA_VARIABLE = "AEROCAL_TEST_DATA"
+
+
+class Settings(BaseModel):
+    """Base of every table of the project file: immutable, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    #: Fields that no stage reads (names for people) and that therefore must not cause recomputing.
+    outside_key: ClassVar[frozenset[str]] = frozenset()
+
+    def key_content(self) -> JSON:
+        """Content that identifies these settings, with file digests in the place of paths.
+
+        Raises
+        ------
+        InputError
+            If a file that a path points to does not exist.
+        """
+        names = (name for name in type(self).model_fields if name not in self.outside_key)
+        return {name: _key_content(getattr(self, name)) for name in names}
+
+    def input_files(self) -> tuple[Path, ...]:
+        """Every input file these settings point to, in the order of the fields."""
+        return tuple(_paths_in([getattr(self, name) for name in type(self).model_fields]))
+
+
+def _key_content(value: object) -> JSON:
+    if isinstance(value, Settings):
+        return value.key_content()
+    if isinstance(value, Path):
+        return {"sha256": digest_of_file(existing(value))}
+    if isinstance(value, Mapping):
+        return {str(key): _key_content(item) for key, item in sorted(value.items())}
+    if isinstance(value, list | tuple):
+        return [_key_content(item) for item in value]
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    raise TypeError(f"{type(value).__name__} cannot stand in settings: it has no content for a key")
+
+
+def _paths_in(values: Iterable[object]) -> Iterator[Path]:
+    for value in values:
+        if isinstance(value, Settings):
+            yield from value.input_files()
+        elif isinstance(value, Path):
+            yield value
+        elif isinstance(value, Mapping):
+            yield from _paths_in(value.values())
+        elif isinstance(value, list | tuple):
+            yield from _paths_in(value)
+
+
+def existing(path: Path) -> Path:
+    """The path itself, if there is a file.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if not path.is_file():
+        raise InputError("This input file does not exist.", "Check the path in the project file.", file=path)
+    return path
+
+
+@dataclass(frozen=True)
+class PathContext:
+    """How paths in a project file are read.
+
+    Attributes
+    ----------
+    folder : the project file's folder; relative paths start here.
+    data : a second folder in which relative paths are looked up (``--data``).
+    environment : the variables ``${NAME}`` may use.
+    roots : folders every resolved path must lie under (runs of a deployment); empty: anywhere.
+    """
+
+    folder: Path
+    data: Path | None = None
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
+    roots: tuple[Path, ...] = ()
+
+    def resolve(self, text: str) -> Path:
+        """The absolute path of an existing input file.
+
+        Raises
+        ------
+        PydanticCustomError
+            Naming the variable that is not set, the file that does not exist or the root it is not under.
+        """
+        path = Path(_VARIABLE.sub(self._value_of, text)).expanduser()
+        candidates = [self.folder / path]
+        if self.data is not None:
+            candidates.append(self.data / path)
+        found = next((candidate for candidate in candidates if candidate.is_file()), None)
+        if found is None:
+            places = " nor ".join(str(candidate) for candidate in candidates)
+            raise trouble(f"There is no file {places}.", "Correct the path, or put the file there.")
+        resolved = found.resolve()
+        if self.roots and not any(resolved.is_relative_to(root.resolve()) for root in self.roots):
+            raise trouble(
+                f"The file {resolved} does not lie under a folder this deployment may read.",
+                "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
+            )
+        return resolved
+
+    def _value_of(self, match: re.Match[str]) -> str:
+        name = match.group(1)
+        value = self.environment.get(name)
+        if value is None and name == DATA_VARIABLE and self.data is not None:
+            return str(self.data.resolve())
+        if value is None:
+            raise trouble(
+                f"The environment variable {name} is not set.", f"Set it, e.g. `export {name}=/path/to/data`."
+            )
+        return value
+
+
+def trouble(what: str, remedy: str) -> PydanticCustomError:
+    """A validation error that carries what is wrong and what to do (see ``settings.load``)."""
+    return PydanticCustomError("aerocal", "{what} {remedy}", {"what": what, "remedy": remedy})
+
+
+def one_of(known: Callable[[], Iterable[str]], kind: str) -> Callable[[str], str]:
+    """A check that a text is one of the names a register knows; `kind` is what the names stand for."""
+
+    def check(name: str) -> str:
+        names = list(known())
+        if name not in names:
+            raise trouble(f"There is no {kind} '{name}'.", did_you_mean(name, names))
+        return name
+
+    return check
+
+
+def _resolve(value: object, info: ValidationInfo) -> Path:
+    if isinstance(value, Path):
+        return value
+    if not isinstance(value, str) or not value.strip():
+        raise trouble("A path is expected here, in quotes.", "Give the path of a file.")
+    context = info.context if isinstance(info.context, PathContext) else PathContext(Path.cwd())
+    return context.resolve(value)
+
+
+#: The path of an input file: relative to the project file, with ``${NAME}`` from the environment.
+InputPath: TypeAlias = Annotated[Path, BeforeValidator(_resolve)]

@@ -1,0 +1,65 @@
+"""Settings of a camera: its image, its interior orientation as certified, and how it is mounted."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tasks.formats.register import camera_formats
+from tasks.settings.base import InputPath, Settings, one_of, trouble
+from tasks.settings.coordinates import Finite, Positive, Triple
+
+_INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm")
+
+
+class CameraInput(Settings):
+    """A frame camera, from a file or written out here; the table's name is the camera's name."""
+
+    file: InputPath | None = Field(default=None, description="Camera file; instead of the values below.")
+    format: Annotated[str, AfterValidator(one_of(camera_formats, "format of cameras"))] | None = Field(
+        default=None, description="Format of `file`: `ign-xml`."
+    )
+    columns: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Width of the image, px.")
+    rows: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Height of the image, px.")
+    pixel_um: Positive | None = Field(default=None, description="Side of a (square) pixel, µm.")
+    focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
+    principal_point_mm: tuple[Finite, Finite] | None = Field(
+        default=None, description="Principal point x, y in the image system (from the format centre), mm."
+    )
+    pixel_origin: Literal["corner", "centre"] = Field(
+        description="Which point of the top-left pixel has the pixel coordinates (0, 0). Half a pixel: "
+        "as much as "
+        "a principal point may change in a calibration."
+    )
+    mount_deg: Literal[0, 90, 180, 270] = Field(
+        description="κ_mount: the nominal turn of the camera in the aircraft, T = diag(1, −1, −1) "
+        "R_z(κ_mount); "
+        "0: image x (columns) points forward, 90: forward is −y (down the rows)."
+    )
+    lever_arm_m: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Known lever arm from the projection centre to the point the positions are of, body axes "
+        "(forward, right, down), m: the initial value if it is free, else fixed.",
+    )
+    boresight_deg: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial "
+        "value if it "
+        "is free, else fixed.",
+    )
+
+    @model_validator(mode="after")
+    def _file_or_values(self) -> CameraInput:
+        given = [name for name in _INLINE if getattr(self, name) is not None]
+        missing = [name for name in _INLINE if getattr(self, name) is None]
+        if self.file is not None and given:
+            raise trouble(
+                f"The camera has a file and also {', '.join(given)}.",
+                "Keep one of the two, so that they cannot differ.",
+            )
+        if self.file is not None and self.format is None:
+            raise trouble("The format of the camera file is missing.", 'Add format = "ign-xml".')
+        if self.file is None and missing:
+            raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them, or give a camera `file`.")
+        return self

@@ -1,0 +1,97 @@
+"""Settings that say what coordinates and angles of an input mean.
+
+None of these has a default: a wrong guess here is metres in the result, and nothing else would tell.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from tasks.settings.base import InputPath, Settings, trouble
+
+#: The name of a project or input whose coordinates are metric Cartesian without any earth.
+LOCAL = "local"
+
+
+class LinearAlteration(Settings):
+    """IGN's "linear alteration" of altitudes: the height above ground is scaled like the map.
+
+    Altitude in the file = Zg + k (H − Zg) with the point scale k of the projection, the ground height Zg
+    and the true altitude H.
+    """
+
+    ground_m: float = Field(description="Ground height Zg in the height system of the input, m.")
+
+
+class Heights(Settings):
+    """Height system: ellipsoidal, or altitudes above a geoid given as a grid."""
+
+    geoid: InputPath | None = Field(
+        default=None,
+        description="GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as PROJ "
+        'publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = "ellipsoidal"` otherwise. '
+        "A grid is always named: no undulation is ever taken as zero.",
+    )
+    linear_alteration: LinearAlteration | None = Field(
+        default=None,
+        description="Undo IGN's linear alteration of the flying height (exposures in Lambert-93): "
+        "`linear_alteration = { ground_m = 205.0 }`. 100 m of error in `ground_m` are about 7 cm.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_text(cls, value: object) -> object:
+        if value == "ellipsoidal":
+            return {}
+        if isinstance(value, Heights) or (isinstance(value, dict) and set(value) - {"linear_alteration"}):
+            return value
+        raise trouble(
+            "The height system is not understood.", 'Write "ellipsoidal" or { geoid = "FILE.tif" }.'
+        )
+
+
+class Angles(Settings):
+    """Which angles an exposure input holds."""
+
+    order: Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"] = Field(
+        description="`omega-phi-kappa`: R = R_x(ω) R_y(φ) R_z(κ); `phi-omega-kappa`: R = R_y(φ) R_x(ω) "
+        "R_z(κ), "
+        "both ground from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705)."
+    )
+    unit: Literal["deg", "gon", "rad"] = Field(
+        description="Unit of the angles and of their sigmas in the file."
+    )
+    reference: Literal["grid", "true-north", "local"] = Field(
+        description="What the angles are counted from. `grid`: the axes of the input's map projection (the "
+        "meridian convergence is applied exactly); `true-north` and `local`: east, north, up at each "
+        "exposure. "
+        'With crs = "local" it is the axes of the project itself.'
+    )
+
+
+#: Heights above the ellipsoid.
+ELLIPSOIDAL = Heights(geoid=None)
+
+
+def one_or_three(value: object) -> object:
+    """One number stands for three equal ones."""
+    return (value, value, value) if isinstance(value, int | float) else value
+
+
+def one_or_two(value: object) -> object:
+    """One number stands for two equal ones."""
+    return (value, value) if isinstance(value, int | float) else value
+
+
+def one_table_or_several(value: object) -> object:
+    """A single table stands for an array with one table."""
+    return (value,) if isinstance(value, dict | Settings) else value
+
+
+Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+PositiveTriple: TypeAlias = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(one_or_three)]
+PositivePair: TypeAlias = Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)]
+Triple: TypeAlias = tuple[Finite, Finite, Finite]

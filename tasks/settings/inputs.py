@@ -1,0 +1,121 @@
+"""Settings of the files a project reads: image points, exposures, control points."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from tasks.formats.register import control_formats, exposure_formats, image_point_formats
+from tasks.settings.base import InputPath, Settings, one_of
+from tasks.settings.coordinates import (
+    Angles,
+    Heights,
+    PositivePair,
+    PositiveTriple,
+    one_table_or_several,
+)
+
+#: Default standard deviation of an image point, in pixels: automatic tie points reach 1/4 to 1/3 px.
+IMAGE_POINT_SIGMA_PX = 0.3
+
+
+class ImagePointsInput(Settings):
+    """One file of image points: tie points, or measurements of control points."""
+
+    file: InputPath = Field(description="The file.")
+    format: Annotated[str, AfterValidator(one_of(image_point_formats, "format of image points"))] = Field(
+        description="`csv` (image, point, x, y [, sx, sy]) or `ign-mes` (point image column row)."
+    )
+    unit: Literal["px", "mm", "um"] = Field(
+        description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
+        "(origin at "
+        "the format centre, x along columns, y against rows). Not guessed, because a wrong unit can look "
+        "right."
+    )
+    sigma: PositivePair | None = Field(
+        default=None,
+        description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: "
+        "automatic tie "
+        "points reach 1/4 to 1/3 px, manual measurements 0.3 to 0.5 px. A row's sx, sy beat it.",
+    )
+
+
+class ExposureSigma(Settings):
+    """Standard deviations of exposures that give none in their rows."""
+
+    position_m: PositiveTriple = Field(
+        default=(0.05, 0.05, 0.05),
+        description="Position along east, north, up, m; one number or three. Default 0.05 m: "
+        "differential GNSS "
+        "reaches 2 to 10 cm.",
+    )
+    attitude_deg: PositiveTriple = Field(
+        default=(0.003, 0.003, 0.008),
+        description="Angles, degrees; one number or three in the order ω, φ, κ or roll, pitch, heading. "
+        "Default "
+        "0.003, 0.003, 0.008: a good inertial system after smoothing.",
+    )
+
+
+class ExposuresInput(Settings):
+    """One file of exposures: GNSS/INS results or given orientations."""
+
+    file: InputPath = Field(description="The file.")
+    format: Annotated[str, AfterValidator(one_of(exposure_formats, "format of exposures"))] = Field(
+        description="`csv` (image, camera, strip, x, y, z and three angles) or `ign-opk` "
+        "(name X Y Z ω φ κ camera; strip and flight are taken from names like …x00015_00614)."
+    )
+    crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
+    heights: Heights = Field(description="Height system of z.")
+    position: Literal["projection_centre", "antenna", "imu"] = Field(
+        description="What the position is of. It decides which lever arm the observation has: a delivery "
+        "reduced "
+        "to the projection centre has only a residual one."
+    )
+    angles: Angles = Field(description="What the three angles are.")
+    sigma: ExposureSigma = Field(
+        default_factory=ExposureSigma, description="Standard deviations; those of a row beat them."
+    )
+
+
+class ControlInput(Settings):
+    """One file of control and check points."""
+
+    file: InputPath = Field(description="The file.")
+    format: Annotated[str, AfterValidator(one_of(control_formats, "format of control points"))] = Field(
+        description="`csv` (point, x, y, z [, sx, sy, sz, role]) or `ign-app` (name code x y z)."
+    )
+    crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
+    heights: Heights = Field(description="Height system of z; often another one than that of the exposures.")
+    sigma_m: PositiveTriple = Field(
+        default=(0.05, 0.05, 0.05),
+        description="Standard deviation along east, north, up, m; one number or three. Default 0.05 m, "
+        "surveyed by "
+        "differential GNSS (a network solution reaches 0.02 m). A row's sx, sy, sz beat it.",
+    )
+    role: Literal["control", "check"] = Field(
+        default="control",
+        description="Role of the points whose row gives none: a `check` point's coordinates never enter "
+        "an adjustment.",
+    )
+    check_points: tuple[str, ...] = Field(
+        default=(),
+        description="Names of the points of this file that are check points, whatever their row says.",
+    )
+
+
+_AsTuple = BeforeValidator(one_table_or_several)
+ImagePointsInputs: TypeAlias = Annotated[tuple[ImagePointsInput, ...], Field(min_length=1), _AsTuple]
+ExposuresInputs: TypeAlias = Annotated[tuple[ExposuresInput, ...], Field(min_length=1), _AsTuple]
+ControlInputs: TypeAlias = Annotated[tuple[ControlInput, ...], _AsTuple]
+
+
+class Inputs(Settings):
+    """The files a project reads; each kind is one table or an array of tables."""
+
+    image_points: ImagePointsInputs = Field(description="Files of image points.")
+    exposures: ExposuresInputs = Field(description="Files of exposures.")
+    control: ControlInputs = Field(
+        default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."
+    )

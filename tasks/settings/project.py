@@ -1,0 +1,45 @@
+"""The project file as a whole."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.base import Settings
+from tasks.settings.cameras import CameraInput
+from tasks.settings.coordinates import Heights
+from tasks.settings.inputs import Inputs
+from tasks.settings.quality import ChecksSettings, Gates
+
+
+class ProjectSettings(Settings):
+    """Name of the project and the coordinate system of its results."""
+
+    outside_key: ClassVar[frozenset[str]] = frozenset({"name"})
+
+    name: str = Field(min_length=1, description="Name of the project, for people.")
+    crs: str = Field(
+        description='CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric '
+        "Cartesian)."
+    )
+    heights: Heights = Field(description="Height system of the results.")
+
+
+class Project(Settings):
+    """A project file."""
+
+    version: Literal[1] = Field(description="Version of the project file, 1.")
+    project: ProjectSettings = Field(description="Name and coordinate system of the results.")
+    cameras: dict[str, CameraInput] = Field(
+        min_length=1, description="One table for each camera; its name is the one the exposures use."
+    )
+    inputs: Inputs = Field(description="The files.")
+    adjustment: AdjustmentSettings = Field(
+        default_factory=AdjustmentSettings, description="The bundle adjustment."
+    )
+    checks: ChecksSettings = Field(
+        default_factory=ChecksSettings, description="When something looks wrong before the adjustment."
+    )
+    gates: Gates = Field(default_factory=Gates, description="What the result must keep.")

@@ -1,0 +1,61 @@
+"""Settings of quality: suspicions raised before the adjustment, and gates after it."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from tasks.settings.base import Settings, trouble
+from tasks.settings.coordinates import Positive, PositiveTriple
+
+
+class ChecksSettings(Settings):
+    """When something looks wrong before the adjustment."""
+
+    min_intersection_angle_deg: Positive = Field(
+        default=1.0,
+        description="Object points whose rays meet under a smaller angle are not used: their distance is not "
+        "determined, degrees.",
+    )
+    tie_residual_px: Positive = Field(
+        default=50.0,
+        description="Median residual of tie points with the given orientations above which the "
+        "orientations, their "
+        "angle convention or the mounting are called wrong, px.",
+    )
+    control_distance_m: Positive = Field(
+        default=50.0,
+        description="Distance between a control point and its intersection from the given orientations "
+        "above which "
+        "the point is called wrong, m.",
+    )
+
+
+class Gate(Settings):
+    """Limits of one figure; a limit that is not given is not tested."""
+
+    min: float | None = Field(default=None, description="Smallest value that passes.")
+    max: Positive | None = Field(default=None, description="Largest value that passes.")
+
+
+class AxisGate(Settings):
+    """Limit of a figure with three components x, y, z, in metres."""
+
+    max: PositiveTriple = Field(description="Largest values that pass, m; one number or three.")
+
+
+class Gates(Settings):
+    """What a result must keep; a missing gate is not tested, a failed one ends with exit code 4."""
+
+    sigma0: Gate | None = Field(
+        default=None,
+        description="σ0 a posteriori / a priori, e.g. `{ max = 1.2 }`; small values are suspicious too.",
+    )
+    rmse_control_m: AxisGate | None = Field(default=None, description="RMS of the control residuals.")
+    rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
+    max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Gates:
+        if self.sigma0 is not None and self.sigma0.min is None and self.sigma0.max is None:
+            raise trouble("The gate has no limit.", "Give `max`, `min` or both.")
+        return self

@@ -1,0 +1,94 @@
+"""Rows from several files with the place each came from, and the checks that need the places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tasks.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """File and line of every row of one or several files.
+
+    Attributes
+    ----------
+    files : the files.
+    file : (n,) number of the file of each row.
+    line : (n,) 1-based line in it.
+    """
+
+    files: tuple[Path, ...]
+    file: NDArray[np.int32]
+    line: NDArray[np.int64]
+
+    @classmethod
+    def of_files(cls, files: Sequence[Path], lines: Sequence[NDArray[np.int64]]) -> Places:
+        """The places of rows that are read file after file."""
+        numbers = [np.full(len(line), number, dtype=np.int32) for number, line in enumerate(lines)]
+        return cls(
+            tuple(files),
+            np.concatenate([np.zeros(0, np.int32), *numbers]),
+            np.concatenate([np.zeros(0, np.int64), *lines]),
+        )
+
+    def error(self, row: int, what: str, remedy: str, entity: str | None = None) -> InputError:
+        """An error at the place of a row."""
+        return InputError(
+            what, remedy, file=self.files[int(self.file[row])], line=int(self.line[row]), entity=entity
+        )
+
+    def refuse_duplicates(self, codes: NDArray[np.int64], kind: str, names: Sequence[Sequence[str]]) -> None:
+        """Raise if two rows have the same code.
+
+        Parameters
+        ----------
+        codes : (n,) number that identifies the entity of each row.
+        kind : what a row is, for the message.
+        names : for each part of the name, the names (n,) or anything indexable by row.
+
+        Raises
+        ------
+        InputError
+            Naming the lines of the first two rows that are the same.
+        """
+        again = pd.Series(codes).duplicated().to_numpy()
+        if not again.any():
+            return
+        second = int(np.argmax(again))
+        first = int(np.argmax(codes == codes[second]))
+        entity = " in ".join(f"'{part[second]}'" for part in names)
+        place = f"line {self.line[first]}"
+        if self.file[first] != self.file[second]:
+            place += f" of {self.files[int(self.file[first])]}"
+        more = int(again.sum()) - 1
+        count = f" ({more} more like it)" if more else ""
+        raise self.error(
+            second, f"This {kind} was already given in {place}{count}.", "Delete one of the two rows.", entity
+        )
+
+
+def refuse_sigmas(places: Places, sigma: NDArray[np.float64], row_names: Sequence[str]) -> None:
+    """Raise if a given standard deviation (n, k) is zero or negative; NaN is not given.
+
+    Raises
+    ------
+    InputError
+        Naming the row.
+    """
+    bad = np.asarray(sigma <= 0.0).any(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        value = float(np.nanmin(sigma[row]))
+        raise places.error(
+            row,
+            f"The standard deviation {value:g} cannot be.",
+            "Give a positive one, or leave the field empty: the input's then holds.",
+            str(row_names[row]),
+        )
