@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from flows.stage import stage
 from tasks import approximate, ingest
-from tasks.artifact import Artifact
 from tasks.settings.project import Project
 from tasks.store import Outputs, Store
 
@@ -26,20 +25,8 @@ class PreparedBlock:
     approximate: Outputs
 
     @property
-    def observations(self) -> dict[str, Artifact]:
-        """The tables of the block, by the names the adjustment knows them by."""
-        return {
-            "exposures": self.exposures["exposures"],
-            "cameras": self.exposures["cameras"],
-            "images": self.approximate["images"],
-            "image_points": self.image_points["image_points"],
-            "control_points": self.control["control_points"],
-            "approximate_points": self.approximate["approximate_points"],
-        }
-
-    @property
     def stages(self) -> tuple[Outputs, ...]:
-        """The outputs as publishing wants them."""
+        """All outputs, for publishing and for their notes."""
         return (self.exposures, self.image_points, self.control, self.approximate)
 
 
@@ -48,13 +35,14 @@ def prepare_block(project: Project, store: Store) -> PreparedBlock:
     read = import_exposures(
         store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
     )
+    control = import_control(store, sources=project.inputs.control, project=project.project)
     points = import_image_points(
         store,
         sources=project.inputs.image_points,
         exposures=read["exposures"],
         cameras=read["cameras"],
+        control_points=control["control_points"],
     )
-    control = import_control(store, sources=project.inputs.control, project=project.project)
     approximate = approximate_block(
         store,
         exposures=read["exposures"],

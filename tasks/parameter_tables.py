@@ -1,0 +1,116 @@
+"""System parameters and their correlations as tables, with what can be said about each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from adjust.arrays import Floats
+from adjust.observations.direct import DirectObservations
+from adjust.parameters import FAMILIES, GNSS_SHIFT, INTERIOR_ORIENTATION
+from adjust.result import AdjustmentResult
+from tasks import schemas
+from tasks.result_tables import AdjustedBlock
+from tasks.tables import write_table
+
+# A parameter whose standard deviation is still this part of its prior has learnt nothing from the block.
+_PRIOR_ONLY = 0.975
+
+
+def parameter_table(adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
+    """All parameters of the cameras in use, and those of the flights if they are free.
+
+    ``t`` is the change over its standard deviation, tested two-sided at ``confidence``.
+    """
+    result, layout = adjusted.result, adjusted.result.layout
+    limit = float(stats.t.ppf(0.5 + 0.5 * confidence, max(result.test.redundancy, 1)))
+    cofactor = np.diagonal(result.cofactor.reduced.corner)
+    priors = _prior_sigmas(result)
+    rows = []
+    for parameters in adjusted.block.system:
+        family = parameters.family
+        if family.name == GNSS_SHIFT and not parameters.free.any():
+            continue
+        unit, factor = reported_unit(family.name)
+        columns = layout.columns[family.name]
+        adjusted_values = result.state.system[family.name]
+        for (entity, component), column in np.ndenumerate(columns):
+            given = float(parameters.values[entity, component])
+            value = float(adjusted_values[entity, component])
+            row: dict[str, object] = {
+                "parameter": family.components[component],
+                "entity": parameters.entities[entity],
+                "value": value * factor,
+                "change": (value - given) * factor,
+                "unit": unit,
+                "sigma": np.nan,
+                "sigma_prior": np.nan,
+                "t": np.nan,
+                "status": "fixed",
+            }
+            if column >= 0:
+                sigma = adjusted.sigma0 * float(np.sqrt(cofactor[column]))
+                prior = priors.get((family.name, entity, component), np.nan)
+                t = (value - given) / sigma
+                row |= {"sigma": sigma * factor, "sigma_prior": prior * factor, "t": t}
+                row["status"] = _status(sigma, prior * adjusted.sigma0, t, limit)
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _status(sigma: float, prior: float, t: float, limit: float) -> str:
+    if np.isfinite(prior) and sigma > _PRIOR_ONLY * prior:
+        return "prior_only"
+    return "significant" if abs(t) > limit else "not_significant"
+
+
+def _prior_sigmas(result: AdjustmentResult) -> dict[tuple[str, int, int], float]:
+    """A-priori standard deviations of directly observed parameters, SI and radians."""
+    priors = {}
+    for group in result.groups:
+        if isinstance(group.group, DirectObservations):
+            for row, entity in enumerate(group.group.entity):
+                for component, sigma in enumerate(group.sigma[row]):
+                    priors[group.group.family, int(entity), component] = float(sigma)
+    return priors
+
+
+def reported_unit(family: str) -> tuple[str, float]:
+    """Unit of a family in the tables and the factor from SI and radians."""
+    if family == INTERIOR_ORIENTATION:
+        return "mm", 1e3
+    return ("deg", float(np.rad2deg(1.0))) if FAMILIES[family].unit == "rad" else ("m", 1.0)
+
+
+def correlation_matrix(result: AdjustmentResult) -> Floats:
+    """Correlations (g, g) of the free system parameters."""
+    corner = result.cofactor.reduced.corner
+    scale = 1.0 / np.sqrt(np.diagonal(corner))
+    return np.asarray(corner * scale[:, None] * scale[None, :])
+
+
+def write_parameters(folder: Path, adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
+    """parameters.parquet and correlations.parquet; returns the parameters."""
+    table = parameter_table(adjusted, confidence)
+    write_table(
+        folder / "parameters.parquet",
+        schemas.PARAMETERS,
+        {name: table[name].to_numpy() for name in table.columns},
+    )
+    names = adjusted.result.layout.border_names()
+    first, second = np.triu_indices(len(names), 1)
+    write_table(
+        folder / "correlations.parquet",
+        schemas.CORRELATIONS,
+        {
+            "parameter_a": [names[i][0] for i in first],
+            "entity_a": [names[i][1] for i in first],
+            "parameter_b": [names[i][0] for i in second],
+            "entity_b": [names[i][1] for i in second],
+            "correlation": correlation_matrix(adjusted.result)[first, second],
+        },
+    )
+    return table
