@@ -1,0 +1,58 @@
+"""Errors a user can mend, and suspicions a user should see.
+
+An :class:`InputError` ends a run with exit code 2 and one message: file, line, entity, what is
+wrong, what to do. A :class:`Problem` does not end the run; it is shown first in every report.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class AerocalError(Exception):
+    """Base of the errors that are reported in one sentence and without a traceback."""
+
+
+@dataclass
+class InputError(AerocalError):
+    """The input is wrong.
+
+    Attributes
+    ----------
+    what : what is wrong, a sentence.
+    remedy : what to do about it, a sentence.
+    file : the file it stands in, None if it is not about one file.
+    line : 1-based line of that file.
+    entity : the image, point, camera or key concerned.
+    """
+
+    what: str
+    remedy: str
+    file: Path | None = None
+    line: int | None = None
+    entity: str | None = None
+
+    def __str__(self) -> str:
+        place = ""
+        if self.file is not None:
+            place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
+        entity = f"{self.entity}: " if self.entity else ""
+        return f"{place}{entity}{self.what} {self.remedy}"
+
+
+@dataclass
+class NotComputableError(AerocalError):
+    """The adjustment cannot be computed (datum defect, divergence); exit code 3."""
+
+    what: str
+
+    def __str__(self) -> str:
+        return self.what
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A finding that does not stop the run: a plain sentence that names what and what it means."""
+
+    sentence: str
