@@ -58,7 +58,8 @@ def control_columns(
     columns |= dict(zip(("x_m", "y_m", "z_m"), np.concatenate([e.position for e in inputs]).T, strict=True))
     names = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
     columns |= dict(zip(names, np.concatenate([e.sigma for e in inputs]).T, strict=True))
-    notes = Notes((), {name: role.count(name) for name in _ROLES})
+    remarks = tuple(remark for r in records for remark in r.remarks)
+    notes = Notes(remarks, {"counts": {name: role.count(name) for name in _ROLES}})
     return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
 
 

@@ -74,7 +74,8 @@ def exposure_columns(
         ("sigma_heading_deg sigma_pitch_deg sigma_roll_deg", [a.sigma_heading_pitch_roll for a in angles]),
     ):
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
-    notes = Notes(tuple(problem for entry in inputs for problem in entry.problems), {"exposures": len(image)})
+    problems = tuple(problem for entry in inputs for problem in entry.problems)
+    notes = Notes(problems, {"counts": {"exposures": len(image)}})
     return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
 
 

@@ -151,11 +151,11 @@ def _notes(
             f"{without:,} of {len(exposures):,} exposures have no image points and take no part in "
             "the adjustment."
         )
-    figures = {
+    counts = {
         "image_points_read": len(exposure),
         "image_points": kept,
-        "points": len(single) - dropped,
+        "object_points": len(single) - dropped,
         "single_ray_points": dropped,
         "exposures_without_image_points": without,
     }
-    return Notes(tuple(problems), figures)
+    return Notes(tuple(problems), {"counts": counts})

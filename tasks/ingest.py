@@ -102,6 +102,7 @@ def import_control(folder: Path, *, sources: tuple[ControlInput, ...], project: 
     if sources:
         columns, extra, notes = control_columns(sources, frame)
     else:
-        columns, extra, notes = {"point": [], "role": []}, {}, Notes((), {"control": 0, "check": 0})
+        notes = Notes((), {"counts": {"control": 0, "check": 0}})
+        columns, extra = {"point": [], "role": []}, {}
     write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame, extra)
     write_notes(folder, notes)

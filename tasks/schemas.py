@@ -259,7 +259,7 @@ RESIDUALS = TableSchema(
         _text("image", "image, null where it does not apply", nullable=True),
         _text("point", "point, null where it does not apply", nullable=True),
         _text("component", "component of the observation: x, y, z or roll, pitch, yaw, or a parameter"),
-        _number("residual", "see unit", "adjusted minus observed"),
+        _number("residual", "see unit", "adjusted minus observed; null if it never entered", nullable=True),
         _number("sigma", "see unit", "a-priori standard deviation of the observation"),
         _text("unit", "unit of residual, sigma and mdb: um, m or deg"),
         _number("redundancy", "", "redundancy number, 0 to 1", nullable=True),

@@ -87,6 +87,7 @@ class ControlRecords:
     position : (n, 3) x (east), y (north), z; NaN where a coordinate is not known.
     sigma : (n, 3) metres, NaN where the row gives none.
     role : text (n,) ``control`` or ``check``, null where the row gives none.
+    remarks : sentences for the user about what the reader had to interpret.
     line : (n,) 1-based line of each row.
     extra : further columns of the file, text (n,), verbatim.
     """
@@ -98,6 +99,7 @@ class ControlRecords:
     role: pa.Array
     line: Lines
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

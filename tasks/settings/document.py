@@ -1,0 +1,156 @@
+"""Write docs/project-file.md from the settings themselves: ``python -m tasks.settings.document``.
+
+The page cannot be out of date: a test compares the committed file with what this module writes.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union
+
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
+from tasks.settings.base import Settings
+from tasks.settings.cameras import CameraInput
+from tasks.settings.coordinates import Angles, Heights, LinearAlteration
+from tasks.settings.inputs import ControlInput, ExposureSigma, ExposuresInput, ImagePointsInput, Inputs
+from tasks.settings.project import Project, ProjectSettings
+from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
+
+_TABLES: tuple[tuple[str, type[Settings], str], ...] = (
+    ("project file", Project, "The top level."),
+    ("[project]", ProjectSettings, ""),
+    (
+        "heights",
+        Heights,
+        'A height system, wherever `heights` stands: `"ellipsoidal"`, or a table with these keys.',
+    ),
+    ("heights.linear_alteration", LinearAlteration, ""),
+    ("[cameras.NAME]", CameraInput, "Either `file` and `format`, or the five values of the image."),
+    ("[inputs]", Inputs, "`[inputs.KIND]` for one file, `[[inputs.KIND]]` for each of several."),
+    ("[inputs.image_points]", ImagePointsInput, ""),
+    ("[inputs.exposures]", ExposuresInput, ""),
+    ("inputs.exposures.angles", Angles, ""),
+    ("inputs.exposures.sigma", ExposureSigma, ""),
+    ("[inputs.control]", ControlInput, ""),
+    ("[adjustment]", AdjustmentSettings, ""),
+    ("adjustment.rejection", Rejection, ""),
+    (
+        "[adjustment.priors]",
+        Priors,
+        "A free parameter without a prior is determined by the other observations alone.",
+    ),
+    ("[checks]", ChecksSettings, ""),
+    ("[gates]", Gates, "A gate that is not given is not tested."),
+    ("gates.sigma0", Gate, ""),
+    ("the other gates", AxisGate, ""),
+)
+
+_OPENING = """\
+# The project file
+
+*Written by `python -m tasks.settings.document` from the settings themselves; edit the descriptions
+there.*
+
+A project is one TOML file. It says which files are read, what their numbers mean, what is to be estimated
+and when the result is good enough. Every key is checked, and a key that does not exist is an error which
+names the nearest one that does.
+
+- **Paths** are relative to the project file. `${NAME}` takes the value of an environment variable. A path
+  that is not found beside the project file is also looked up in the folder given by `--data`.
+- **Coordinates** are x = east, y = north, z = up in every input, whatever the axis order of the CRS.
+- **CRS, heights, angles and the meaning of the position** belong to each input, because deliveries mix
+  them. They have no default. A wrong guess would be metres in the result, and nothing would tell.
+- **Standard deviations** are in the unit of their quantity. A row's own beats the input's, that beats the
+  default.
+- A unit that is not named by the key stands at its end (`_m`, `_mm`, `_um`, `_deg`, `_px`).
+- On the command line, `--set a.b.c=VALUE` replaces one value. VALUE is read as TOML, else as text; tables
+  in an array go by their number (`inputs.image_points.0.sigma=0.3`).
+
+What changes when a key changes: stages read only their own tables, so a new gate repeats nothing, a new
+`adjustment` repeats the adjustment, and a file that was moved but not changed repeats nothing at all.
+
+A complete example is
+[examples/ign_ultracam_eagle/project.toml](../examples/ign_ultracam_eagle/project.toml).
+"""
+
+
+def project_file_page() -> str:
+    """The whole page as Markdown."""
+    return "\n".join([_OPENING, *(line for table in _TABLES for line in _section(*table))]).rstrip() + "\n"
+
+
+def _section(title: str, model: type[Settings], remark: str) -> Iterator[str]:
+    yield f"## `{title}`" if title[0] in "[ahi" and " " not in title else f"## {title.capitalize()}"
+    yield ""
+    yield remark or (model.__doc__ or "").split("\n")[0]
+    yield ""
+    yield "| key | value | default | meaning |"
+    yield "|---|---|---|---|"
+    for name, field in model.model_fields.items():
+        meaning = (field.description or "").replace("|", "\\|")
+        yield f"| `{name}` | {_kind(field.annotation, field)} | {_default(field)} | {meaning} |"
+    yield ""
+
+
+def _kind(annotation: Any, field: FieldInfo | None = None) -> str:
+    """The kind of value in words."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return _kind(arguments[0])
+    if origin in (Union, types.UnionType):
+        return " or ".join(_kind(item) for item in arguments if item is not type(None))
+    if origin is Literal:
+        return ", ".join(f"`{_toml(value)}`" for value in arguments)
+    if origin is tuple:
+        return _tuple_kind(arguments)
+    if origin is dict:
+        return "tables"
+    if isinstance(annotation, type) and issubclass(annotation, Settings):
+        return "text or table" if annotation in (Heights, Rejection) else "table"
+    if field is not None and annotation is Path:
+        return "path"
+    names = {str: "text", float: "number", int: "whole number", Path: "path", bool: "true, false"}
+    return names[annotation]
+
+
+def _tuple_kind(arguments: tuple[Any, ...]) -> str:
+    if arguments[-1] is Ellipsis:
+        inner = _kind(arguments[0])
+        return "table, or array of tables" if inner == "table" else f"list of {inner}"
+    return {2: "two numbers", 3: "three numbers"}[len(arguments)]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "**required**"
+    value = field.default
+    if value is PydanticUndefined or isinstance(value, Settings):
+        return "see its table"
+    if value is None or value == ():
+        return "–"
+    return f"`{_toml(value)}`"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return str(value)
+
+
+def main() -> None:
+    """Write the page into docs/ of the repository the command is run in, or to the path given."""
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/project-file.md")
+    target.write_text(project_file_page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
