@@ -18,6 +18,13 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     """Read the deliveries, find approximate values, adjust the bundle, publish the result."""
     block = prepare_block(project, store)
     adjusted = adjust_bundle(
-        store, **block.observations, project=project.project, adjustment=project.adjustment
+        store,
+        exposures=block.exposures["exposures"],
+        cameras=block.exposures["cameras"],
+        image_points=block.image_points["image_points"],
+        control_points=block.control["control_points"],
+        approximate_points=block.approximate["approximate_points"],
+        project=project.project,
+        adjustment=project.adjustment,
     )
     return publish(store, project, (*block.stages, adjusted))

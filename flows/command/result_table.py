@@ -77,6 +77,7 @@ def _figures(summary: Summary) -> Table:
 
 def _parameters(summary: Summary) -> Table:
     parameters = summary.parameters or ()
+    estimated = [item for item in parameters if item.sigma is not None]
     table = Table(title="System parameters", title_justify="left", title_style="bold")
     for column in ("parameter", "entity"):
         table.add_column(column)
@@ -84,7 +85,7 @@ def _parameters(summary: Summary) -> Table:
         table.add_column(column, justify="right")
     table.add_column("unit")
     table.add_column("status")
-    for item in parameters[:_SHOWN_PARAMETERS]:
+    for item in estimated[:_SHOWN_PARAMETERS]:
         table.add_row(
             item.parameter,
             item.entity or "",
@@ -93,8 +94,10 @@ def _parameters(summary: Summary) -> Table:
             item.unit or "",
             (item.status or "").replace("_", " "),
         )
-    if len(parameters) > _SHOWN_PARAMETERS:
-        table.caption = f"and {len(parameters) - _SHOWN_PARAMETERS} more in parameters.parquet"
+    others = len(parameters) - table.row_count
+    if others:
+        table.caption = f"{others} more, fixed ones among them, in parameters.parquet"
+        table.caption_justify = "left"
     return table
 
 

@@ -1,0 +1,185 @@
+"""The command line as its users meet it: exit codes, one-line errors, JSON, help."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+AEROCAL = [sys.executable, "-m", "flows.command"]
+
+
+def aerocal(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*AEROCAL, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+        env={**os.environ, "COLUMNS": "200", **environment},
+    )
+
+
+def one_line_error(done: subprocess.CompletedProcess[str]) -> str:
+    """The error on stderr; there must be exactly one and no traceback."""
+    assert "Traceback" not in done.stderr, done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(errors) == 1, done.stderr
+    return errors[0]
+
+
+def summary(out: Path) -> dict[str, object]:
+    content = json.loads((out / "summary.json").read_text())
+    assert isinstance(content, dict)
+    return content
+
+
+def test_help_comes_fast_and_teaches() -> None:
+    seconds = []
+    for _ in range(3):
+        started = time.perf_counter()
+        done = aerocal("--help")
+        seconds.append(time.perf_counter() - started)
+    assert done.returncode == 0
+    assert min(seconds) < 0.7
+    for word in ("run", "adjust", "doctor", "Exit codes", "130 interrupted"):
+        assert word in done.stdout
+    details = aerocal("run", "--help").stdout
+    for word in ("--out", "--set", "--data", "--server", "--json", "aerocal run project.toml"):
+        assert word in details
+
+
+def test_a_block_is_adjusted_shown_and_published(block: Path) -> None:
+    done = aerocal("run", block)
+    assert done.returncode == 0, done.stderr
+    for word in ("σ0", "redundancy", "boresight_roll", "Gates", "passed", str(block.parent / "results")):
+        assert word in done.stdout
+    content = summary(block.parent / "results")
+    assert content["status"] == "done"
+    sigma0 = content["sigma0"]
+    assert isinstance(sigma0, float)
+    assert 0.9 < sigma0 < 1.1
+    assert content["counts"]["images"] == 8  # type: ignore[index]
+
+
+def test_json_is_the_summary_and_nothing_else_on_standard_output(block: Path) -> None:
+    done = aerocal("adjust", block, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == summary(block.parent / "results")
+
+
+def test_a_failed_gate_ends_with_4_and_keeps_the_outputs(block: Path) -> None:
+    done = aerocal("run", block, "--set", "gates.sigma0.max=0.71")
+    assert done.returncode == 4, done.stderr
+    assert "failed" in done.stdout
+    assert summary(block.parent / "results")["status"] == "gate_failed"
+    assert (block.parent / "results" / "object_points.parquet").is_file()
+
+
+def test_an_unknown_key_ends_with_2_and_names_the_nearest(block: Path) -> None:
+    done = aerocal("run", block, "--set", "adjustment.rejektion=none")
+    assert done.returncode == 2
+    assert "Did you mean 'rejection'?" in one_line_error(done)
+    assert summary(block.parent / "results")["status"] == "input_error"
+
+
+def test_json_is_printed_for_an_input_error_too(block: Path) -> None:
+    (block.parent / "image_points.csv").write_text("")
+    done = aerocal("run", block, "--json")
+    assert done.returncode == 2
+    assert json.loads(done.stdout)["status"] == "input_error"
+    assert "image_points.csv" in one_line_error(done)
+
+
+def test_a_block_without_a_datum_ends_with_3(block: Path) -> None:
+    text = block.read_text().replace('free = ["boresight"]', 'free = ["boresight", "gnss_shift"]')
+    start, end = text.index("[inputs.control]"), text.index("[adjustment]")
+    block.write_text(text[:start] + text[end:])
+    done = aerocal("run", block)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert "gnss_shift" in one_line_error(done)
+    assert summary(block.parent / "results")["status"] == "not_computable"
+
+
+def test_an_output_folder_that_is_a_file_ends_with_1(block: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file")
+    done = aerocal("run", block, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "--out" in one_line_error(done)
+
+
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "nonsense"])
+def test_a_server_that_does_not_answer_ends_with_1_and_the_remedy(block: Path, address: str) -> None:
+    done = aerocal("run", block, "--server", address)
+    assert done.returncode == 1
+    assert "--server none" in one_line_error(done)
+
+
+def test_server_none_runs_in_process_whatever_is_set(block: Path) -> None:
+    done = aerocal("run", block, "--server", "none", PREFECT_API_URL="http://127.0.0.1:9/api")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_run_in_process_never_imports_prefect(block: Path) -> None:
+    program = (
+        "import sys; from flows.command.main import main\n"
+        f"sys.argv = ['aerocal', 'run', {str(block)!r}]\n"
+        "try: main()\n"
+        "except SystemExit as end: assert end.code == 0, end.code\n"
+        "sys.exit(any(name.split('.')[0] == 'prefect' for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_unknown_option_ends_with_2(block: Path) -> None:
+    assert aerocal("run", block, "--frobnicate").returncode == 2
+
+
+def test_the_doctor_reads_and_publishes_nothing(block: Path) -> None:
+    before = sorted(path.name for path in block.parent.iterdir())
+    done = aerocal("doctor", block)
+    assert done.returncode == 0, done.stderr
+    assert "The project can be read" in done.stdout
+    assert sorted(path.name for path in block.parent.iterdir()) == before
+    assert set(json.loads(aerocal("doctor", block, "--json").stdout)) == {
+        "exposures and cameras",
+        "image points",
+        "control",
+        "approximate values",
+    }
+
+
+def test_the_doctor_ends_with_2_on_wrong_input(block: Path) -> None:
+    with (block.parent / "image_points.csv").open("a") as stream:
+        stream.write("1_0011,p1,10,10\n")
+    done = aerocal("doctor", block)
+    assert done.returncode == 2
+    assert "1_001" in one_line_error(done)
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_run_that_is_stopped_says_so_by_its_exit_code(
+    block: Path, tmp_path: Path, sent: signal.Signals, code: int
+) -> None:
+    # The lock of the output folder is held, so the run waits and can be stopped for certain.
+    from tasks.run_lock import run_lock
+
+    out = tmp_path / "out"
+    with (
+        run_lock(out),
+        subprocess.Popen(
+            [*AEROCAL, "run", str(block), "--out", str(out)], stderr=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        assert process.stderr is not None
+        assert "another run" in process.stderr.readline()
+        process.send_signal(sent)
+        assert process.wait(20) == code
+        assert "Traceback" not in process.stderr.read()

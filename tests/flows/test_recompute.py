@@ -1,0 +1,118 @@
+"""What a rerun computes again: nothing, or exactly what a change reaches."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+STAGES = ["import_exposures", "import_control", "import_image_points", "approximate_values", "bundle_adjustment"]
+    "import_exposures",
+    "import_image_points",
+    "import_control",
+    "approximate_values",
+    "bundle_adjustment",
+]
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A copy of our packages that a test may edit."""
+    folder = tmp_path / "application"
+    for package in ("flows", "tasks", "adjust"):
+        shutil.copytree(REPOSITORY / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def computed(block: Path, *settings: str, tree: Path = REPOSITORY) -> list[str]:
+    """Run the project and name the stages that were computed, in their order."""
+    arguments = [argument for setting in settings for argument in ("--set", setting)]
+    done = subprocess.run(
+        [sys.executable, "-m", "flows.command", "run", str(block), *arguments],
+        cwd=tree,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=280,
+    )
+    assert done.returncode in (0, 4), done.stderr
+    manifest = json.loads((block.parent / "results" / "manifest.json").read_text())
+    assert [entry["stage"] for entry in manifest["stages"]] == STAGES
+    return [entry["stage"] for entry in manifest["stages"] if not entry["reused"]]
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert text.count(old) >= 1
+    file.write_text(text.replace(old, new))
+
+
+def mean_height_m(block: Path) -> float:
+    return float(pd.read_parquet(block.parent / "results" / "object_points.parquet")["z_m"].mean())
+
+
+def test_only_what_a_change_reaches_is_computed_again(block: Path) -> None:
+    assert computed(block) == STAGES
+    assert computed(block) == []
+    # A gate is looked at after all stages.
+    assert computed(block, "gates.sigma0.max=1.4") == []
+    assert computed(block, "adjustment.confidence=0.99") == ["bundle_adjustment"]
+    assert computed(block, "adjustment.confidence=0.99") == []
+    # Both results are kept.
+    assert computed(block) == []
+
+
+def test_a_byte_of_the_tie_points_repeats_everything_that_depends_on_it(block: Path) -> None:
+    computed(block)
+    points = block.parent / "image_points.csv"
+    lines = points.read_text().splitlines()
+    last = lines[-1][-1]
+    lines[-1] = lines[-1][:-1] + ("1" if last != "1" else "2")
+    points.write_text("\n".join(lines) + "\n")
+    assert computed(block) == ["import_image_points", "approximate_values", "bundle_adjustment"]
+
+
+def test_moving_the_delivery_repeats_nothing(block: Path, tmp_path: Path) -> None:
+    computed(block)
+    moved = tmp_path / "elsewhere" / "block"
+    moved.parent.mkdir()
+    block.parent.rename(moved)
+    assert computed(moved / "project.toml") == []
+
+
+def test_a_source_file_of_the_adjustment_repeats_only_what_reaches_it(block: Path, tree: Path) -> None:
+    assert computed(block, tree=tree) == STAGES
+    with (tree / "flows" / "aerial_triangulation.py").open("a") as stream:
+        stream.write("# a remark in a story\n")
+    with (tree / "tasks" / "publish.py").open("a") as stream:
+        stream.write("# a remark behind all stages\n")
+    assert computed(block, tree=tree) == []
+    with (tree / "adjust" / "solve" / "gauss_newton.py").open("a") as stream:
+        stream.write("# a remark in the iteration\n")
+    assert computed(block, tree=tree) == ["bundle_adjustment"]
+
+
+def test_a_change_in_what_a_kernel_calls_gives_the_new_result(
+    block: Path, tree: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # One cache of machine code for both, so that stale code would be found if there were any.
+    monkeypatch.setenv("AEROCAL_KERNEL_CACHE", str(tmp_path / "kernels"))
+    computed(block, tree=tree)
+    before = mean_height_m(block)
+    callee = tree / "adjust" / "observations" / "image_point_kernel.py"
+    original = callee.read_text()
+    # A focal length longer by 1/1000 moves the terrain down by about 1 m at a flying height of 1000 m.
+    edit(callee, "    c = interior[0]\n", "    c = interior[0] * 1.001\n")
+    assert "bundle_adjustment" in computed(block, tree=tree)
+    assert before - mean_height_m(block) > 0.3
+    callee.write_text(original)
+    assert computed(block, tree=tree) == []
+    assert mean_height_m(block) == before

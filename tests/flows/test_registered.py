@@ -1,0 +1,88 @@
+"""The stories as Prefect flows: same bytes, and states that say what happened."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation as story
+from flows.project_run import RunRequest, carry_out
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import State
+
+pytestmark = [pytest.mark.prefect, pytest.mark.usefixtures("prefect_server")]
+
+
+def as_flow(project_file: Path, out: Path, *overrides: str) -> State[None]:
+    from flows.registered import aerial_triangulation
+
+    return aerial_triangulation(str(project_file), str(out), list(overrides), return_state=True)
+
+
+def digests(out: Path) -> dict[str, str]:
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {name: entry["sha256"] for name, entry in artifacts.items()}
+
+
+def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path: Path) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName, TaskRunFilter
+
+    state = as_flow(block, tmp_path / "flow")
+    assert (state.type.value, state.name) == ("COMPLETED", "Completed")
+    carry_out(story, RunRequest(block, tmp_path / "plain"))
+    assert len(digests(tmp_path / "plain")) >= 10
+    assert digests(tmp_path / "flow") == digests(tmp_path / "plain")
+    for name in digests(tmp_path / "flow"):
+        file = f"{name}.parquet"
+        assert (tmp_path / "flow" / file).read_bytes() == (tmp_path / "plain" / file).read_bytes()
+    with get_client(sync_client=True) as client:
+        named = FlowRunFilter(name=FlowRunFilterName(any_=["block/project.toml"]))
+        runs = client.read_task_runs(flow_run_filter=named, task_run_filter=TaskRunFilter())
+    assert sorted({run.name.rsplit("-", 1)[0] for run in runs}) == [
+        "adjust_bundle",
+        "approximate_block",
+        "import_control",
+        "import_exposures",
+        "import_image_points",
+        "publish",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("override", "name", "word"),
+    [
+        ("gates.sigma0.max=0.71", "GateFailed", "sigma0"),
+        ("gates.sigma1.max=0.71", "InputError", "Did you mean 'sigma0'?"),
+    ],
+)
+def test_what_went_wrong_is_the_name_of_the_state(
+    block: Path, tmp_path: Path, override: str, name: str, word: str
+) -> None:
+    state = as_flow(block, tmp_path / "out", override)
+    assert (state.type.value, state.name) == ("FAILED", name)
+    assert word in str(state.message)
+
+
+def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
+    import os
+
+    state = as_flow(block, tmp_path / "out")
+    assert state.name == "Completed"
+    storage = Path(os.environ["PREFECT_HOME"]) / "storage"
+    assert not storage.exists() or not any(storage.iterdir())
+
+
+def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(block: Path, tmp_path: Path) -> None:
+    from flows.registered import run_and_report
+
+    done = run_and_report(RunRequest(block, tmp_path / "out"))
+    assert done.error is None
+    assert done.summary.status == "done"
+    refused = run_and_report(RunRequest(block, tmp_path / "out", ("inputs.exposures.crs=EPSG:0",)))
+    assert refused.summary.status == "input_error"
+    assert refused.error is not None
