@@ -9,12 +9,15 @@ from adjust.arrays import Floats
 from adjust.quality.redundancy import UNCONTROLLED
 from adjust.result import GroupResult, ObservationStatus
 from tasks.json_text import JSON
+from tasks.parameter_tables import correlation_matrix
 from tasks.result_tables import AdjustedBlock, surveyed_differences
 from tasks.settings.adjustment import AdjustmentSettings
 
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _GROUP_LIMITS = (0.7, 1.4)
 _GROUP_REDUNDANCY = 10.0
+# Two parameters correlated by more than this are hardly separated.
+_CORRELATED = 0.98
 _IN_WORDS = {
     "image_points": "image points",
     "control_points": "control points",
@@ -146,8 +149,20 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
                 f"The {words} fit {verdict} than their σ say: σ0 of the group is {group.sigma0:.2f} "
                 f"(redundancy {group.redundancy_sum:,.0f})."
             )
-    problems += _rejected(adjusted, settings) + _uncontrolled(adjusted)
+    problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
     return tuple(problems)
+
+
+def _correlated(adjusted: AdjustedBlock) -> list[str]:
+    """A sentence for each pair of system parameters that the block hardly separates."""
+    names = adjusted.result.layout.border_names()
+    correlation = correlation_matrix(adjusted.result)
+    return [
+        f"{names[a][0]} of {names[a][1]} and {names[b][0]} of {names[b][1]} are correlated by "
+        f"{correlation[a, b]:+.3f}: this block hardly separates them, their values must not be used apart."
+        for a, b in zip(*np.triu_indices(len(names), 1), strict=True)
+        if abs(correlation[a, b]) > _CORRELATED
+    ]
 
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
