@@ -1,0 +1,329 @@
+"""Small blocks with known truth.
+
+``two_strips`` builds an ordinary photogrammetric block, seen from a thousand metres by a camera with
+c = 100 mm, whose parts can be switched by the keys of :class:`Plan`. Without a noise seed the
+observations are exact; the approximate values are the truth until a start seed disturbs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.block import Block
+from adjust.camera.interior import FrameCamera
+from adjust.geometry import rotation
+from adjust.geometry.earth import CartesianFrame, Ellipsoid, LocalFrame, TopocentricFrame
+from adjust.observations.base import StochasticModel
+from adjust.observations.control_point import ControlPoints
+from adjust.observations.direct import DirectObservations
+from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.image_point import ImagePoints
+from adjust.observations.ins_attitude import InsAttitudes
+from adjust.parameters import (
+    BORESIGHT,
+    FAMILIES,
+    GNSS_SHIFT,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    State,
+    SystemParameters,
+)
+from adjust.solve.normal_equations import Observations
+
+MICROMETRE = 1e-6
+DEGREE = np.pi / 180.0
+GRS80 = Ellipsoid(6378137.0, 1.0 / 298.257222101)
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FLYING_HEIGHT_M = 1000.0
+BASE_M = 280.0
+STRIP_DISTANCE_M = 620.0
+
+ControlKind = Literal["full", "plan", "height", "covariance"]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a block consists of.
+
+    ``free`` says for each family which parameters are unknown: anything that broadcasts to
+    (entities, 3). ``priors`` gives a standard deviation (SI) with which a family is observed
+    directly. ``noise_seed`` and ``start_seed`` None: no noise, no disturbance.
+    """
+
+    strips: int = 2
+    images_per_strip: int = 5
+    points_along: int = 12
+    points_across: int = 6
+    frame: Literal["cartesian", "topocentric"] = "topocentric"
+    cameras: Literal[1, 2] = 1
+    flights: Literal[1, 2] = 1
+    headings_deg: tuple[float, ...] = (90.0, 270.0)
+    tilt_deg: float = 2.0
+    control: tuple[ControlKind, ...] = ("full", "full", "plan", "height", "covariance")
+    gnss: bool = True
+    ins: bool = True
+    free: Mapping[str, object] = field(default_factory=dict)
+    priors: Mapping[str, float] = field(default_factory=dict)
+    noise_seed: int | None = None
+    start_seed: int | None = None
+    sigma_image_m: float = 2.0 * MICROMETRE
+    sigma_gnss_m: float = 0.05
+    sigma_ins_rad: float = 0.005 * DEGREE
+    sigma_control_m: float = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A block with approximate values, its observations and the truth."""
+
+    plan: Plan
+    block: Block
+    observations: Observations
+    truth: State
+
+
+def two_strips(**switches: object) -> Scene:
+    """The block of a plan; ``switches`` replace the defaults of :class:`Plan`."""
+    plan = replace(Plan(), **switches)  # type: ignore[arg-type]
+    frame: LocalFrame = (
+        CartesianFrame()
+        if plan.frame == "cartesian"
+        else TopocentricFrame(GRS80, np.deg2rad(48.0), np.deg2rad(9.0), 300.0)
+    )
+    cameras = _cameras(plan)
+    camera_of_image, flight_of_image = _assignments(plan)
+    system = _true_system(plan)
+    centre, attitude = _exposures(plan, frame)
+    mounting = np.stack([camera.body_from_camera for camera in cameras])[camera_of_image]
+    boresight = rotation.from_roll_pitch_yaw(system[BORESIGHT])[camera_of_image]
+    truth = State(centre, attitude @ boresight @ mounting, _terrain(plan), system)
+    noise = None if plan.noise_seed is None else np.random.default_rng(plan.noise_seed)
+
+    rays, seen = _image_points(plan, cameras, camera_of_image, truth, noise)
+    truth = replace(truth, object_point=truth.object_point[seen])
+    n = len(centre)
+    others: list[object] = []
+    if plan.control:
+        others.append(_control(plan, frame, rays, truth.object_point, noise))
+    if plan.gnss:
+        others.append(_gnss(plan, frame, truth, camera_of_image, flight_of_image, mounting, noise))
+    if plan.ins:
+        drawn = _drawn(noise, plan.sigma_ins_rad, (n, 3))
+        weights = StochasticModel.from_sigma(np.full((n, 3), plan.sigma_ins_rad))
+        # log(R_INSᵀ R_b) = v for the true R_b: R_INS = R_b exp(−v).
+        observed = attitude @ rotation.exp(-drawn)
+        others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights))
+    for family, sigma in plan.priors.items():
+        shape = system[family].shape
+        given = system[family] + _drawn(noise, sigma, shape)
+        weights = StochasticModel.from_sigma(np.full(shape, sigma))
+        others.append(DirectObservations(family, np.arange(shape[0]), given, weights))
+    start = _disturbed(plan, truth)
+    block = Block(
+        frame,
+        cameras,
+        tuple(f"image_{i:02d}" for i in range(n)),
+        camera_of_image,
+        tuple(f"flight_{i}" for i in range(plan.flights)),
+        flight_of_image,
+        tuple(f"point_{j:03d}" for j in range(len(truth.object_point))),
+        _system_parameters(plan, cameras, system),
+        start.projection_centre,
+        start.local_from_camera,
+        start.object_point,
+    )
+    return Scene(plan, block, Observations(rays, tuple(others)), truth)  # type: ignore[arg-type]
+
+
+def _cameras(plan: Plan) -> tuple[FrameCamera, ...]:
+    """One camera with x forward; the second one stands across, with another focal length."""
+    forward = FrameCamera("forward", 14000, 20000, 5e-6, 0.100, (0.0, 0.0), "corner", 0)
+    across = FrameCamera("across", 20000, 14000, 5e-6, 0.105, (0.0, 0.0), "centre", 90)
+    return (forward, across)[: plan.cameras]
+
+
+def _assignments(plan: Plan) -> tuple[Ints, Ints]:
+    """Camera (alternating) and flight (one half of the strips each) of every image."""
+    image = np.arange(plan.strips * plan.images_per_strip)
+    strip = image // plan.images_per_strip
+    return image % plan.cameras, strip * plan.flights // plan.strips
+
+
+def _true_system(plan: Plan) -> dict[str, Floats]:
+    """True system parameters; what is not free is known."""
+    interior = np.array([[0.100, 0.0, 0.0], [0.105, 0.0, 0.0]])
+    if INTERIOR_ORIENTATION in plan.free:
+        interior = interior + np.array([[20.0, 15.0, -10.0], [-30.0, 5.0, 25.0]]) * MICROMETRE
+    return {
+        INTERIOR_ORIENTATION: interior[: plan.cameras],
+        BORESIGHT: np.array([[0.3, -0.2, 0.4], [-0.5, 0.1, 0.2]])[: plan.cameras] * DEGREE,
+        LEVER_ARM: np.array([[0.4, -0.2, -1.1], [-0.3, 0.25, -1.2]])[: plan.cameras],
+        GNSS_SHIFT: np.array([[0.0, 0.0, 0.0], [0.15, -0.25, 0.2]])[: plan.flights],
+    }
+
+
+def _system_parameters(
+    plan: Plan, cameras: tuple[FrameCamera, ...], truth: Mapping[str, Floats]
+) -> tuple[SystemParameters, ...]:
+    """Given values: the truth of what is held, nominal values of what is free."""
+    result = []
+    for name, family in FAMILIES.items():
+        values = truth[name]
+        free = np.broadcast_to(np.asarray(plan.free.get(name, False), dtype=bool), values.shape).copy()
+        nominal = np.zeros_like(values)
+        if name == INTERIOR_ORIENTATION:
+            nominal[:, 0] = [camera.focal_length for camera in cameras]
+        entities = (
+            tuple(camera.name for camera in cameras)
+            if family.entity_kind == "camera"
+            else tuple(f"flight_{i}" for i in range(len(values)))
+        )
+        result.append(SystemParameters(family, entities, np.where(free, nominal, values), free))
+    return tuple(result)
+
+
+def _exposures(plan: Plan, frame: LocalFrame) -> tuple[Floats, Floats]:
+    """True projection centres (n, 3) and attitudes local from body (n, 3, 3)."""
+    generator = np.random.default_rng(11)
+    n = plan.strips * plan.images_per_strip
+    strip, number = np.divmod(np.arange(n), plan.images_per_strip)
+    heading = np.asarray(plan.headings_deg)[strip % len(plan.headings_deg)]
+    centre = np.stack(
+        [
+            (number - 0.5 * (plan.images_per_strip - 1)) * BASE_M,
+            (strip - 0.5 * (plan.strips - 1)) * STRIP_DISTANCE_M,
+            np.full(n, FLYING_HEIGHT_M) + 25.0 * (strip % 2),
+        ],
+        axis=1,
+    ) + generator.normal(0.0, 5.0, (n, 3))
+    tilt = generator.uniform(-plan.tilt_deg, plan.tilt_deg, (n, 3))
+    angles = np.deg2rad(np.stack([heading, np.zeros(n), np.zeros(n)], axis=1) + tilt)
+    attitude = frame.local_from_enu(centre) @ ENU_FROM_NED @ rotation.ned_from_body(angles)
+    return centre, attitude
+
+
+def _terrain(plan: Plan) -> Floats:
+    """Object points (m, 3) on undulating terrain, on a shaken grid."""
+    generator = np.random.default_rng(12)
+    half_x = 0.5 * (plan.images_per_strip - 1) * BASE_M + 250.0
+    half_y = 0.5 * (plan.strips - 1) * STRIP_DISTANCE_M + 380.0
+    x, y = np.meshgrid(
+        np.linspace(-half_x, half_x, plan.points_along), np.linspace(-half_y, half_y, plan.points_across)
+    )
+    plane = np.stack([x.ravel(), y.ravel()], axis=1) + generator.uniform(-20.0, 20.0, (x.size, 2))
+    height = 60.0 * np.sin(plane[:, 0] / 300.0) * np.cos(plane[:, 1] / 250.0) + generator.uniform(
+        -15.0, 15.0, x.size
+    )
+    return np.column_stack([plane, height])
+
+
+def _image_points(
+    plan: Plan,
+    cameras: tuple[FrameCamera, ...],
+    camera_of_image: Ints,
+    truth: State,
+    noise: np.random.Generator | None,
+) -> tuple[ImagePoints, Bools]:
+    """Rays inside the format, and which object points (m,) are seen at least twice."""
+    interior = truth.system[INTERIOR_ORIENTATION][camera_of_image]
+    difference = truth.object_point[:, None, :] - truth.projection_centre[None, :, :]
+    in_camera = np.einsum("nji,mnj->mni", truth.local_from_camera, difference)
+    xy = interior[:, 1:] - interior[:, :1] * in_camera[:, :, :2] / in_camera[:, :, 2:]
+    half = np.array([camera.half_format for camera in cameras])[camera_of_image]
+    inside = (np.abs(xy) < half).all(axis=2)
+    seen = inside.sum(axis=1) >= 2
+    point, image = np.nonzero(inside[seen])
+    measured = xy[seen][point, image]
+    measured = measured + _drawn(noise, plan.sigma_image_m, measured.shape)
+    sigma = np.full(measured.shape, plan.sigma_image_m)
+    rays = ImagePoints(image, point, camera_of_image, measured, sigma, np.ones(len(image), dtype=bool))
+    return rays, seen
+
+
+def _control(
+    plan: Plan, frame: LocalFrame, rays: ImagePoints, points: Floats, noise: np.random.Generator | None
+) -> ControlPoints:
+    """Control points among those with many rays, as far from each other as possible."""
+    many = np.flatnonzero(np.bincount(rays.point) >= 3)
+    chosen = [int(many[np.argmin(points[many, 0] + points[many, 1])])]
+    while len(chosen) < len(plan.control):
+        distance = np.min(
+            np.linalg.norm(points[many, None, :2] - points[None, chosen, :2], axis=2), axis=1
+        )
+        chosen.append(int(many[np.argmax(distance)]))
+    kinds = np.array(plan.control)
+    covariance = np.broadcast_to(np.eye(3) * plan.sigma_control_m**2, (len(kinds), 3, 3)).copy()
+    correlated = np.array([[1.0, 0.6, 0.3], [0.6, 2.0, -0.5], [0.3, -0.5, 4.0]])
+    covariance[kinds == "covariance"] = correlated * plan.sigma_control_m**2
+    present = np.ones((len(kinds), 3), dtype=bool)
+    present[kinds == "plan", 2] = False
+    present[kinds == "height", :2] = False
+    true = points[chosen]
+    standard = np.zeros((len(kinds), 3)) if noise is None else noise.normal(size=(len(kinds), 3))
+    in_enu = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), standard)
+    given = true + np.einsum("nij,nj->ni", frame.local_from_enu(true), in_enu)
+    height = frame.height(true) + in_enu[:, 2]
+    given[kinds == "height"] = np.nan
+    height[kinds == "plan"] = np.nan
+    return ControlPoints(
+        np.array(chosen), given, height, frame, StochasticModel.from_covariance(covariance, present)
+    )
+
+
+def _gnss(
+    plan: Plan,
+    frame: LocalFrame,
+    truth: State,
+    camera: Ints,
+    flight: Ints,
+    mounting: Floats,
+    noise: np.random.Generator | None,
+) -> GnssPositions:
+    """Antenna positions, height twice as uncertain as the plan position."""
+    boresight = rotation.from_roll_pitch_yaw(truth.system[BORESIGHT][camera])
+    local_from_body = truth.local_from_camera @ np.swapaxes(boresight @ mounting, 1, 2)
+    arm = np.einsum("nij,nj->ni", local_from_body, truth.system[LEVER_ARM][camera])
+    antenna = truth.projection_centre + arm + truth.system[GNSS_SHIFT][flight]
+    local_from_enu = frame.local_from_enu(antenna)
+    sigma = np.tile([plan.sigma_gnss_m, plan.sigma_gnss_m, 2.0 * plan.sigma_gnss_m], (len(camera), 1))
+    drawn = np.zeros_like(sigma) if noise is None else sigma * noise.normal(size=sigma.shape)
+    observed = antenna + np.einsum("nij,nj->ni", local_from_enu, drawn)
+    return GnssPositions(
+        np.arange(len(camera)),
+        camera,
+        flight,
+        observed,
+        local_from_enu,
+        mounting,
+        StochasticModel.from_sigma(sigma),
+    )
+
+
+def _disturbed(plan: Plan, truth: State) -> State:
+    """Approximate values: 2 m and 0.5° (largest) off the truth, object points 5 m."""
+    if plan.start_seed is None:
+        return truth
+    generator = np.random.default_rng(plan.start_seed)
+    n, m = len(truth.projection_centre), len(truth.object_point)
+    return replace(
+        truth,
+        projection_centre=truth.projection_centre + _bounded(generator, n, 2.0),
+        local_from_camera=truth.local_from_camera @ rotation.exp(_bounded(generator, n, 0.5 * DEGREE)),
+        object_point=truth.object_point + _bounded(generator, m, 5.0),
+    )
+
+
+def _bounded(generator: np.random.Generator, count: int, length: float) -> Floats:
+    """Vectors (count, 3) of a given length in random directions."""
+    vector = generator.normal(size=(count, 3))
+    return length * vector / np.linalg.norm(vector, axis=1, keepdims=True)
+
+
+def _drawn(noise: np.random.Generator | None, sigma: float, shape: tuple[int, ...]) -> Floats:
+    """Normally distributed errors, or zeros."""
+    return np.zeros(shape) if noise is None else noise.normal(0.0, sigma, shape)
