@@ -214,7 +214,20 @@ def _slips(given: GivenOrientations) -> list[Slip]:
                 lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
             )
         )
+        slips.append(
+            Slip(
+                "The angles look as if they were counted from grid north",
+                'Declare angles.reference = "grid" for the exposures.',
+                lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
+            )
+        )
     return slips
+
+
+def _once_more(given: GivenOrientations) -> Floats:
+    """Axes (n, 3, 3) in which a meridian convergence that was added on import is taken away again."""
+    enu_from_grid = np.swapaxes(given.local_from_enu, 1, 2) @ given.local_from_grid
+    return np.asarray(given.local_from_grid @ enu_from_grid)
 
 
 def _angles(looks_like: str, remedy: str, factor: float) -> Slip:

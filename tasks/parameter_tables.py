@@ -18,6 +18,9 @@ from tasks.tables import write_table
 
 # A parameter whose standard deviation is still this part of its prior has learnt nothing from the block.
 _PRIOR_ONLY = 0.975
+# 1 − R² with all other free system parameters below which nothing of a parameter is its own: the
+# standard deviation is a hundred times what it would be if the others were known.
+_INSEPARABLE = 1e-4
 
 
 def parameter_table(adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
@@ -28,6 +31,7 @@ def parameter_table(adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
     result, layout = adjusted.result, adjusted.result.layout
     limit = float(stats.t.ppf(0.5 + 0.5 * confidence, max(result.test.redundancy, 1)))
     cofactor = np.diagonal(result.cofactor.reduced.corner)
+    own_part = 1.0 - total_correlation(result) ** 2
     priors = _prior_sigmas(result)
     rows = []
     for parameters in adjusted.block.system:
@@ -56,12 +60,14 @@ def parameter_table(adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
                 prior = priors.get((family.name, entity, component), np.nan)
                 t = (value - given) / sigma
                 row |= {"sigma": sigma * factor, "sigma_prior": prior * factor, "t": t}
-                row["status"] = _status(sigma, prior * adjusted.sigma0, t, limit)
+                row["status"] = _status(sigma, prior * adjusted.sigma0, float(own_part[column]), t, limit)
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _status(sigma: float, prior: float, t: float, limit: float) -> str:
+def _status(sigma: float, prior: float, own_part: float, t: float, limit: float) -> str:
+    if own_part < _INSEPARABLE:
+        return "not_determinable"
     if np.isfinite(prior) and sigma > _PRIOR_ONLY * prior:
         return "prior_only"
     return "significant" if abs(t) > limit else "not_significant"
@@ -90,6 +96,18 @@ def correlation_matrix(result: AdjustmentResult) -> Floats:
     corner = result.cofactor.reduced.corner
     scale = 1.0 / np.sqrt(np.diagonal(corner))
     return np.asarray(corner * scale[:, None] * scale[None, :])
+
+
+def total_correlation(result: AdjustmentResult) -> Floats:
+    """Correlation R (g,) of each free system parameter with all others together, 0 to 1.
+
+    R² = 1 − 1/(q_ii p_ii) with the cofactor matrix Q of the system parameters and P = Q⁻¹.
+    """
+    if result.layout.border == 0:
+        return np.zeros(0)
+    # Of the correlation matrix: its diagonal is one, and units do not spoil the inverse.
+    inverse = np.linalg.inv(correlation_matrix(result))
+    return np.asarray(np.sqrt(np.clip(1.0 - 1.0 / np.diagonal(inverse), 0.0, 1.0)))
 
 
 def write_parameters(folder: Path, adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:

@@ -1,0 +1,138 @@
+"""Slips in a real delivery: each is refused with one message that says what is wrong and what to do.
+
+What can be seen in a single file is tested with the import; here the files contradict each other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunRequest, carry_out
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
+DATA = "ign_ultracam_eagle_m3"
+
+
+@pytest.fixture
+def refusal(test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """The message with which the example is refused; nothing but summary.json is written."""
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+
+    def run(*overrides: str) -> str:
+        outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+        assert outcome.error is not None
+        assert outcome.summary.status == "input_error"
+        assert outcome.summary.problems == (outcome.error,)
+        assert [p.name for p in (tmp_path / "out").iterdir() if not p.name.startswith(".")] == [
+            "summary.json"
+        ]
+        return outcome.error
+
+    return run
+
+
+@pytest.fixture
+def trajectory(test_data: Path) -> list[str]:
+    return (test_data / DATA / "trajectograhie.opk").read_text().splitlines()
+
+
+def rewritten(lines: list[str], change: Callable[[list[str]], list[str]]) -> str:
+    """The trajectory with the columns of every row changed."""
+    return "\n".join([lines[0], *(" ".join(change(line.split())) for line in lines[1:] if line.strip())])
+
+
+def test_degrees_declared_as_gon(refusal) -> None:
+    message = refusal('inputs.exposures.angles.unit="gon"')
+    assert "look like degrees" in message
+    assert 'Declare angles.unit = "deg"' in message
+
+
+def test_gon_declared_as_degrees(refusal, trajectory: list[str], tmp_path: Path) -> None:
+    def to_gon(row: list[str]) -> list[str]:
+        return [*row[:4], *(repr(float(angle) / 0.9) for angle in row[4:7]), row[7]]
+
+    (tmp_path / "gon.opk").write_text(rewritten(trajectory, to_gon))
+    message = refusal(f'inputs.exposures.file="{tmp_path / "gon.opk"}"')
+    assert 'Declare angles.unit = "gon"' in message
+
+
+def test_grid_angles_declared_as_true_north(refusal) -> None:
+    """The meridian convergence is nearly two degrees here, hundreds of pixels."""
+    message = refusal('inputs.exposures.angles.reference="true-north"')
+    assert 'Declare angles.reference = "grid"' in message
+
+
+def test_kappa_of_one_image_turned_by_half_a_turn(refusal, trajectory: list[str], tmp_path: Path) -> None:
+    def turned(row: list[str]) -> list[str]:
+        if row[0] == "21FD244720x00016_00810":
+            row[6] = repr(float(row[6]) + 180.0)
+        return row
+
+    (tmp_path / "turned.opk").write_text(rewritten(trajectory, turned))
+    message = refusal(f'inputs.exposures.file="{tmp_path / "turned.opk"}"')
+    assert message.startswith("image 21FD244720x00016_00810: ")
+    assert "κ looks turned by 180°" in message
+
+
+def test_all_images_turned_by_half_a_turn(refusal, trajectory: list[str], tmp_path: Path) -> None:
+    def turned(row: list[str]) -> list[str]:
+        return [*row[:6], repr(float(row[6]) + 180.0), row[7]]
+
+    (tmp_path / "turned.opk").write_text(rewritten(trajectory, turned))
+    message = refusal(f'inputs.exposures.file="{tmp_path / "turned.opk"}"')
+    assert "turned by 180°" in message
+
+
+def test_one_exposure_with_a_wrong_position(refusal, trajectory: list[str], tmp_path: Path) -> None:
+    def moved(row: list[str]) -> list[str]:
+        if row[0] == "21FD244720x00016_00810":
+            row[2] = repr(float(row[2]) + 400.0)
+        return row
+
+    (tmp_path / "moved.opk").write_text(rewritten(trajectory, moved))
+    message = refusal(f'inputs.exposures.file="{tmp_path / "moved.opk"}"')
+    assert message.startswith("image 21FD244720x00016_00810: ")
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        (
+            "724046 13 522565.580 6459960.990 252.830",
+            r"control point 724046: The 5 rays intersect 1,00\d\.\d m",
+        ),
+        ("724046 13 6459960.990 521565.580 252.830", "swapped"),
+    ],
+    ids=["one kilometre off", "x and y swapped"],
+)
+def test_wrong_control(refusal, tmp_path: Path, row: str, expected: str) -> None:
+    (tmp_path / "control.app").write_text(row + "\n")
+    assert re.search(expected, refusal(f'inputs.control.file="{tmp_path / "control.app"}"'))
+
+
+def test_control_above_the_geoid_declared_as_ellipsoidal(refusal, tmp_path: Path) -> None:
+    (tmp_path / "control.app").write_text("724046 13 521565.580 6459960.990 201.8\n")
+    message = refusal(f'inputs.control.file="{tmp_path / "control.app"}"', "checks.control_distance_m=20")
+    assert "heights" in message
+    assert "geoid" in message
+
+
+def test_missing_geoid_grid(refusal) -> None:
+    message = refusal('inputs.control.heights={geoid="nowhere.tif"}')
+    assert "nowhere.tif" in message
+
+
+def test_a_wrong_mounting_is_suspected_from_the_track(
+    test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Collinearity does not see it, so it is a named suspicion, not an error."""
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+    overrides = ("cameras.UCE-M3-f120-s07.mount_deg=180",)
+    outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+    assert outcome.error is None
+    assert any("mount_deg" in text for text in outcome.summary.problems)
