@@ -20,14 +20,14 @@ class PreparedBlock:
     """Outputs of the stages up to the approximate values, in the order in which they ran."""
 
     exposures: Outputs
-    image_points: Outputs
     control: Outputs
+    image_points: Outputs
     approximate: Outputs
 
     @property
     def stages(self) -> tuple[Outputs, ...]:
         """All outputs, for publishing and for their notes."""
-        return (self.exposures, self.image_points, self.control, self.approximate)
+        return (self.exposures, self.control, self.image_points, self.approximate)
 
 
 def prepare_block(project: Project, store: Store) -> PreparedBlock:
@@ -52,4 +52,4 @@ def prepare_block(project: Project, store: Store) -> PreparedBlock:
         project=project.project,
         checks=project.checks,
     )
-    return PreparedBlock(read, points, control, approximate)
+    return PreparedBlock(read, control, points, approximate)

@@ -11,7 +11,7 @@ from tasks.notes import read_notes
 from tasks.settings.project import Project
 from tasks.store import Store
 
-_NAMES = ("exposures and cameras", "image points", "control", "approximate values")
+_NAMES = ("exposures and cameras", "control", "image points", "approximate values")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ say; nothing is sent to anybody; results are not persisted (the stage store does
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import urllib.error
@@ -33,6 +34,9 @@ def prepare_prefect(server: str | None = None) -> None:
     home = os.environ.setdefault(
         "PREFECT_HOME", str(Path(platformdirs.user_state_dir("aerocal")) / "prefect")
     )
+    with contextlib.suppress(OSError):
+        # Prefect makes the folder, but not those above it; without it, it says so itself.
+        Path(home).mkdir(mode=0o700, parents=True, exist_ok=True)
     os.environ["PREFECT_PROFILES_PATH"] = str(Path(home) / "profiles.toml")
     os.environ["DO_NOT_TRACK"] = "1"
     os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"

@@ -52,7 +52,9 @@ def _show(findings: Sequence[Finding]) -> None:
     for sentence in problems:
         console.print(Text(f"• {sentence}", style="yellow"))
     for finding in findings:
-        table = Table(title=finding.subject, title_justify="left", title_style="bold", show_header=False)
+        table = Table(
+            title=finding.subject, title_justify="left", title_style="bold", show_header=False, box=None
+        )
         for name, value in _rows(finding.figures):
             table.add_row(name, value)
         if table.row_count:
@@ -66,6 +68,9 @@ def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]
         label = f"{above}{name.replace('_', ' ')}"
         if isinstance(value, Mapping):
             rows += _rows(value, f"{label}: ")
+        elif isinstance(value, Sequence) and any(isinstance(item, Mapping) for item in value):
+            for number, item in enumerate(value, start=1):
+                rows += _rows({str(number): item}, f"{label} ")
         else:
             rows.append((label, _text(value)))
     return rows

@@ -21,9 +21,9 @@ def execute(
     as_json: bool,
 ) -> int:
     """Run the aerial triangulation of a project and show the result; returns the exit code."""
-    show_progress()
     request = RunRequest(project_file, out, overrides, data)
     address = server_address(server)
+    show_progress(on_screen=address is None)
     outcome = _in_process(request) if address is None else _reported_to(address, request)
     show_result(outcome, as_json=as_json)
     if outcome.error is not None:

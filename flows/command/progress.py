@@ -23,9 +23,14 @@ class _ScreenHandler(logging.Handler):
         self.console.print(line, soft_wrap=True)
 
 
-def show_progress() -> None:
-    """Show the stages' messages on stderr from now on (once, however often it is called)."""
+def show_progress(*, on_screen: bool = True) -> None:
+    """Let the stages' messages through from now on.
+
+    Parameters
+    ----------
+    on_screen : whether to print them on stderr; Prefect prints them itself.
+    """
     log = logging.getLogger("aerocal")
     log.setLevel(logging.INFO)
-    if not any(isinstance(handler, _ScreenHandler) for handler in log.handlers):
+    if on_screen and not any(isinstance(handler, _ScreenHandler) for handler in log.handlers):
         log.addHandler(_ScreenHandler(Console(stderr=True)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -42,9 +43,9 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     parts: list[RenderableType] = [Text(f"\n{word}", style=style)]
     parts += [_problems(summary.problems)] if summary.problems else []
     parts.append(_figures(summary))
-    parts += [_parameters(summary)] if summary.parameters else []
-    parts += [_gates(summary)] if summary.gates else []
-    parts.append(Text(f"Tables, summary.json and manifest.json are in {outcome.directory}"))
+    parts += [Text(), _parameters(summary)] if summary.parameters else []
+    parts += [Text(), _gates(summary)] if summary.gates else []
+    parts.append(Text(f"\nTables, summary.json and manifest.json are in {outcome.directory}"))
     return Group(*parts)
 
 
@@ -78,12 +79,12 @@ def _figures(summary: Summary) -> Table:
 def _parameters(summary: Summary) -> Table:
     parameters = summary.parameters or ()
     estimated = [item for item in parameters if item.sigma is not None]
-    table = Table(title="System parameters", title_justify="left", title_style="bold")
-    for column in ("parameter", "entity"):
-        table.add_column(column)
+    table = _titled("System parameters")
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("entity", overflow="fold")
     for column in ("value", "± σ"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
     table.add_column("status")
     for item in estimated[:_SHOWN_PARAMETERS]:
         table.add_row(
@@ -102,7 +103,7 @@ def _parameters(summary: Summary) -> Table:
 
 
 def _gates(summary: Summary) -> Table:
-    table = Table(title="Gates", title_justify="left", title_style="bold")
+    table = _titled("Gates")
     for column in ("gate", "value", "limit", ""):
         table.add_column(column, justify="left" if column in ("gate", "") else "right")
     for gate in summary.gates:
@@ -111,6 +112,18 @@ def _gates(summary: Summary) -> Table:
         verdict = Text("passed", style="green") if gate.passed else Text("failed", style="bold red")
         table.add_row(gate.name, f"{_number(gate.value, 3)}{unit}", f"{sign} {gate.limit:g}{unit}", verdict)
     return table
+
+
+def _titled(title: str) -> Table:
+    """An empty table with a rule under its head and no frame, to fit eighty columns."""
+    return Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+    )
 
 
 def _number(value: float | None, decimals: int) -> str:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +14,7 @@ import pytest
 
 from flows.aerial_triangulation import aerial_triangulation as story
 from flows.project_run import RunRequest, carry_out
+from tasks.run_lock import run_lock
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import State
@@ -69,8 +74,6 @@ def test_what_went_wrong_is_the_name_of_the_state(
 
 
 def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
-    import os
-
     state = as_flow(block, tmp_path / "out")
     assert state.name == "Completed"
     storage = Path(os.environ["PREFECT_HOME"]) / "storage"
@@ -86,3 +89,50 @@ def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(block: Path, tmp
     refused = run_and_report(RunRequest(block, tmp_path / "out", ("inputs.exposures.crs=EPSG:0",)))
     assert refused.summary.status == "input_error"
     assert refused.error is not None
+
+
+def server_address() -> str:
+    from prefect.settings import PREFECT_API_URL
+
+    return str(PREFECT_API_URL.value())
+
+
+def start_run(block: Path, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "flows.command", "run", str(block), "--server", server_address()]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([*command, *arguments], text=True, **pipes)  # type: ignore[call-overload,no-any-return]
+
+
+def test_the_command_line_reports_to_a_server(block: Path) -> None:
+    with start_run(block) as process:
+        shown, log = process.communicate(timeout=200)
+    assert process.returncode == 0, log
+    assert "boresight_roll" in shown
+    assert "Finished in state Completed('Results are in" in log
+    with start_run(block, "--set", "gates.sigma0.max=0.71", "--json") as process:
+        shown, log = process.communicate(timeout=200)
+    assert process.returncode == 4, log
+    assert json.loads(shown)["status"] == "gate_failed"
+
+
+def test_wrong_input_is_one_line_under_a_server_too(block: Path) -> None:
+    with (block.parent / "image_points.csv").open("a") as stream:
+        stream.write("1_0011,p1,10,10\n")
+    with start_run(block) as process:
+        log = process.communicate(timeout=200)[1]
+    assert process.returncode == 2
+    assert "Traceback" not in log
+    assert [line for line in log.splitlines() if line.startswith("Error: ") and "1_0011" in line]
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_run_under_a_server_can_be_stopped(
+    block: Path, tmp_path: Path, sent: signal.Signals, code: int
+) -> None:
+    # The lock of the output folder is held, so the run waits inside the flow and can be stopped for certain.
+    with run_lock(tmp_path / "out"), start_run(block, "--out", str(tmp_path / "out")) as process:
+        assert process.stderr is not None
+        assert any("another run" in line for line in process.stderr)
+        process.send_signal(sent)
+        process.communicate(timeout=60)
+        assert process.returncode == code

@@ -34,6 +34,17 @@ join = stage(join_texts)
 refused = stage(refuse)
 
 
+def _fetch(record: Path, kind: str) -> None:
+    """Fails the first time; `record` counts the trials."""
+    trials = record.read_text() if record.exists() else ""
+    record.write_text(trials + "trial ")
+    if not trials:
+        raise ConnectionResetError("lost") if kind == "connection" else ValueError("a defect")
+
+
+fetch = stage(_fetch)
+
+
 def story(store: Store) -> Outputs:
     one = write(store, text="one")
     others = write.map([{"text": "two"}, {"text": "three"}], store)
@@ -86,7 +97,9 @@ def test_inside_a_flow_run_every_stage_is_a_task_and_the_bytes_are_the_same(tmp_
 
 @pytest.mark.prefect
 @pytest.mark.usefixtures("prefect_server")
-def test_an_input_error_passes_through_the_task_unchanged(tmp_path: Path) -> None:
+def test_an_input_error_passes_through_the_task_unchanged_and_without_a_traceback(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     from prefect import flow
 
     @flow(name="refusal", persist_result=False)
@@ -98,3 +111,24 @@ def test_an_input_error_passes_through_the_task_unchanged(tmp_path: Path) -> Non
         return "not refused"
 
     assert as_flow(str(tmp_path)).endswith("x: 'x' is wrong. Write something else.")
+    assert "Finished in state InputError(" in caplog.text
+    assert "Traceback" not in caplog.text
+    assert "NoneType" not in caplog.text
+
+
+@pytest.mark.prefect
+@pytest.mark.usefixtures("prefect_server")
+def test_a_lost_connection_is_tried_once_more_and_a_defect_is_not(tmp_path: Path) -> None:
+    from prefect import flow
+
+    @flow(name="trials", persist_result=False)
+    def as_flow(folder: str, kind: str) -> str:
+        try:
+            fetch(Path(folder), kind)
+        except (ConnectionError, ValueError) as error:
+            return type(error).__name__
+        return "done"
+
+    assert as_flow(str(tmp_path / "connection"), "connection") == "done"
+    assert as_flow(str(tmp_path / "defect"), "defect") == "ValueError"
+    assert (tmp_path / "defect").read_text() == "trial "
