@@ -61,7 +61,10 @@ def load_project(
     try:
         project = Project.model_validate(content, context=context)
     except ValidationError as error:
-        raise _input_error(error.errors()[0], content, path, text) from error
+        errors = error.errors()
+        # A misspelt key is also a missing one; the misspelling is what helps.
+        first = next((entry for entry in errors if entry["type"] == "extra_forbidden"), errors[0])
+        raise _input_error(first, content, path, text) from error
     return project
 
 

@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tasks.errors import InputError
+from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
+from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(content):
+        path = tmp_path / "input.txt"
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+def refused(reader, path, *arguments):
+    with pytest.raises(InputError) as raised:
+        reader(path, *arguments)
+    assert raised.value.file == path
+    assert raised.value.remedy
+    return raised.value
+
+
+def test_columns_come_in_any_order_and_names_stay_verbatim(file):
+    records = read_csv_image_points(file('y,x,point,image\n2.5,1.5,007,"Im, 1"\n-4,3e1,NA,null\n'))
+    assert records.point.to_pylist() == ["007", "NA"]
+    assert records.image.to_pylist() == ["Im, 1", "null"]
+    assert records.xy.tolist() == [[1.5, 2.5], [30.0, -4.0]]
+    assert np.isnan(records.sigma).all()
+    assert records.line.tolist() == [2, 3]
+
+
+def test_numbers_are_read_to_the_last_digit(file):
+    values = ["6459960.9899999998", "0.1234567890123456", "1e-300", "123456789.123456789"]
+    records = read_csv_image_points(
+        file("image,point,x,y\n" + "".join(f"I,P{i},{value},0\n" for i, value in enumerate(values)))
+    )
+    assert records.xy[:, 0].tolist() == [float(value) for value in values]
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n", " \r\n"])
+def test_line_ends_blank_lines_and_a_byte_order_mark_do_not_matter(file, end):
+    text = "\ufeff" + end.join(["image, point, x, y", "I1,P1,1,2", "I2,P1,3,4"])
+    records = read_csv_image_points(file(text))
+    assert records.xy.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert records.image.to_pylist() == ["I1", "I2"]
+
+
+def test_lines_are_counted_as_an_editor_shows_them(file):
+    error = refused(read_csv_image_points, file("\n\nimage,point,x,y\nI,P,1,2\n\n\nI,Q,oops,2\n"))
+    assert error.line == 7
+    assert "'oops' in the column 'x'" in error.what
+
+
+@pytest.mark.parametrize("reader", [read_csv_image_points, read_csv_control])
+@pytest.mark.parametrize("content", ["", " \n\n", "\ufeff"])
+def test_an_empty_file_is_an_error(file, reader, content):
+    assert "empty" in refused(reader, file(content)).what
+
+
+@pytest.mark.parametrize("content", ["image,point,x,y", "image,point,x,y\n", "image,point,x,y\n\n \n"])
+def test_a_header_without_rows_is_an_error(file, content):
+    assert "no rows" in refused(read_csv_image_points, file(content)).what
+
+
+def test_missing_columns_are_named_with_what_may_be_meant(file):
+    error = refused(read_csv_image_points, file("image,points,x,y_mm\nI,P,1,2\n"))
+    assert "point, y" in error.what
+    assert "'points' may be meant for 'point'" in error.remedy
+    assert error.line == 1
+
+
+@pytest.mark.parametrize(("mark", "name"), [(";", "semicolon"), ("\t", "tab")])
+def test_another_delimiter_is_named(file, mark, name):
+    text = "image,point,x,y\nI,P,1,2\n".replace(",", mark)
+    assert name in refused(read_csv_image_points, file(text)).what
+
+
+def test_a_decimal_comma_is_named(file):
+    quoted = refused(read_csv_image_points, file('image,point,x,y\nI,P,"1,5",2\n'))
+    assert "decimal point" in quoted.remedy
+    plain = refused(read_csv_image_points, file("image,point,x,y\nI,Q,1,2\nI,P,1,5,2,5\n"))
+    assert plain.line == 3
+    assert "decimal point" in plain.remedy
+
+
+def test_one_field_too_many_is_not_dropped_silently(file):
+    assert refused(read_csv_image_points, file("image,point,x,y\nI,P,1,5,2\nI,Q,1,2\n")).line == 2
+
+
+def test_one_field_too_few_is_an_error_on_its_line(file):
+    error = refused(read_csv_image_points, file("image,point,x,y\nI,P,1,2\nI,Q,1\n"))
+    assert (error.line, "'y' is empty" in error.what) == (3, True)
+
+
+def test_an_open_quotation_mark_is_an_error(file):
+    assert (
+        "quotation mark" in refused(read_csv_image_points, file('image,point,x,y\nI,"P,1,2\nI,Q,1,2\n')).what
+    )
+
+
+def test_bytes_that_are_not_utf8_name_their_line(file):
+    error = refused(read_csv_image_points, file(b"image,point,x,y\nI,P,1,2\nI,\xe9,1,2\n"))
+    assert error.line == 3
+
+
+def test_a_column_named_twice_is_an_error(file):
+    assert "twice" in refused(read_csv_image_points, file("image,point,x,x,y\nI,P,1,1,2\n")).what
+
+
+def test_an_empty_name_is_an_error(file):
+    assert refused(read_csv_image_points, file("image,point,x,y\nI,P,1,2\n,P,1,2\n")).line == 3
+
+
+def test_exposures_need_the_angles_that_are_declared(file):
+    text = "image,camera,strip,x,y,z,omega,phi,kappa\nI,C,S,1,2,3,4,5,6\n"
+    assert read_csv_exposures(file(text), "omega-phi-kappa").angles.tolist() == [[4.0, 5.0, 6.0]]
+    error = refused(read_csv_exposures, file(text), "heading-pitch-roll")
+    assert "heading, pitch, roll" in error.what
+
+
+def test_heading_pitch_roll_and_all_optional_columns(file):
+    text = (
+        "image,camera,strip,flight,time,x,y,z,heading,pitch,roll,sx,sy,sz,sheading,spitch,sroll,gsd\n"
+        "I,C,,F,12.5,1,2,3,350,1,2,.1,.2,.3,.01,.02,.03,5\n"
+    )
+    records = read_csv_exposures(file(text), "heading-pitch-roll")
+    assert records.angles.tolist() == [[350.0, 1.0, 2.0]]
+    assert records.sigma_angles.tolist() == [[0.01, 0.02, 0.03]]
+    assert records.sigma_position.tolist() == [[0.1, 0.2, 0.3]]
+    assert records.strip.to_pylist() == [None]
+    assert records.flight.to_pylist() == ["F"]
+    assert records.time_s.tolist() == [12.5]
+    assert records.extra["gsd"].to_pylist() == ["5"]
+
+
+def test_control_may_miss_coordinates_and_roles(file):
+    records = read_csv_control(file("point,x,y,z,role\nA,1,2,,check\nB,,,3,\n"))
+    np.testing.assert_array_equal(np.isnan(records.position), [[False, False, True], [True, True, False]])
+    assert records.role.to_pylist() == ["check", None]
+
+
+@pytest.mark.parametrize("register", [IMAGE_POINT_FORMATS, CONTROL_FORMATS])
+def test_every_reader_refuses_an_empty_file_and_a_table_of_words(file, register):
+    for reader in register.values():
+        assert refused(reader, file("")).what == "The file is empty."
+        assert refused(reader, file("point image x y\nthis is no number\n")).line in (1, 2)
+
+
+def test_every_exposure_reader_refuses_an_empty_file(file):
+    for reader in EXPOSURE_FORMATS.values():
+        assert refused(reader, file(""), "omega-phi-kappa").what == "The file is empty."

@@ -1,0 +1,278 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tasks.errors import InputError
+from tasks.settings.load import load_project
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+PROJECT = """\
+version = 1
+[project]
+name = "p"
+crs = "EPSG:2154"
+heights = "ellipsoidal"
+
+[cameras."CAM 1"]
+columns = 100
+rows = 80
+pixel_um = 5.0
+focal_length_mm = 100.0
+principal_point_mm = [0, 0]
+pixel_origin = "centre"
+mount_deg = 180
+
+[[inputs.image_points]]
+file = "a.csv"
+format = "csv"
+unit = "px"
+
+[[inputs.image_points]]
+file = "b.csv"
+format = "csv"
+unit = "mm"
+sigma = [0.001, 0.002]
+
+[inputs.exposures]
+file = "${DELIVERY}/e.csv"
+format = "csv"
+crs = "EPSG:2154"
+heights = "ellipsoidal"
+position = "imu"
+angles = { order = "omega-phi-kappa", unit = "gon", reference = "grid" }
+sigma.position_m = 0.1
+
+[adjustment]
+free = ["boresight"]
+rejection = { critical_value = 3.29 }
+priors = { boresight_deg = 0.1, principal_point_mm = 0.05 }
+
+[gates]
+sigma0 = { max = 1.2 }
+rmse_check_m = { max = [0.1, 0.1, 0.2] }
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    (tmp_path / "delivery").mkdir()
+    for name in ("a.csv", "b.csv", "delivery/e.csv"):
+        (tmp_path / name).write_text("x\n")
+
+    def write_project(text=PROJECT):
+        path = tmp_path / "project.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_project
+
+
+def load(path, *overrides, **options):
+    return load_project(path, overrides, environment={"DELIVERY": str(path.parent / "delivery")}, **options)
+
+
+def refused(path, *overrides, **options):
+    with pytest.raises(InputError) as raised:
+        load(path, *overrides, **options)
+    return raised.value
+
+
+def line_of(text, part):
+    return next(number for number, line in enumerate(text.splitlines(), 1) if part in line)
+
+
+def test_a_project_is_read_with_defaults_tuples_and_absolute_paths(write, tmp_path):
+    project = load(write())
+    assert project.cameras["CAM 1"].mount_deg == 180
+    assert [source.file for source in project.inputs.image_points] == [tmp_path / "a.csv", tmp_path / "b.csv"]
+    assert project.inputs.image_points[1].sigma == (0.001, 0.002)
+    assert project.inputs.exposures[0].sigma.position_m == (0.1, 0.1, 0.1)
+    assert project.inputs.exposures[0].sigma.attitude_deg == (0.003, 0.003, 0.008)
+    assert project.inputs.control == ()
+    assert project.adjustment.priors.boresight_deg == (0.1, 0.1, 0.1)
+    assert project.adjustment.priors.lever_arm_m is None
+    assert project.adjustment.max_iterations == 20
+    assert project.gates.sigma0.max == 1.2
+    assert project.gates.rmse_control_m is None
+
+
+def test_rejection_and_heights_are_a_word_or_a_table(write):
+    assert load(write()).adjustment.rejection.critical_value == 3.29
+    assert load(write(), "adjustment.rejection=none").adjustment.rejection.critical_value is None
+    assert (
+        load(write(PROJECT.replace("rejection", "# rejection"))).adjustment.rejection.critical_value == 4.13
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "entity", "fits"),
+    [
+        ("pixel_um", "pixel_mm", "cameras.CAM 1.pixel_mm", "pixel_um"),
+        ("[adjustment]", "[adjustmnt]", "adjustmnt", "adjustment"),
+        ("critical_value", "critical", "adjustment.rejection.critical", "critical_value"),
+        ("position =", "postion =", "inputs.exposures.postion", "position"),
+        ("order =", "ordr =", "inputs.exposures.angles.ordr", "order"),
+        ('unit = "mm"', 'units = "mm"', "inputs.image_points.1.units", "unit"),
+    ],
+)
+def test_an_unknown_key_names_the_nearest_one_with_its_line(write, old, new, entity, fits):
+    text = PROJECT.replace(old, new)
+    error = refused(write(text))
+    assert error.entity == entity
+    assert f"'{fits}'" in error.remedy
+    assert error.line == line_of(text, new)
+
+
+@pytest.mark.parametrize(
+    ("removed", "entity"),
+    [
+        ('crs = "EPSG:2154"\nheights = "ellipsoidal"\nposition', "inputs.exposures.crs"),
+        ("mount_deg = 180\n", "cameras.CAM 1.mount_deg"),
+        ('pixel_origin = "centre"\n', "cameras.CAM 1.pixel_origin"),
+        ("version = 1\n", "version"),
+        ('unit = "px"\n', "inputs.image_points.0.unit"),
+    ],
+)
+def test_what_must_be_declared_has_no_default(write, removed, entity):
+    replacement = 'heights = "ellipsoidal"\nposition' if "position" in removed else ""
+    error = refused(write(PROJECT.replace(removed, replacement)))
+    assert error.entity == entity
+    assert error.remedy.startswith("Add it: ")
+
+
+def test_invalid_toml_names_its_line(write):
+    error = refused(write(PROJECT.replace('name = "p"', "name = p")))
+    assert error.line == 3
+    assert "TOML" in error.what
+
+
+def test_a_project_file_that_is_not_there_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="no such project file"):
+        load_project(tmp_path / "none.toml")
+
+
+def test_a_project_file_that_is_not_utf8_is_an_input_error(tmp_path):
+    path = tmp_path / "project.toml"
+    path.write_bytes('name = "Mühle"'.encode("latin-1"))
+    with pytest.raises(InputError, match="UTF-8"):
+        load_project(path)
+
+
+def test_a_byte_order_mark_does_not_matter(write):
+    assert load(write("\ufeff" + PROJECT)).version == 1
+
+
+def test_a_missing_file_names_key_line_and_place(write, tmp_path):
+    (tmp_path / "b.csv").unlink()
+    error = refused(write())
+    assert error.entity == "inputs.image_points.1.file"
+    assert error.line == line_of(PROJECT, "b.csv")
+    assert str(tmp_path / "b.csv") in error.what
+
+
+def test_a_variable_that_is_not_set_is_named(write):
+    with pytest.raises(InputError, match="variable DELIVERY is not set") as raised:
+        load_project(write(), environment={})
+    assert raised.value.line == line_of(PROJECT, "${DELIVERY}")
+
+
+def test_the_data_folder_is_searched_when_a_file_is_not_beside_the_project(write, tmp_path):
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    (tmp_path / "b.csv").rename(moved / "b.csv")
+    assert load(write(), data=moved).inputs.image_points[1].file == moved / "b.csv"
+
+
+def test_the_data_folder_stands_in_for_the_test_data_variable(write, tmp_path):
+    path = write(PROJECT.replace("${DELIVERY}", "${AEROCAL_TEST_DATA}"))
+    project = load_project(path, data=tmp_path / "delivery", environment={})
+    assert project.inputs.exposures[0].file == tmp_path / "delivery" / "e.csv"
+
+
+def test_a_deployment_reads_only_under_its_roots(write, tmp_path):
+    assert load(write(), roots=[tmp_path]).version == 1
+    error = refused(write(), roots=[tmp_path / "delivery"])
+    assert "may read" in error.what
+    assert error.entity == "inputs.image_points.0.file"
+
+
+def test_a_way_out_of_the_roots_through_a_link_is_noticed(write, tmp_path, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("outside") / "secret.csv"
+    outside.write_text("x\n")
+    (tmp_path / "a.csv").unlink()
+    (tmp_path / "a.csv").symlink_to(outside)
+    assert "may read" in refused(write(), roots=[tmp_path]).what
+
+
+def test_set_replaces_values_of_every_kind(write):
+    project = load(
+        write(),
+        "project.name=a b",
+        "adjustment.max_iterations=7",
+        'adjustment.free=["boresight", "lever_arm"]',
+        "inputs.image_points.1.sigma=0.003",
+        'cameras."CAM 1".mount_deg=90',
+        "inputs.exposures.sigma.attitude_deg=[0.1, 0.2, 0.3]",
+        "adjustment.rejection.critical_value=5",
+        "checks.min_intersection_angle_deg=2",
+    )
+    assert project.project.name == "a b"
+    assert project.adjustment.max_iterations == 7
+    assert project.adjustment.free == ("boresight", "lever_arm")
+    assert project.inputs.image_points[1].sigma == (0.003, 0.003)
+    assert project.cameras["CAM 1"].mount_deg == 90
+    assert project.inputs.exposures[0].sigma.attitude_deg == (0.1, 0.2, 0.3)
+    assert project.adjustment.rejection.critical_value == 5.0
+    assert project.checks.min_intersection_angle_deg == 2.0
+
+
+@pytest.mark.parametrize(
+    ("override", "part"),
+    [
+        ("adjustment.max_iteration=7", "Did you mean 'max_iterations'?"),
+        ("cameras.CAM2.mount_deg=90", "Did you mean 'CAM 1'?"),
+        ("inputs.image_points.7.sigma=1", "none of them"),
+        ("adjustment.max_iterations", "has no value"),
+        ("a b=1", "not a key"),
+        ("project.name.first=x", "no key 'first'"),
+    ],
+)
+def test_set_takes_only_keys_that_exist(write, override, part):
+    assert part in str(refused(write(), override))
+
+
+@pytest.mark.parametrize(
+    ("override", "part"),
+    [
+        ("adjustment.max_iterations=0", "greater than or equal to 1"),
+        ('adjustment.free=["focal"]', "'focal_length'"),
+        ('adjustment.free=["boresight", "boresight"]', "named twice"),
+        ("inputs.exposures.sigma.position_m=-0.1", "greater than 0"),
+        ("inputs.exposures.heights=orthometric", "ellipsoidal"),
+        ("inputs.exposures.position=nadir", "projection_centre"),
+        ("inputs.exposures.format=ign-opc", "Did you mean 'ign-opk'?"),
+        ("adjustment.rejection=some", "critical_value"),
+        ("gates.sigma0={}", "no limit"),
+        ('cameras."CAM 1".file="a.csv"', "Keep one of the two"),
+        ('cameras."CAM 1".mount_deg=45', "0, 90, 180 or 270"),
+        ("version=2", "Input should be 1"),
+        ("project.heights={}", "ellipsoidal"),
+    ],
+)
+def test_values_that_cannot_be_are_refused(write, override, part):
+    assert part in str(refused(write(), override))
+
+
+def test_a_camera_without_file_needs_all_its_values(write):
+    error = refused(write(PROJECT.replace("pixel_um = 5.0\n", "").replace("rows = 80\n", "")))
+    assert "rows, pixel_um" in error.what
+    assert error.line == line_of(PROJECT, '[cameras."CAM 1"]')
+
+
+@pytest.mark.parametrize("example", ["ign_ultracam_eagle", "ign_borea"])
+def test_the_examples_are_valid(example, test_data):
+    path = REPOSITORY / "examples" / example / "project.toml"
+    project = load_project(path, environment={"AEROCAL_TEST_DATA": str(test_data)})
+    assert project.inputs.control
