@@ -23,8 +23,12 @@ INTERIOR_ORIENTATION = "interior_orientation"
 BORESIGHT = "boresight"
 LEVER_ARM = "lever_arm"
 GNSS_SHIFT = "gnss_shift"
+GNSS_STRIP_BIAS = "gnss_strip_bias"
+GNSS_DRIFT = "gnss_drift"
+TIME_OFFSET = "time_offset"
 
 EntityKind = Literal["camera", "flight", "strip"]
+Unit = Literal["m", "rad", "s", "m/s"]
 
 
 @dataclass(frozen=True)
@@ -36,13 +40,13 @@ class Family:
     name : of the family.
     components : the names of its parameters, as they are reported.
     entity_kind : what has its own set of them.
-    unit : "m" or "rad".
+    unit : SI unit of its parameters.
     """
 
     name: str
     components: tuple[str, ...]
     entity_kind: EntityKind
-    unit: Literal["m", "rad"]
+    unit: Unit
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -54,6 +58,14 @@ FAMILIES: Mapping[str, Family] = {
         Family(BORESIGHT, ("boresight_roll", "boresight_pitch", "boresight_yaw"), "camera", "rad"),
         Family(LEVER_ARM, ("lever_arm_x", "lever_arm_y", "lever_arm_z"), "camera", "m"),
         Family(GNSS_SHIFT, ("gnss_shift_x", "gnss_shift_y", "gnss_shift_z"), "flight", "m"),
+        Family(
+            GNSS_STRIP_BIAS,
+            ("gnss_strip_bias_x", "gnss_strip_bias_y", "gnss_strip_bias_z"),
+            "strip",
+            "m",
+        ),
+        Family(GNSS_DRIFT, ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"), "strip", "m/s"),
+        Family(TIME_OFFSET, ("time_offset",), "flight", "s"),
     )
 }
 

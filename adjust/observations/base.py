@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.errors import InconsistentBlockError
-from adjust.parameters import State
+from adjust.parameters import State, Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class ObservationGroup(Protocol):
     ----------
     name : of the group, as it is reported.
     components : names of the m components, in order.
-    unit : of the observations, "m" or "rad".
+    unit : SI unit of the observations.
     image, point : (n,) index of the image and object point an observation belongs to, −1 for none.
     stochastic : the weights.
     """
@@ -122,7 +122,7 @@ class ObservationGroup(Protocol):
     @property
     def components(self) -> tuple[str, ...]: ...  # noqa: D102
     @property
-    def unit(self) -> Literal["m", "rad"]: ...  # noqa: D102
+    def unit(self) -> Unit: ...  # noqa: D102
     @property
     def image(self) -> Ints: ...  # noqa: D102
     @property

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry.earth import LocalFrame
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import OBJECT_POINT, State
+from adjust.parameters import OBJECT_POINT, State, Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class ControlPoints:
 
     name: ClassVar[str] = "control_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y", "z")
-    unit: ClassVar[Literal["m", "rad"]] = "m"
+    unit: ClassVar[Unit] = "m"
 
     @property
     def image(self) -> Ints:

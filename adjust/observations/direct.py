@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import FAMILIES, State
+from adjust.parameters import FAMILIES, State, Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class DirectObservations:
         return FAMILIES[self.family].components
 
     @property
-    def unit(self) -> Literal["m", "rad"]:
+    def unit(self) -> Unit:
         """Unit of the family."""
         return FAMILIES[self.family].unit
 

@@ -3,14 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, GNSS_SHIFT, LEVER_ARM, State
+from adjust.parameters import (
+    BORESIGHT,
+    EXTERIOR_ORIENTATION,
+    GNSS_DRIFT,
+    GNSS_SHIFT,
+    GNSS_STRIP_BIAS,
+    LEVER_ARM,
+    TIME_OFFSET,
+    State,
+    Unit,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class StripMotion:
+    """When the positions were taken, and how the aircraft moved.
+
+    Attributes
+    ----------
+    strip : (n,) index of the strip.
+    since_middle : (n,) seconds since the middle of the strip.
+    velocity : (n, 3) metres per second, local frame.
+    """
+
+    strip: Ints
+    since_middle: Floats
+    velocity: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +45,12 @@ class GnssPositions:
 
     The observation is zero when, in the axes C (east, north, up at the exposure),
 
-        C · (X0 + R_b · l + s − A) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
+        C · (X0 + R_b · l + s_f + β_k + d_k (t − t_k) + v Δt_f − A) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
 
     with the projection centre X0, the lever arm l in body axes (forward, right, down), the shift s of
-    the flight in local axes and the observed position A. If what is delivered has been reduced to
-    the projection centre already, l is what the reduction left over.
+    flight f, the bias β and the drift d of strip k about its mid time t_k (local axes), the time
+    offset Δt of the flight times the velocity v, and the observed position A. If what is delivered
+    has been reduced to the projection centre already, l is what the reduction left over.
 
     Attributes
     ----------
@@ -33,6 +60,7 @@ class GnssPositions:
     local_from_enu : (n, 3, 3) axes in which the components are given and weighted.
     body_from_camera : (n, 3, 3) nominal mounting T.
     stochastic : components east, north, up.
+    motion : times and velocities; without them there is no strip bias, drift or time offset.
     """
 
     image: Ints
@@ -42,10 +70,11 @@ class GnssPositions:
     local_from_enu: Floats
     body_from_camera: Floats
     stochastic: StochasticModel
+    motion: StripMotion | None = None
 
     name: ClassVar[str] = "gnss_positions"
     components: ClassVar[tuple[str, ...]] = ("x", "y", "z")
-    unit: ClassVar[Literal["m", "rad"]] = "m"
+    unit: ClassVar[Unit] = "m"
 
     @property
     def point(self) -> Ints:
@@ -64,6 +93,8 @@ class GnssPositions:
         arm_in_camera = np.einsum("nij,nj->ni", camera_from_inertial, lever_arm)
         arm_in_local = np.einsum("nij,nj->ni", local_from_camera, arm_in_camera)
         computed = state.projection_centre[self.image] + arm_in_local + shift
+        if self.motion is not None:
+            computed = computed + _along_track(self.motion, self.flight, state)
 
         enu_from_local = np.swapaxes(self.local_from_enu, 1, 2)
         of_rotation = -enu_from_local @ local_from_camera @ rotation.cross_matrix(arm_in_camera)
@@ -78,6 +109,7 @@ class GnssPositions:
             Term(LEVER_ARM, self.camera, enu_from_local @ local_from_inertial),
             Term(BORESIGHT, self.camera, of_boresight),
             Term(GNSS_SHIFT, self.flight, enu_from_local),
+            *(() if self.motion is None else _motion_terms(self.motion, self.flight, state, enu_from_local)),
         )
         misclosure = np.einsum("nij,nj->ni", enu_from_local, self.observed - computed)
         return Linearization(misclosure, terms)
@@ -85,3 +117,28 @@ class GnssPositions:
     def without(self, rejected: Bools) -> Self:
         """The same group with the positions (n,) that are rejected taken out."""
         return replace(self, stochastic=self.stochastic.without(rejected))
+
+
+def _along_track(motion: StripMotion, flight: Ints, state: State) -> Floats:
+    """What strip bias, drift and time offset add to the positions (n, 3), metres, local frame."""
+    added = np.zeros_like(motion.velocity)
+    if GNSS_STRIP_BIAS in state.system:
+        added += state.system[GNSS_STRIP_BIAS][motion.strip]
+    if GNSS_DRIFT in state.system:
+        added += state.system[GNSS_DRIFT][motion.strip] * motion.since_middle[:, None]
+    if TIME_OFFSET in state.system:
+        added += state.system[TIME_OFFSET][flight] * motion.velocity
+    return added
+
+
+def _motion_terms(
+    motion: StripMotion, flight: Ints, state: State, enu_from_local: Floats
+) -> tuple[Term, ...]:
+    """Derivatives with respect to the families that depend on strip and time."""
+    velocity = np.einsum("nij,nj->ni", enu_from_local, motion.velocity)[:, :, None]
+    terms = (
+        Term(GNSS_STRIP_BIAS, motion.strip, enu_from_local),
+        Term(GNSS_DRIFT, motion.strip, enu_from_local * motion.since_middle[:, None, None]),
+        Term(TIME_OFFSET, flight, velocity),
+    )
+    return tuple(term for term in terms if term.block in state.system)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from adjust.parameters import (
     INTERIOR_ORIENTATION,
     OBJECT_POINT,
     State,
+    Unit,
 )
 
 
@@ -46,7 +47,7 @@ class ImagePoints:
 
     name: ClassVar[str] = "image_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y")
-    unit: ClassVar[Literal["m", "rad"]] = "m"
+    unit: ClassVar[Unit] = "m"
 
     def __post_init__(self) -> None:
         if np.any(np.diff(self.point) < 0):

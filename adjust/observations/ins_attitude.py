@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, State
+from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, State, Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class InsAttitudes:
 
     name: ClassVar[str] = "ins_attitudes"
     components: ClassVar[tuple[str, ...]] = ("roll", "pitch", "yaw")
-    unit: ClassVar[Literal["m", "rad"]] = "rad"
+    unit: ClassVar[Unit] = "rad"
 
     @property
     def point(self) -> Ints:

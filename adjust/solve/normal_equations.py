@@ -81,6 +81,7 @@ class System:
 
     Attributes
     ----------
+    observations : those that take part; what belongs to an object point that is no unknown is taken out.
     active_point : (m,) object points that are unknown; the others have lost too many rays.
     point_start : (m + 1,) where the rays of each point begin.
     """
@@ -96,13 +97,14 @@ class System:
     def of(cls, block: Block, observations: Observations) -> System:
         """Symbolic analysis of a block and its observations."""
         images, points = len(block.images), len(block.points)
+        active = determined_points(block, observations)
         return cls(
             block,
             block.layout,
-            observations,
+            _of_active_points(observations, active),
             covisibility(observations.image_points, images, points),
             point_starts(observations.image_points.point, points),
-            determined_points(block, observations),
+            active,
         )
 
     @property
@@ -129,6 +131,16 @@ def determined_points(block: Block, observations: Observations) -> Bools:
         present = group.stochastic.present[touching].sum(axis=1)
         np.add.at(equations, group.point[touching], present)
     return equations >= 3
+
+
+def _of_active_points(observations: Observations, active: Bools) -> Observations:
+    """Without the single rays and partial surveys of object points that they do not determine."""
+    kept = np.append(active, True)  # the last one serves what belongs to no object point (−1)
+    rays = observations.image_points
+    return Observations(
+        rays.without(~kept[rays.point]),
+        tuple(group.without(~kept[group.point]) for group in observations.others),
+    )
 
 
 def reduced_normals(system: System, state: State, damping: float = 0.0) -> ReducedNormals:

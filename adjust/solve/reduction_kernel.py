@@ -197,6 +197,10 @@ def reduce_points(
                     for k in range(6):
                         for q in range(6):
                             block[k, q] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+                    if e == f and a != b:  # measured twice in one image: the diagonal block gets both
+                        for k in range(6):
+                            for q in range(6):
+                                block[q, k] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
                 else:
                     block = blocks[find_block(row_start, column, f, e)]
                     for k in range(6):
