@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Floats
+from tasks.conformality import refuse_distorted_angles
 from tasks.crs import MapFrame
 from tasks.datum_change import Transfer
 from tasks.exposure_angles import ConvertedAngles, convert_angles, refuse_impossible_angles, unit_suspicion
@@ -48,7 +49,7 @@ def exposure_columns(
     ------
     InputError
         For a camera the project does not have, an image given twice, positions outside the CRS or the geoid
-        grid, angles that cannot be in the declared unit, standard deviations that are not positive.
+        grid, angles that cannot be in the declared unit or grid, standard deviations that are not positive.
     """
     inputs = [_converted(source, cameras, project) for source in sources]
     records = [entry.records for entry in inputs]
@@ -83,6 +84,8 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     records = EXPOSURE_FORMATS[source.format](source.file, source.angles.order)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
+    if source.angles.reference == "grid":
+        refuse_distorted_angles(frame)
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tasks.artifact import Artifact
 from tasks.camera_table import write_cameras
+from tasks.conformality import refuse_distorted_angles
 from tasks.control_import import control_columns
 from tasks.crs import MapFrame
 from tasks.errors import InputError
@@ -30,7 +31,7 @@ def project_frame(project: ProjectSettings) -> MapFrame:
     Raises
     ------
     InputError
-        If it is not a map projection in metres or local.
+        If it is neither a conformal map projection in metres nor local.
     """
     frame = MapFrame.of(project.crs, project.heights)
     if not (frame.is_local or frame.is_projected):
@@ -39,6 +40,7 @@ def project_frame(project: ProjectSettings) -> MapFrame:
             'Give a map projection, e.g. crs = "EPSG:2154", or "local".',
             entity=project.crs,
         )
+    refuse_distorted_angles(frame)
     return frame
 
 
