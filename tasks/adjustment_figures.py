@@ -18,6 +18,7 @@ _GROUP_LIMITS = (0.7, 1.4)
 _GROUP_REDUNDANCY = 10.0
 # Two parameters correlated by more than this are hardly separated.
 _CORRELATED = 0.98
+_MOST_PAIRS = 5
 _IN_WORDS = {
     "image_points": "image points",
     "control_points": "control points",
@@ -154,13 +155,15 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
 
 
 def _correlated(adjusted: AdjustedBlock) -> list[str]:
-    """A sentence for each pair of system parameters that the block hardly separates."""
+    """Sentences about the pairs of system parameters that the block separates least."""
     names = adjusted.result.layout.border_names()
     correlation = correlation_matrix(adjusted.result)
+    first, second = np.triu_indices(len(names), 1)
+    worst = np.argsort(-np.abs(correlation[first, second]), kind="stable")[:_MOST_PAIRS]
     return [
         f"{names[a][0]} of {names[a][1]} and {names[b][0]} of {names[b][1]} are correlated by "
         f"{correlation[a, b]:+.3f}: this block hardly separates them, their values must not be used apart."
-        for a, b in zip(*np.triu_indices(len(names), 1), strict=True)
+        for a, b in zip(first[worst], second[worst], strict=True)
         if abs(correlation[a, b]) > _CORRELATED
     ]
 

@@ -33,6 +33,7 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
 from tasks.store import stored
 from tasks.tables import read_table, write_table
+from tasks.track_attitudes import with_track_attitudes
 
 USED = "used"
 _STATUS = {
@@ -147,11 +148,12 @@ def oriented_images(
         )
     frame = local_frame(map_frame, own[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     given = GivenOrientations.from_tables(own, mountings, map_frame, frame)
+    given = with_track_attitudes(given, frame, measured)
     unoriented = tuple(name for name, known in zip(given.image, given.has_attitude, strict=True) if not known)
     if len(unoriented) == len(given.image):
         raise InputError(
-            "None of the exposures has an attitude.",
-            "Give ω, φ, κ or heading, pitch, roll: images are oriented from them.",
+            "None of the exposures has an attitude, and none lies in a strip from which it could be taken.",
+            "Give ω, φ, κ or heading, pitch, roll, or name the strips: a strip shows the heading.",
         )
     return given.only(given.has_attitude), frame, unoriented
 
@@ -219,7 +221,7 @@ def _no_attitude(images: tuple[str, ...]) -> str:
     listed = ", ".join(images[:5]) + (", …" if len(images) > 5 else "")
     return (
         f"{len(images)} images cannot be oriented and do not take part, because their exposures have no "
-        f"attitude: {listed}."
+        f"attitude and are alone in their strip: {listed}."
     )
 
 

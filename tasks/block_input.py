@@ -22,20 +22,27 @@ from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
+    GNSS_DRIFT,
     GNSS_SHIFT,
+    GNSS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
+    TIME_OFFSET,
     SystemParameters,
 )
 from tasks.crs import MapFrame
 from tasks.given_orientations import GivenOrientations
 from tasks.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.strip_motion import strip_motion
 
 _FREE_FAMILIES = {
     "boresight": (BORESIGHT, (0, 1, 2)),
     "lever_arm": (LEVER_ARM, (0, 1, 2)),
     "gnss_shift": (GNSS_SHIFT, (0, 1, 2)),
+    "gnss_strip_bias": (GNSS_STRIP_BIAS, (0, 1, 2)),
+    "gnss_drift": (GNSS_DRIFT, (0, 1, 2)),
+    "time_offset": (TIME_OFFSET, (0,)),
     "focal_length": (INTERIOR_ORIENTATION, (0,)),
     "principal_point": (INTERIOR_ORIENTATION, (1, 2)),
 }
@@ -145,10 +152,12 @@ def image_point_observations(
     return observations, rows
 
 
-def system_parameters(
-    given: GivenOrientations, flights: tuple[str, ...], settings: AdjustmentSettings
-) -> tuple[SystemParameters, ...]:
-    """All families with their given values; free are those the settings name."""
+def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) -> tuple[SystemParameters, ...]:
+    """All families with their given values; free are those the settings name.
+
+    The families of strips and times are there only when they are free: nothing is known of them.
+    """
+    flights, strips = given.flights, given.strips
     mountings = given.mountings
     interior = np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras])
     values = {
@@ -157,6 +166,12 @@ def system_parameters(
         LEVER_ARM: (mountings.names, mountings.lever_arm),
         GNSS_SHIFT: (flights, np.zeros((len(flights), 3))),
     }
+    if "gnss_strip_bias" in settings.free:
+        values[GNSS_STRIP_BIAS] = (strips, np.zeros((len(strips), 3)))
+    if "gnss_drift" in settings.free:
+        values[GNSS_DRIFT] = (strips, np.zeros((len(strips), 3)))
+    if "time_offset" in settings.free:
+        values[TIME_OFFSET] = (flights, np.zeros((len(flights), 1)))
     free = {name: np.zeros(entry[1].shape, dtype=bool) for name, entry in values.items()}
     for parameter in settings.free:
         family, components = _FREE_FAMILIES[parameter]
@@ -175,18 +190,16 @@ def block_of(
     settings: AdjustmentSettings,
 ) -> Block:
     """The block of the given images and object points (m, 3) with their approximate values."""
-    flights = tuple(sorted(set(given.flight)))
-    flight_of_image = pd.Index(flights).get_indexer(pd.Index(given.flight)).astype(np.int64)
     centre, local_from_camera = given.orientations()
     return Block(
         frame,
         given.mountings.cameras,
         given.image,
         given.camera,
-        flights,
-        flight_of_image,
+        given.flights,
+        given.flight_of_image,
         points,
-        system_parameters(given, flights, settings),
+        system_parameters(given, settings),
         centre,
         local_from_camera,
         object_point,
@@ -203,18 +216,21 @@ def gnss_positions(block: Block, given: GivenOrientations) -> GnssPositions:
         given.local_from_grid,
         given.body_from_camera,
         StochasticModel.from_sigma(given.position_sigma),
+        strip_motion(given),
     )
 
 
 def ins_attitudes(given: GivenOrientations) -> InsAttitudes:
-    """INS attitudes of all images, weighted in body axes."""
-    n = len(given.image)
+    """INS attitudes of the images that have one, weighted in body axes."""
+    observed = np.flatnonzero(given.attitude_observed)
     return InsAttitudes(
-        np.arange(n, dtype=np.int64),
-        given.camera,
-        given.local_from_body(),
-        given.body_from_camera,
-        StochasticModel.from_covariance(given.attitude_covariance(), np.ones((n, 3), dtype=bool)),
+        observed.astype(np.int64),
+        given.camera[observed],
+        given.local_from_body()[observed],
+        given.body_from_camera[observed],
+        StochasticModel.from_covariance(
+            given.attitude_covariance()[observed], np.ones((len(observed), 3), dtype=bool)
+        ),
     )
 
 
@@ -245,6 +261,9 @@ def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservatio
         BORESIGHT: np.array(given.boresight_deg or nothing) * degree,
         LEVER_ARM: np.array(given.lever_arm_m or nothing),
         GNSS_SHIFT: np.array(given.gnss_shift_m or nothing),
+        GNSS_STRIP_BIAS: np.array(given.gnss_strip_bias_m),
+        GNSS_DRIFT: np.array(given.gnss_drift_m_s or nothing),
+        TIME_OFFSET: np.array([np.nan if given.time_offset_s is None else given.time_offset_s]),
     }
     groups = []
     for parameters in block.system:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ from tasks.given_orientations import GivenOrientations
 from tasks.local_frame import local_from_map
 from tasks.notes import Notes, write_notes
 from tasks.parameter_tables import write_parameters
+from tasks.refracted_rays import without_refraction
 from tasks.result_tables import (
     AdjustedBlock,
     write_control_residuals,
@@ -48,6 +50,7 @@ from tasks.result_tables import (
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.store import stored
+from tasks.strip_motion import require_motion
 from tasks.tables import read_table
 
 _log = logging.getLogger("aerocal")
@@ -76,7 +79,10 @@ def adjust_bundle(
     measured = read_table(image_points)
     approximate = read_table(approximate_points)
     given, frame, _ = oriented_images(read_table(exposures), read_table(cameras), measured, map_frame)
+    require_motion(given, adjustment)
     surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
+    if "control" not in adjustment.observe:
+        surveyed = replace(surveyed, is_check=np.ones_like(surveyed.is_check))
 
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
@@ -106,10 +112,16 @@ def _observations(
 ) -> tuple[Observations, np.ndarray]:
     """All observation groups of the block, and the rows of the image point table that are in it."""
     rays, rows = image_point_observations(measured, block.images, block.points, block.camera_of_image)
+    if settings.refraction == "standard":
+        rays = without_refraction(rays, block)
+    others: list[ObservationGroup] = []
     control = control_observations(block, surveyed)
-    others: tuple[ObservationGroup, ...] = (gnss_positions(block, given), ins_attitudes(given))
-    if control is not None:
-        others = (control, *others)
+    if "control" in settings.observe and control is not None:
+        others.append(control)
+    if "gnss" in settings.observe:
+        others.append(gnss_positions(block, given))
+    if "ins" in settings.observe and given.attitude_observed.any():
+        others.append(ins_attitudes(given))
     return Observations(rays, (*others, *priors(block, settings))), rows
 
 

@@ -90,6 +90,7 @@ class GivenOrientations:
     angles : (n, 3) radians: ω, φ, κ of the camera against the grid, or heading, pitch, roll of the body.
     angle_sigma : (n, 3) radians.
     is_heading : (n,) which of the two.
+    attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
     """
 
     mountings: Mountings
@@ -106,6 +107,7 @@ class GivenOrientations:
     angles: Floats
     angle_sigma: Floats
     is_heading: Bools
+    attitude_observed: Bools
 
     @classmethod
     def from_tables(
@@ -136,7 +138,28 @@ class GivenOrientations:
             np.deg2rad(np.where(choose, heading, grid)),
             np.deg2rad(np.where(choose, sigma_heading, sigma_grid)),
             is_heading,
+            np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
         )
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        """Names of the flights, ascending; one without a name if none is known."""
+        return tuple(sorted(set(self.flight)))
+
+    @property
+    def flight_of_image(self) -> Ints:
+        """(n,) index into ``flights``."""
+        return pd.Index(self.flights).get_indexer(pd.Index(self.flight)).astype(np.int64)
+
+    @property
+    def strips(self) -> tuple[str, ...]:
+        """Names of the strips, ascending; one without a name if none is known."""
+        return tuple(sorted(set(self.strip)))
+
+    @property
+    def strip_of_image(self) -> Ints:
+        """(n,) index into ``strips``."""
+        return pd.Index(self.strips).get_indexer(pd.Index(self.strip)).astype(np.int64)
 
     @property
     def has_attitude(self) -> Bools:
@@ -192,4 +215,5 @@ class GivenOrientations:
             angles=self.angles[index],
             angle_sigma=self.angle_sigma[index],
             is_heading=self.is_heading[index],
+            attitude_observed=self.attitude_observed[index],
         )

@@ -88,7 +88,8 @@ def reported_unit(family: str) -> tuple[str, float]:
     """Unit of a family in the tables and the factor from SI and radians."""
     if family == INTERIOR_ORIENTATION:
         return "mm", 1e3
-    return ("deg", float(np.rad2deg(1.0))) if FAMILIES[family].unit == "rad" else ("m", 1.0)
+    unit = FAMILIES[family].unit
+    return ("deg", float(np.rad2deg(1.0))) if unit == "rad" else (unit, 1.0)
 
 
 def correlation_matrix(result: AdjustmentResult) -> Floats:

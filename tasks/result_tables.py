@@ -15,6 +15,7 @@ import pandas as pd
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.geometry import rotation
+from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION
@@ -170,13 +171,13 @@ def _group_rows(block: Block, group: GroupResult) -> pd.DataFrame:
     )
 
 
-def _reported_unit(observations: object) -> tuple[str, float]:
+def _reported_unit(observations: ObservationGroup) -> tuple[str, float]:
     """Unit in the tables and the factor from SI and radians."""
     if isinstance(observations, ImagePoints):
         return "um", 1e6
     if isinstance(observations, DirectObservations) and observations.family == INTERIOR_ORIENTATION:
         return "um", 1e6
-    return ("deg", _DEGREE) if getattr(observations, "unit", "m") == "rad" else ("m", 1.0)
+    return ("deg", _DEGREE) if observations.unit == "rad" else (observations.unit, 1.0)
 
 
 def _names(names: tuple[str, ...], index: Ints) -> np.ndarray:

@@ -9,7 +9,17 @@ from pydantic import Field, model_validator
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple
 
-FreeParameter: TypeAlias = Literal["boresight", "lever_arm", "gnss_shift", "focal_length", "principal_point"]
+FreeParameter: TypeAlias = Literal[
+    "boresight",
+    "lever_arm",
+    "gnss_shift",
+    "gnss_strip_bias",
+    "gnss_drift",
+    "time_offset",
+    "focal_length",
+    "principal_point",
+]
+ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
 
 
 class Rejection(Settings):
@@ -47,6 +57,17 @@ class Priors(Settings):
     gnss_shift_m: PositiveTriple | None = Field(
         default=None, description="GNSS shift of a flight about zero, m; one number or three."
     )
+    gnss_strip_bias_m: PositiveTriple = Field(
+        default=(0.03, 0.03, 0.03),
+        description="GNSS bias of a strip about the shift of its flight, m; one number or three. Default "
+        "0.03 m: what GNSS errors that change slowly leave in a strip.",
+    )
+    gnss_drift_m_s: PositiveTriple | None = Field(
+        default=None, description="GNSS drift of a strip about zero, m/s; one number or three."
+    )
+    time_offset_s: Positive | None = Field(
+        default=None, description="Time offset between exposures and trajectory about zero, s."
+    )
     focal_length_mm: Positive | None = Field(
         default=None, description="Focal length about the camera's value, mm."
     )
@@ -63,6 +84,17 @@ class AdjustmentSettings(Settings):
         description='System parameters to estimate, e.g. `["boresight", "lever_arm"]`; everything else '
         "stays at its "
         "given value.",
+    )
+    observe: tuple[ObservedGroup, ...] = Field(
+        default=("gnss", "ins", "control"),
+        description="Observations besides the image points that enter the adjustment. Without `gnss` or "
+        "`ins` the exposures still give approximate values; without `control` the control points become "
+        "check points.",
+    )
+    refraction: Literal["standard", "none"] = Field(
+        default="standard",
+        description="Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or `none`, for "
+        "image points it has been taken from already. 1 to 4 µm in the corner of a large format.",
     )
     rejection: Rejection = Field(default_factory=Rejection, description="Rejection of gross errors.")
     sigma0: Literal["a_posteriori", "a_priori"] = Field(
