@@ -28,25 +28,22 @@ class CameraInput(Settings):
         default=None, description="Principal point x, y in the image system (from the format centre), mm."
     )
     pixel_origin: Literal["corner", "centre"] = Field(
-        description="Which point of the top-left pixel has the pixel coordinates (0, 0). Half a pixel: "
-        "as much as "
-        "a principal point may change in a calibration."
+        description="Which point of the top-left pixel has the pixel coordinates (0, 0). Half a pixel: as "
+        "much as a principal point may change in a calibration."
     )
     mount_deg: Literal[0, 90, 180, 270] = Field(
         description="κ_mount: the nominal turn of the camera in the aircraft, T = diag(1, −1, −1) "
-        "R_z(κ_mount); "
-        "0: image x (columns) points forward, 90: forward is −y (down the rows)."
+        "R_z(κ_mount); 0: image x (columns) points forward, 90: forward is −y (down the rows)."
     )
     lever_arm_m: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Known lever arm from the projection centre to the point the positions are of, body axes "
-        "(forward, right, down), m: the initial value if it is free, else fixed.",
+        description="Known lever arm from the projection centre to the point the positions are of, body "
+        "axes (forward, right, down), m: the initial value if it is free, else fixed.",
     )
     boresight_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),
         description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial "
-        "value if it "
-        "is free, else fixed.",
+        "value if it is free, else fixed.",
     )
 
     @model_validator(mode="after")

@@ -31,8 +31,8 @@ class Heights(Settings):
     geoid: InputPath | None = Field(
         default=None,
         description="GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as PROJ "
-        'publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = "ellipsoidal"` otherwise. '
-        "A grid is always named: no undulation is ever taken as zero.",
+        'publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = "ellipsoidal"` '
+        "otherwise. A grid is always named: no undulation is ever taken as zero.",
     )
     linear_alteration: LinearAlteration | None = Field(
         default=None,
@@ -57,8 +57,7 @@ class Angles(Settings):
 
     order: Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"] = Field(
         description="`omega-phi-kappa`: R = R_x(ω) R_y(φ) R_z(κ); `phi-omega-kappa`: R = R_y(φ) R_x(ω) "
-        "R_z(κ), "
-        "both ground from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705)."
+        "R_z(κ), both ground from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705)."
     )
     unit: Literal["deg", "gon", "rad"] = Field(
         description="Unit of the angles and of their sigmas in the file."
@@ -66,8 +65,7 @@ class Angles(Settings):
     reference: Literal["grid", "true-north", "local"] = Field(
         description="What the angles are counted from. `grid`: the axes of the input's map projection (the "
         "meridian convergence is applied exactly); `true-north` and `local`: east, north, up at each "
-        "exposure. "
-        'With crs = "local" it is the axes of the project itself.'
+        'exposure. With crs = "local" it is the axes of the project itself.'
     )
 
 

@@ -29,15 +29,13 @@ class ImagePointsInput(Settings):
     )
     unit: Literal["px", "mm", "um"] = Field(
         description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
-        "(origin at "
-        "the format centre, x along columns, y against rows). Not guessed, because a wrong unit can look "
-        "right."
+        "(origin at the format centre, x along columns, y against rows). Not guessed, because a wrong unit "
+        "can look right."
     )
     sigma: PositivePair | None = Field(
         default=None,
-        description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: "
-        "automatic tie "
-        "points reach 1/4 to 1/3 px, manual measurements 0.3 to 0.5 px. A row's sx, sy beat it.",
+        description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: automatic "
+        "tie points reach 1/4 to 1/3 px, manual measurements 0.3 to 0.5 px. A row's sx, sy beat it.",
     )
 
 
@@ -46,15 +44,13 @@ class ExposureSigma(Settings):
 
     position_m: PositiveTriple = Field(
         default=(0.05, 0.05, 0.05),
-        description="Position along east, north, up, m; one number or three. Default 0.05 m: "
-        "differential GNSS "
-        "reaches 2 to 10 cm.",
+        description="Position along east, north, up, m; one number or three. Default 0.05 m: differential "
+        "GNSS reaches 2 to 10 cm.",
     )
     attitude_deg: PositiveTriple = Field(
         default=(0.003, 0.003, 0.008),
         description="Angles, degrees; one number or three in the order ω, φ, κ or roll, pitch, heading. "
-        "Default "
-        "0.003, 0.003, 0.008: a good inertial system after smoothing.",
+        "Default 0.003, 0.003, 0.008: a good inertial system after smoothing.",
     )
 
 
@@ -63,15 +59,14 @@ class ExposuresInput(Settings):
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(exposure_formats, "format of exposures"))] = Field(
-        description="`csv` (image, camera, strip, x, y, z and three angles) or `ign-opk` "
-        "(name X Y Z ω φ κ camera; strip and flight are taken from names like …x00015_00614)."
+        description="`csv` (image, camera, strip, x, y, z and three angles) or `ign-opk` (name X Y Z ω φ κ "
+        "camera; strip and flight are taken from names like …x00015_00614)."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(description="Height system of z.")
     position: Literal["projection_centre", "antenna", "imu"] = Field(
         description="What the position is of. It decides which lever arm the observation has: a delivery "
-        "reduced "
-        "to the projection centre has only a residual one."
+        "reduced to the projection centre has only a residual one."
     )
     angles: Angles = Field(description="What the three angles are.")
     sigma: ExposureSigma = Field(
@@ -91,13 +86,12 @@ class ControlInput(Settings):
     sigma_m: PositiveTriple = Field(
         default=(0.05, 0.05, 0.05),
         description="Standard deviation along east, north, up, m; one number or three. Default 0.05 m, "
-        "surveyed by "
-        "differential GNSS (a network solution reaches 0.02 m). A row's sx, sy, sz beat it.",
+        "surveyed by differential GNSS (a network solution reaches 0.02 m). A row's sx, sy, sz beat it.",
     )
     role: Literal["control", "check"] = Field(
         default="control",
-        description="Role of the points whose row gives none: a `check` point's coordinates never enter "
-        "an adjustment.",
+        description="Role of the points whose row gives none: a `check` point's coordinates never enter an "
+        "adjustment.",
     )
     check_points: tuple[str, ...] = Field(
         default=(),

@@ -145,21 +145,24 @@ def _check_key(keys: Sequence[str], content: Table, override: str) -> None:
     model: Any = Project
     table: Any = content
     for depth, key in enumerate(keys):
-        known: list[str] | None = None
-        if isinstance(model, type) and issubclass(model, Settings):
-            known = list(model.model_fields)
-        elif typing.get_origin(model) is dict:
-            known = list(table) if isinstance(table, dict) else []
-        if known is None and typing.get_origin(model) is not tuple:
-            known = []
-        if known is not None and not (isinstance(table, list) and key.isdecimal()) and key not in known:
-            place = ".".join(keys[:depth]) or "the project file"
-            raise InputError(
-                f"--set {override}: there is no key '{key}' in {place}.", did_you_mean(key, known)
-            )
-        if not (key.isdecimal() and isinstance(table, list)):
+        if not (isinstance(table, list) and key.isdecimal()):
+            known = _known_keys(model, table)
+            if key not in known:
+                place = ".".join(keys[:depth]) or "the project file"
+                raise InputError(
+                    f"--set {override}: there is no key '{key}' in {place}.", did_you_mean(key, known)
+                )
             model = _model_below(model, key)
         table = _below(table, key)
+
+
+def _known_keys(model: Any, table: Any) -> list[str]:
+    """The keys a table of this type can have; those it has if their names are free; none for a plain value."""
+    if isinstance(model, type) and issubclass(model, Settings):
+        return list(model.model_fields)
+    if typing.get_origin(model) is dict and isinstance(table, dict):
+        return list(table)
+    return []
 
 
 def _below(table: Any, key: str | int) -> Any:

@@ -13,20 +13,18 @@ class ChecksSettings(Settings):
 
     min_intersection_angle_deg: Positive = Field(
         default=1.0,
-        description="Object points whose rays meet under a smaller angle are not used: their distance is not "
-        "determined, degrees.",
+        description="Object points whose rays meet under a smaller angle are not used: their distance is "
+        "not determined, degrees.",
     )
     tie_residual_px: Positive = Field(
         default=50.0,
         description="Median residual of tie points with the given orientations above which the "
-        "orientations, their "
-        "angle convention or the mounting are called wrong, px.",
+        "orientations, their angle convention or the mounting are called wrong, px.",
     )
     control_distance_m: Positive = Field(
         default=50.0,
         description="Distance between a control point and its intersection from the given orientations "
-        "above which "
-        "the point is called wrong, m.",
+        "above which the point is called wrong, m.",
     )
 
 
