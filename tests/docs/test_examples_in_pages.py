@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -63,7 +64,7 @@ def test_a_wrong_number_in_a_page_is_noticed(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def example_results(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def example_results(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the results of the UltraCam example, as the page on artifacts has them."""
     folder = tmp_path_factory.mktemp("eagle")
     with pytest.MonkeyPatch.context() as patch:
@@ -71,7 +72,7 @@ def example_results(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -
         project = REPOSITORY / "examples" / "ign_ultracam_eagle" / "project.toml"
         outcome = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
     assert outcome.error is None, outcome.error
-    yield folder
+    return folder
 
 
 def test_the_page_on_artifacts_opens_the_results_of_the_example(
@@ -81,3 +82,11 @@ def test_the_page_on_artifacts_opens_the_results_of_the_example(
     number, differences = run(DOCS / "artifacts.md")
     assert number > 0
     assert not differences, differences
+
+
+def test_every_figure_in_the_summary_of_the_example_is_explained(example_results: Path) -> None:
+    summary = json.loads((example_results / "results" / "summary.json").read_text(encoding="utf-8"))
+    chapter = (
+        (DOCS / "artifacts.md").read_text(encoding="utf-8").split("## summary.json")[1].split("\n## ")[0]
+    )
+    assert not [name for name in summary if f"`{name}`" not in chapter]
