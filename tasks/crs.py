@@ -31,8 +31,9 @@ network.set_network_enabled(active=False)  # type: ignore[attr-defined]  # pypro
 
 # Half the step of differences along a meridian: 64 m. Truncation stays below 1e-10 rad, rounding below 1e-10.
 _STEP = 1e-5
-# A coordinate this far (degrees) outside a CRS's area of use is taken for a mistake, not for a neighbour.
-_AREA_MARGIN_DEG = 0.5
+# A coordinate this far (degrees) outside a CRS's area of use is taken for a mistake. Less is practice: whole
+# countries are mapped in one UTM zone (Bornholm, 15° E, in the zone that ends at 12° E).
+_AREA_MARGIN_DEG = 4.0
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,7 @@ class MapFrame:
         return np.hypot(dx, dy) / (2.0 * _STEP * radius)
 
     def inside_area_of_use(self, x_in_map: Floats) -> Bools:
-        """Which plan positions (n, ≥ 2) can be in this CRS: within half a degree of its area of use."""
+        """Which plan positions (n, ≥ 2) can be in this CRS: within 4° of its area of use."""
         x_in_map = np.asarray(x_in_map, dtype=np.float64)
         if self.is_local:
             return np.asarray(np.isfinite(x_in_map[:, :2]).all(axis=1))

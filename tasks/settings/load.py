@@ -157,7 +157,7 @@ def _check_key(keys: Sequence[str], content: Table, override: str) -> None:
 
 
 def _known_keys(model: Any, table: Any) -> list[str]:
-    """The keys a table of this type can have; those it has if their names are free; none for a plain value."""
+    """The keys a table of this type can have; those it has if names are free; none for a plain value."""
     if isinstance(model, type) and issubclass(model, Settings):
         return list(model.model_fields)
     if typing.get_origin(model) is dict and isinstance(table, dict):

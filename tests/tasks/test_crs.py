@@ -194,6 +194,12 @@ def test_the_area_of_use_knows_zones_and_swapped_axes():
     assert inside.tolist() == [True, False, False]
 
 
+def test_a_block_beyond_its_zone_is_practice_and_one_far_away_is_not():
+    frame = MapFrame.of("EPSG:25832", ELLIPSOIDAL)  # 6° E to 12° E
+    places = frame.from_geodetic(np.radians([[55.1, 14.9, 0.0], [55.1, 20.0, 0.0]]))
+    assert frame.inside_area_of_use(places).tolist() == [True, False]
+
+
 def test_an_area_across_the_date_line_is_one_area():
     frame = MapFrame.of("EPSG:32601", ELLIPSOIDAL)  # 180° W to 174° W
     places = frame.from_geodetic(np.radians([[10.0, -177.0, 0.0], [10.0, 179.8, 0.0]]))

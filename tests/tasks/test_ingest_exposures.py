@@ -176,7 +176,7 @@ def test_positions_outside_the_crs_say_that_x_and_y_look_swapped(delivery):
 
 
 def test_positions_of_another_zone_do_not_look_swapped(delivery):
-    delivery.change("exposures", "500400,5300100", "500400,-300100")
+    delivery.change("exposures", "500400,5300100", "500400,-1300100")
     with pytest.raises(InputError) as raised:
         delivery.exposures()
     assert "swapped" not in raised.value.remedy
