@@ -21,15 +21,18 @@ from adjust.geometry.earth import CartesianFrame, Ellipsoid, LocalFrame, Topocen
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
-from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
+    GNSS_DRIFT,
     GNSS_SHIFT,
+    GNSS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
+    TIME_OFFSET,
     State,
     SystemParameters,
 )
@@ -42,6 +45,7 @@ ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FLYING_HEIGHT_M = 1000.0
 BASE_M = 280.0
 STRIP_DISTANCE_M = 620.0
+GROUND_SPEED_M_S = 70.0
 
 ControlKind = Literal["full", "plan", "height", "covariance"]
 
@@ -51,7 +55,7 @@ class Plan:
     """What a block consists of.
 
     ``free`` says for each family which parameters are unknown: anything that broadcasts to
-    (entities, 3). ``priors`` gives a standard deviation (SI) with which a family is observed
+    the values. ``priors`` gives a standard deviation (SI) with which a family is observed
     directly. ``noise_seed`` and ``start_seed`` None: no noise, no disturbance.
     """
 
@@ -164,6 +168,9 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
         BORESIGHT: np.array([[0.3, -0.2, 0.4], [-0.5, 0.1, 0.2]])[: plan.cameras] * DEGREE,
         LEVER_ARM: np.array([[0.4, -0.2, -1.1], [-0.3, 0.25, -1.2]])[: plan.cameras],
         GNSS_SHIFT: np.array([[0.0, 0.0, 0.0], [0.15, -0.25, 0.2]])[: plan.flights],
+        GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
+        GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
+        TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
     }
 
 
@@ -172,8 +179,8 @@ def _system_parameters(
 ) -> tuple[SystemParameters, ...]:
     """Given values: the truth of what is held, nominal values of what is free."""
     result = []
-    for name, family in FAMILIES.items():
-        values = truth[name]
+    for name, values in truth.items():
+        family = FAMILIES[name]
         free = np.broadcast_to(np.asarray(plan.free.get(name, False), dtype=bool), values.shape).copy()
         nominal = np.zeros_like(values)
         if name == INTERIOR_ORIENTATION:
@@ -181,7 +188,7 @@ def _system_parameters(
         entities = (
             tuple(camera.name for camera in cameras)
             if family.entity_kind == "camera"
-            else tuple(f"flight_{i}" for i in range(len(values)))
+            else tuple(f"{family.entity_kind}_{i}" for i in range(len(values)))
         )
         result.append(SystemParameters(family, entities, np.where(free, nominal, values), free))
     return tuple(result)
@@ -252,9 +259,7 @@ def _control(
     many = np.flatnonzero(np.bincount(rays.point) >= 3)
     chosen = [int(many[np.argmin(points[many, 0] + points[many, 1])])]
     while len(chosen) < len(plan.control):
-        distance = np.min(
-            np.linalg.norm(points[many, None, :2] - points[None, chosen, :2], axis=2), axis=1
-        )
+        distance = np.min(np.linalg.norm(points[many, None, :2] - points[None, chosen, :2], axis=2), axis=1)
         chosen.append(int(many[np.argmax(distance)]))
     kinds = np.array(plan.control)
     covariance = np.broadcast_to(np.eye(3) * plan.sigma_control_m**2, (len(kinds), 3, 3)).copy()
@@ -288,7 +293,15 @@ def _gnss(
     boresight = rotation.from_roll_pitch_yaw(truth.system[BORESIGHT][camera])
     local_from_body = truth.local_from_camera @ np.swapaxes(boresight @ mounting, 1, 2)
     arm = np.einsum("nij,nj->ni", local_from_body, truth.system[LEVER_ARM][camera])
-    antenna = truth.projection_centre + arm + truth.system[GNSS_SHIFT][flight]
+    motion = _motion(plan, frame, truth.projection_centre)
+    antenna = (
+        truth.projection_centre
+        + arm
+        + truth.system[GNSS_SHIFT][flight]
+        + truth.system[GNSS_STRIP_BIAS][motion.strip]
+        + truth.system[GNSS_DRIFT][motion.strip] * motion.since_middle[:, None]
+        + truth.system[TIME_OFFSET][flight] * motion.velocity
+    )
     local_from_enu = frame.local_from_enu(antenna)
     sigma = np.tile([plan.sigma_gnss_m, plan.sigma_gnss_m, 2.0 * plan.sigma_gnss_m], (len(camera), 1))
     drawn = np.zeros_like(sigma) if noise is None else sigma * noise.normal(size=sigma.shape)
@@ -301,7 +314,19 @@ def _gnss(
         local_from_enu,
         mounting,
         StochasticModel.from_sigma(sigma),
+        motion,
     )
+
+
+def _motion(plan: Plan, frame: LocalFrame, centre: Floats) -> StripMotion:
+    """Strip, time since its middle and velocity of every exposure."""
+    strip, number = np.divmod(np.arange(len(centre)), plan.images_per_strip)
+    heading = np.deg2rad(np.asarray(plan.headings_deg)[strip % len(plan.headings_deg)])
+    # Images are numbered from west to east, whichever way the strip was flown.
+    eastward = np.where(np.sin(heading) < 0.0, -1.0, 1.0)
+    since_middle = eastward * (number - 0.5 * (plan.images_per_strip - 1)) * BASE_M / GROUND_SPEED_M_S
+    in_enu = GROUND_SPEED_M_S * np.stack([np.sin(heading), np.cos(heading), np.zeros(len(strip))], axis=1)
+    return StripMotion(strip, since_middle, np.einsum("nij,nj->ni", frame.local_from_enu(centre), in_enu))
 
 
 def _disturbed(plan: Plan, truth: State) -> State:
@@ -327,3 +352,52 @@ def _bounded(generator: np.random.Generator, count: int, length: float) -> Float
 def _drawn(noise: np.random.Generator | None, sigma: float, shape: tuple[int, ...]) -> Floats:
     """Normally distributed errors, or zeros."""
     return np.zeros(shape) if noise is None else noise.normal(0.0, sigma, shape)
+
+
+def with_rejected_rays(scene: Scene) -> Scene:
+    """The same block without some rays: two points lose one of many, two lose all but one and drop out."""
+    rays = scene.observations.image_points
+    count = np.bincount(rays.point)
+    first = np.searchsorted(rays.point, np.arange(len(count)))
+    taken = np.zeros(len(rays.image), dtype=bool)
+    controlled = np.concatenate(
+        [group.point[group.point >= 0] for group in scene.observations.others] or [np.array([], int)]
+    )
+    free = np.setdiff1d(np.arange(len(count)), controlled)
+    taken[first[free[count[free] >= 4][:2]]] = True
+    taken[first[free[count[free] == 2][:2]]] = True
+    return replace(scene, observations=replace(scene.observations, image_points=rays.without(taken)))
+
+
+ALL_FREE: Mapping[str, object] = {
+    INTERIOR_ORIENTATION: True,
+    BORESIGHT: True,
+    LEVER_ARM: True,
+    GNSS_SHIFT: [[False], [True]],
+}
+# Leaves one parameter of a family held, so that columns and components differ.
+SOME_FREE: Mapping[str, object] = {
+    INTERIOR_ORIENTATION: [[True, False, True]],
+    BORESIGHT: [[False, True, True]],
+    LEVER_ARM: [[True, True, False]],
+}
+
+
+def variants() -> dict[str, Scene]:
+    """Blocks that differ in everything the equations distinguish, disturbed and with noise."""
+    seeds = {"noise_seed": 21, "start_seed": 22}
+    everything = {"cameras": 2, "flights": 2, "free": ALL_FREE, "priors": {INTERIOR_ORIENTATION: 2e-5}}
+    return {
+        "nothing_free": two_strips(**seeds),
+        "cartesian": two_strips(frame="cartesian", **seeds),
+        "some_parameters_free": two_strips(free=SOME_FREE, **seeds),
+        "everything_free_two_cameras": two_strips(**everything, **seeds),
+        "rejected_rays": with_rejected_rays(two_strips(**everything, **seeds)),
+        "control_only": two_strips(control=("full",) * 4, gnss=False, ins=False, **seeds),
+        "no_control": two_strips(control=(), **seeds),
+        "strip_families_and_time_free": two_strips(
+            free={GNSS_STRIP_BIAS: True, GNSS_DRIFT: True, TIME_OFFSET: True, BORESIGHT: True},
+            priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
+            **seeds,
+        ),
+    }
