@@ -1,0 +1,1 @@
+"""Simulation: blocks with known truth, measured with known noise."""

@@ -1,0 +1,107 @@
+"""Systematic image errors: radial, shifts of CCD tiles with seams, bent corners.
+
+The error e(x̄, ȳ) of reduced measured coordinates is the negative of the correction Δ: the ideal point is
+x_id = x̄ − e(x̄). The measured point of an ideal one is the fixed point x̄ ← x_id + e(x̄); as e changes by
+far less than its argument, a few steps settle it. At a seam between tiles there may be no such point, or
+two: nothing is measured there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats
+from adjust.camera.interior import FrameCamera
+
+# Zero of the radial error, as a part of the half diagonal (r³ term that vanishes at 128/162.6).
+_RADIAL_ZERO = 128.0 / 162.6
+_MOST_STEPS = 30
+_SETTLED = 1e-15
+
+
+@dataclass(frozen=True)
+class ImageErrorSpecification:
+    """Size of the systematic image errors, metres in the image.
+
+    Attributes
+    ----------
+    radial : error in the corner of the format, outward positive.
+    tile_shift : root mean square of the shifts of the eight outer tiles of a 3 × 3 layout.
+    corner : root mean square of the displacements of the four corners.
+    seams : distance of the seams from the centre along image x and y; None: the format in thirds.
+    """
+
+    radial: float = 0.0
+    tile_shift: float = 0.0
+    corner: float = 0.0
+    seams: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ImageErrors:
+    """The errors of one camera.
+
+    Attributes
+    ----------
+    half_format : (2,) metres.
+    radial : error in the corner.
+    seams : (2,) metres.
+    tile_shift : (3, 3, 2) of the tiles by their place along x and y; the central one is zero.
+    corner : (2, 2, 2) displacement of the corners by the signs − and + of x and y.
+    """
+
+    half_format: Floats
+    radial: float
+    seams: Floats
+    tile_shift: Floats
+    corner: Floats
+
+    def error(self, reduced: Floats) -> Floats:
+        """Error e (n, 2) at reduced measured coordinates (n, 2), metres."""
+        part = reduced / self.half_format
+        tile = 1 + (reduced > self.seams).astype(np.int64) - (reduced < -self.seams).astype(np.int64)
+        side = (reduced > 0.0).astype(np.int64)
+        # Quadratic in both directions towards the corner, zero and smooth on the axes.
+        weight = np.prod(part, axis=1, keepdims=True) ** 2
+        bent = weight * self.corner[side[:, 0], side[:, 1]]
+        return np.asarray(self._radial(reduced) + self.tile_shift[tile[:, 0], tile[:, 1]] + bent)
+
+    def _radial(self, reduced: Floats) -> Floats:
+        diagonal = np.hypot(*self.half_format)
+        rho_squared = np.sum((reduced / diagonal) ** 2, axis=1, keepdims=True)
+        scale = self.radial / diagonal / (1.0 - _RADIAL_ZERO**2)
+        return np.asarray(scale * reduced * (rho_squared - _RADIAL_ZERO**2))
+
+    def ideal_from_measured(self, reduced: Floats) -> Floats:
+        """Ideal coordinates (n, 2) of reduced measured ones."""
+        return np.asarray(reduced - self.error(reduced))
+
+    def measured_from_ideal(self, ideal: Floats) -> tuple[Floats, Bools]:
+        """Reduced measured coordinates (n, 2) of ideal ones, and whether there is exactly one (n,)."""
+        reduced = ideal + self.error(ideal)
+        for _ in range(_MOST_STEPS):
+            following = ideal + self.error(reduced)
+            moved = np.abs(following - reduced).max(axis=1, initial=0.0)
+            reduced = following
+            if np.all(moved < _SETTLED):
+                break
+        distance = np.min(np.abs(np.abs(reduced) - self.seams), axis=1)
+        reach = 2.0 * np.abs(self.tile_shift).max() + _SETTLED
+        near_seam = (distance <= reach) if np.any(self.tile_shift) else np.zeros(len(ideal), dtype=bool)
+        return reduced, np.asarray(~near_seam)
+
+
+def image_errors_of(
+    specification: ImageErrorSpecification, camera: FrameCamera, random: np.random.Generator
+) -> ImageErrors:
+    """The errors of a camera; directions of tile shifts and corners are drawn, their RMS is as specified."""
+    half = np.array(camera.half_format)
+    tiles, corners = random.standard_normal((3, 3, 2)), random.standard_normal((2, 2, 2))
+    tiles[1, 1] = 0.0
+    # RMS over the shifted tiles (corners) of the length in one coordinate.
+    tiles *= specification.tile_shift / np.sqrt(np.sum(tiles**2) / 16.0)
+    corners *= specification.corner / np.sqrt(np.mean(corners**2))
+    seams = half / 3.0 if specification.seams is None else np.array(specification.seams)
+    return ImageErrors(half, specification.radial, seams, tiles, corners)
