@@ -1,0 +1,272 @@
+"""Read a TOML file of settings: ``--set`` values, validation, and errors that name key and line."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+import typing
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Union, cast
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from tasks.errors import InputError
+from tasks.nearest_name import did_you_mean
+from tasks.settings.base import PathContext, Settings
+from tasks.settings.key_lines import line_of_key
+
+Table = dict[str, Any]
+Keys = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class SettingsKind:
+    """A kind of settings file.
+
+    Attributes
+    ----------
+    model : what it must hold.
+    name : what messages call it, "project file".
+    page : the page that lists its keys.
+    """
+
+    model: type[Settings]
+    name: str
+    page: str
+
+
+@dataclass(frozen=True)
+class SettingsFile:
+    """A settings file as written, before it is validated.
+
+    Attributes
+    ----------
+    kind : what it should be.
+    path : where it was read from.
+    text : as written.
+    content : the parsed tables, with values replaced by ``--set``.
+    """
+
+    kind: SettingsKind
+    path: Path
+    text: str
+    content: Table
+
+    def replace(self, overrides: Sequence[str]) -> None:
+        """Put texts ``a.b.c=VALUE`` into the content; VALUE is parsed as TOML, else taken as text.
+
+        Raises
+        ------
+        InputError
+            If the text is no assignment, or the key one that such a file does not have.
+        """
+        for override in overrides:
+            _apply(self.content, override, self.kind)
+
+    def validated(self, context: PathContext) -> Settings:
+        """The settings, an instance of the kind's model.
+
+        Raises
+        ------
+        InputError
+            With the file, the line and the key: an unknown or missing key, a value that cannot be.
+        """
+        try:
+            return self.kind.model.model_validate(self.content, context=context)
+        except ValidationError as error:
+            errors = error.errors()
+            # A misspelt key is also a missing one; the misspelling is what helps.
+            first = next((entry for entry in errors if entry["type"] == "extra_forbidden"), errors[0])
+            raise _input_error(first, self) from error
+
+
+def read_settings_file(path: Path, kind: SettingsKind) -> SettingsFile:
+    """Read and parse a file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not TOML in UTF-8.
+    """
+    if not path.is_file():
+        raise InputError(f"There is no such {kind.name}.", "Check the path.", file=path)
+    text = _decoded(path, kind)
+    return SettingsFile(kind, path, text, _parsed(text, path))
+
+
+def _decoded(path: Path, kind: SettingsKind) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"The {kind.name} is not UTF-8 text.", "Save it as UTF-8.", file=path) from error
+
+
+def _parsed(text: str, path: Path) -> Table:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\(at line (\d+), column \d+\)", str(error))
+        what = re.sub(r"\s*\(at .*\)$", "", str(error))
+        raise InputError(
+            f"This is not valid TOML: {what}.",
+            "Correct the line; text values stand in quotes.",
+            file=path,
+            line=int(found.group(1)) if found else None,
+        ) from error
+
+
+def _apply(content: Table, override: str, kind: SettingsKind) -> None:
+    """Put one ``a.b.c=VALUE`` into the content; the key must be one such a file can have."""
+    key_text, equals, value_text = override.partition("=")
+    if not equals:
+        raise InputError(f"--set {override} has no value.", "Write --set KEY=VALUE.")
+    try:
+        nested = tomllib.loads(f"{key_text.strip()} = 0")
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"--set {override}: this is not a key.", "Write it with dots, as in adjustment.max_iterations=10."
+        ) from error
+    try:
+        value = tomllib.loads(f"value = {value_text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = value_text
+    keys = _keys_of(nested)
+    _check_key(keys, content, override, kind)
+    table: Any = content
+    for key in keys[:-1]:
+        table = _inner(table, key, override)
+    table[_index(table, keys[-1], override)] = value
+
+
+def _keys_of(nested: Table) -> tuple[str, ...]:
+    keys = []
+    inner: Any = nested
+    while isinstance(inner, dict):
+        ((key, inner),) = inner.items()
+        keys.append(key)
+    return tuple(keys)
+
+
+def _inner(table: Any, key: str, override: str) -> Any:
+    position = _index(table, key, override)
+    if isinstance(table, dict) and not isinstance(table.get(position), dict | list):
+        # "ellipsoidal", "none": a value that stands for a table gives way to the table.
+        table[position] = {}
+    return table[position]
+
+
+def _index(table: Any, key: str, override: str) -> Any:
+    if isinstance(table, dict):
+        return key
+    if key.isdecimal() and int(key) < len(table):
+        return int(key)
+    raise InputError(
+        f"--set {override}: there are {len(table)} tables here, and '{key}' is none of them.",
+        f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
+    )
+
+
+def _check_key(keys: Sequence[str], content: Table, override: str, kind: SettingsKind) -> None:
+    """Refuse a key that no such file has; tables with free names (cameras) must exist already."""
+    model: Any = kind.model
+    table: Any = content
+    for depth, key in enumerate(keys):
+        if not (isinstance(table, list) and key.isdecimal()):
+            known = _known_keys(model, table)
+            if key not in known:
+                place = ".".join(keys[:depth]) or f"the {kind.name}"
+                raise InputError(
+                    f"--set {override}: there is no key '{key}' in {place}.", did_you_mean(key, known)
+                )
+            model = _model_below(model, key)
+        table = _below(table, key)
+
+
+def _known_keys(model: Any, table: Any) -> list[str]:
+    """The keys a table of this type can have; those it has if names are free; none for a plain value."""
+    if isinstance(model, type) and issubclass(model, Settings):
+        return list(model.model_fields)
+    if typing.get_origin(model) is dict and isinstance(table, dict):
+        return list(table)
+    return []
+
+
+def _below(table: Any, key: str | int) -> Any:
+    if isinstance(table, dict):
+        return table.get(str(key))
+    if isinstance(table, list) and str(key).isdecimal() and int(key) < len(table):
+        return table[int(key)]
+    return None
+
+
+def _model_below(model: Any, key: str | int) -> Any:
+    """The type of a field (or item) of a settings model, without Optional, Annotated and tuple around it."""
+    if isinstance(model, type) and issubclass(model, Settings):
+        field = model.model_fields.get(str(key))
+        return _unwrapped(field.annotation) if field is not None else None
+    if typing.get_origin(model) is dict:
+        return _unwrapped(typing.get_args(model)[1])
+    return model
+
+
+def _unwrapped(annotation: Any) -> Any:
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        return _unwrapped(typing.get_args(annotation)[0])
+    if origin in (Union, UnionType):
+        inner = [item for item in typing.get_args(annotation) if item is not type(None)]
+        return _unwrapped(inner[0]) if len(inner) == 1 else annotation
+    if origin is tuple:
+        return _unwrapped(typing.get_args(annotation)[0])
+    return annotation
+
+
+def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
+    """Turn pydantic's first complaint into a sentence with key, line and remedy."""
+    keys = _shown_keys(error["loc"], source.content)
+    name = ".".join(str(key) for key in keys)
+    line = line_of_key(source.text, keys)
+    if error["type"] == "extra_forbidden":
+        model: Any = source.kind.model
+        for key in error["loc"][:-1]:
+            model = model if isinstance(key, int) else _model_below(model, key)
+        known = list(cast(type[Settings], model).model_fields)
+        place = ".".join(map(str, keys[:-1]))
+        where = f"in [{place}]" if place else f"in the {source.kind.name}"
+        what, remedy = f"There is no key '{keys[-1]}' {where}.", did_you_mean(str(keys[-1]), known)
+    elif error["type"] == "missing":
+        what, remedy = f"The key '{name}' is missing.", _remedy_for_missing(error["loc"], source.kind)
+        line = line_of_key(source.text, keys[:-1])
+    elif error["type"] == "aerocal":
+        what, remedy = str(error["ctx"]["what"]), str(error["ctx"]["remedy"])
+    else:
+        what = f"The value {json.dumps(error['input'], default=str)} cannot stand here: {error['msg']}."
+        remedy = f"Correct it; {source.kind.page} lists every key with its unit."
+    return InputError(what, remedy, file=source.path, line=line, entity=name or None)
+
+
+def _shown_keys(location: Keys, content: Table) -> Keys:
+    """The keys as the user wrote them: no index where a single table was written."""
+    shown: list[str | int] = []
+    table: Any = content
+    for key in location:
+        if isinstance(key, int) and isinstance(table, dict):
+            continue
+        shown.append(key)
+        table = _below(table, key)
+    return tuple(shown)
+
+
+def _remedy_for_missing(location: Keys, kind: SettingsKind) -> str:
+    """What stands in the description of the missing field."""
+    model: Any = kind.model
+    for key in location[:-1]:
+        model = model if isinstance(key, int) else _model_below(model, key)
+    field = cast(type[Settings], model).model_fields.get(str(location[-1]))
+    description = field.description if field is not None and field.description else ""
+    return f"Add it: {description}" if description else "Add it."
