@@ -65,7 +65,7 @@ def refuse_impossible_angles(records: ExposureRecords, declared: Angles, places:
             f'Declare angles.unit = "{stated}".',
             file=records.file,
         )
-    largest = np.abs(records.angles).max(axis=1)
+    largest = np.nan_to_num(np.abs(records.angles)).max(axis=1)
     beyond = largest > _FULL_TURN[declared.unit] * _SLACK
     if not beyond.any():
         return
@@ -86,6 +86,9 @@ def refuse_impossible_angles(records: ExposureRecords, declared: Angles, places:
 def unit_suspicion(records: ExposureRecords, declared: Angles) -> str | None:
     """A sentence if the range of the third angle is not one that degrees are written in."""
     heading = records.angles[:, 0] if declared.order == "heading-pitch-roll" else records.angles[:, 2]
+    heading = heading[np.isfinite(heading)]
+    if len(heading) == 0:
+        return None
     low, high = float(heading.min()), float(heading.max())
     if declared.unit != "deg" or not (low < -180.0 * _SLACK or (low < 0.0 and high > 180.0 * _SLACK)):
         return None
@@ -118,6 +121,7 @@ def convert_angles(
     heading_first = declared.order == "heading-pitch-roll"
     default = np.array(default_sigma_deg[::-1] if heading_first else default_sigma_deg)
     sigma = np.where(np.isnan(sigma), default, sigma)
+    sigma[np.isnan(angles)] = np.nan
     nothing = np.full_like(angles, np.nan)
     if heading_first:
         angles = _true_heading(angles, declared, transfer, position)

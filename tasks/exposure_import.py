@@ -97,7 +97,11 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
     )
     sigma = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
-    problems = (unit_suspicion(records, source.angles), _accuracy_note(transfer, records))
+    problems = (
+        unit_suspicion(records, source.angles),
+        _without_attitude(records),
+        _accuracy_note(transfer, records),
+    )
     return _Converted(
         records,
         camera,
@@ -146,6 +150,17 @@ def _known_cameras(records: ExposureRecords, cameras: tuple[str, ...], places: P
             str(records.image[row]),
         )
     return camera
+
+
+def _without_attitude(records: ExposureRecords) -> str | None:
+    """A sentence that counts the exposures without angles."""
+    count = int(np.isnan(records.angles).all(axis=1).sum())
+    if count == 0:
+        return None
+    return (
+        f"{records.file.name}: {count:,} exposures have no attitude; their headings are taken from the "
+        "strips, and there is no INS observation of them."
+    )
 
 
 def _accuracy_note(transfer: Transfer, records: ExposureRecords) -> str | None:

@@ -16,6 +16,7 @@ import pandas as pd
 from adjust.arrays import Bools, Floats, Ints
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
+from tasks.camera_table import frame_cameras
 from tasks.crs import MapFrame
 from tasks.local_frame import AdjustmentFrame, local_from_grid, local_from_map
 
@@ -41,22 +42,7 @@ class Mountings:
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> Self:
         """From cameras.parquet; only the cameras that are used need to be in it."""
-        cameras = tuple(
-            FrameCamera(
-                name=str(row["camera"]),
-                columns=int(row["columns"]),
-                rows=int(row["rows"]),
-                pixel_size=float(row["pixel_um"]) * 1e-6,
-                focal_length=float(row["focal_length_mm"]) * 1e-3,
-                principal_point=(
-                    float(row["principal_point_x_mm"]) * 1e-3,
-                    float(row["principal_point_y_mm"]) * 1e-3,
-                ),
-                pixel_origin="corner" if row["pixel_origin"] == "corner" else "centre",
-                mount_deg=int(row["mount_deg"]),
-            )
-            for row in table.to_dict("records")
-        )
+        cameras = tuple(frame_cameras(table).values())
         lever_arm = table[[f"lever_arm_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)
         boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
         return cls(cameras, lever_arm, np.deg2rad(boresight))

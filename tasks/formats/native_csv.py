@@ -6,6 +6,8 @@
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
+The three angles of an exposure may be left empty together: it has no attitude then.
+
 Names are text and are kept verbatim. Further columns are kept as text.
 """  # noqa: E501
 
@@ -52,7 +54,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns.
+        With file and line: see `tasks.formats.text_table`; missing columns; some of the three angles given.
     """
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)
@@ -67,7 +69,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
         flight=_optional_text(table, "flight"),
         time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
         position=table.numbers(_XYZ),
-        angles=table.numbers(angles),
+        angles=table.all_or_none(angles),
         sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
         sigma_angles=table.numbers(sigmas, may_be_empty=True),
         line=table.line,

@@ -87,6 +87,27 @@ class TextTable:
             values[:, position] = column
         return values
 
+    def all_or_none(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Columns as numbers (n, len(names)) that may be empty, but only together in a row.
+
+        Raises
+        ------
+        InputError
+            If some of them are empty in a row and some are not, or one is infinite.
+        """
+        values = self.numbers(names, may_be_empty=True)
+        empty = np.isnan(values)
+        partly = empty.any(axis=1) & ~empty.all(axis=1)
+        if partly.any():
+            row = int(np.argmax(partly))
+            name = names[int(np.argmax(empty[row]))]
+            raise self._error(
+                row,
+                f"The column '{name}' is empty here, but not {' and '.join(n for n in names if n != name)}.",
+                "Give all of them or none.",
+            )
+        return values
+
     def _error(self, row: int, what: str, remedy: str) -> InputError:
         return InputError(what, remedy, file=self.file, line=int(self.line[row]))
 
