@@ -167,3 +167,32 @@ def test_focal_length_is_not_determined_by_one_flying_height(adjusted) -> None:
     assert focal["sigma"] > 0.5
     assert focal["status"] == "not_determinable"
     assert any("focal_length" in text and "correlated" in text for text in result["problems"])
+
+
+def test_without_ins_the_strips_give_the_headings_and_the_block_the_attitudes(
+    test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Starting attitudes are wrong by degrees; the result agrees with that of the INS within its σ."""
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+    measured = set(pd.read_csv(test_data / DATA / "Filtered_all_liaisons.mes", sep=r"\s+", header=None)[1])
+    delivered = pd.read_csv(test_data / DATA / "trajectograhie.opk", sep=r"\s+")
+    own = delivered[delivered["ID"].isin(measured)]
+    exposures = pd.DataFrame(
+        {"image": own["ID"], "camera": own["CAMERA"], "strip": own["ID"].str.slice(10, 16)}
+        | {axis: own[axis.upper()] for axis in "xyz"}
+        | dict.fromkeys(("omega", "phi", "kappa"), "")
+    )
+    exposures.to_csv(tmp_path / "exposures.csv", index=False)
+    overrides = (
+        f'inputs.exposures.file="{tmp_path / "exposures.csv"}"',
+        'inputs.exposures.format="csv"',
+        'adjustment.free=["lever_arm"]',
+    )
+    request = RunRequest(EXAMPLES / "ign_ultracam_eagle" / "project.toml", tmp_path / "out", overrides)
+    outcome = carry_out(aerial_triangulation, request)
+    assert outcome.error is None
+    assert any("20 exposures have no attitude" in text for text in outcome.summary.problems)
+    table = pq.read_table(tmp_path / "out" / "exterior_orientations.parquet").to_pandas()
+    attitude, _ = in_camera_axes(table, test_data)
+    assert np.abs(attitude.mean(axis=0)).max() <= 0.003
+    assert attitude.std(axis=0, ddof=1).max() <= 0.003
