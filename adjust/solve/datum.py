@@ -1,4 +1,4 @@
-"""The datum: what fixes the block in space, and what is missing when nothing does."""
+"""The datum: what fixes the block in space."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats
-from adjust.errors import DatumDefectError
 from adjust.geometry.rotation import cross_matrix
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.normal_equations import System, whiten
@@ -87,55 +86,3 @@ def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:
         )
         shares.append(DatumShare(direction, float(sigma), listed))
     return tuple(shares)
-
-
-def explain_defect(system: System, state: State, null_space: Floats) -> DatumDefectError:
-    """Name what a singular reduced system leaves undetermined."""
-    layout = system.layout
-    of_exposures, _ = datum_basis(state)
-    n = layout.images
-    parameters: list[str] = []
-    sentences: list[str] = []
-    border = layout.border_names()
-    basis = of_exposures.reshape(6 * n, 7)
-    for vector in null_space.T:
-        exposures = vector[: 6 * n]
-        involved = [
-            f"{border[k][0]} of {border[k][1]}"
-            for k in np.argsort(-np.abs(vector[6 * n :]), kind="stable")
-            if abs(vector[6 * n + k]) > 0.3 * np.max(np.abs(vector[6 * n :]))
-        ]
-        movement, share = _as_similarity(basis, exposures)
-        if share > 0.9:
-            sentences.append(f"Nothing fixes the {movement} of the block{_with(involved)}.")
-            parameters += [movement, *involved]
-        elif involved and np.linalg.norm(exposures) < 1e-6 * np.linalg.norm(vector[6 * n :]):
-            sentences.append(f"No observation depends on {', '.join(involved)}.")
-            parameters += involved
-        else:
-            moves = np.linalg.norm(exposures.reshape(n, 6)[:, :3], axis=1)
-            image = system.block.images[int(np.argmax(moves))]
-            sentences.append(f"The orientation of image {image} is not determined{_with(involved)}.")
-            parameters += [f"image {image}", *involved]
-    return DatumDefectError(null_space.shape[1], tuple(dict.fromkeys(parameters)), tuple(sentences))
-
-
-def _with(involved: list[str]) -> str:
-    return f" together with {', '.join(involved)}" if involved else ""
-
-
-def _as_similarity(basis: Floats, exposures: Floats) -> tuple[str, float]:
-    """The similarity movement nearest to a direction, in words, and the part of it that it explains."""
-    norms = np.linalg.norm(basis, axis=0)
-    norms[norms == 0.0] = 1.0
-    unit = basis / norms
-    coefficients, *_ = np.linalg.lstsq(unit, exposures, rcond=None)
-    length = float(np.linalg.norm(exposures))
-    if length == 0.0:
-        return "", 0.0
-    share = 1.0 - float(np.linalg.norm(exposures - unit @ coefficients)) / length
-    largest = np.argsort(-np.abs(coefficients), kind="stable")
-    names = [
-        DATUM_DIRECTIONS[k] for k in largest if abs(coefficients[k]) > 0.3 * abs(coefficients[largest[0]])
-    ]
-    return " and ".join(names), share

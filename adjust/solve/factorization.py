@@ -62,12 +62,15 @@ class SingularNormalsError(Exception):
 
     Attributes
     ----------
-    null_space : (6 n + g, defect) in natural units, columns scaled to a largest scaled element of one.
+    null_space : (6 n + g, defect) in natural units, columns orthonormal when divided by ``scale``.
+    scale : (6 n + g,) standard deviation of each unknown if all others were known; 1 where no
+        observation depends on it.
     """
 
-    def __init__(self, null_space: Floats) -> None:
+    def __init__(self, null_space: Floats, scale: Floats) -> None:
         super().__init__(f"rank defect {null_space.shape[1]}")
         self.null_space = null_space
+        self.scale = scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +141,12 @@ def factorize(normals: ReducedNormals) -> Factorization:
         factor, info = scipy.linalg.lapack.dpotrf(scaled, lower=1, clean=1)
         if info == 0 and np.min(np.diagonal(factor)) ** 2 > _SINGULAR:
             return DenseCholesky(normals, scale, factor)
-    raise SingularNormalsError(_null_space(scaled, scale))
+    natural = np.where(scale > 0.0, scale, 1.0)
+    raise SingularNormalsError(natural[:, None] * _null_space(scaled), natural)
 
 
-def _null_space(scaled: Floats, scale: Floats) -> Floats:
-    """Undetermined directions in natural units; a zero scale marks an unobserved unknown."""
+def _null_space(scaled: Floats) -> Floats:
+    """Orthonormal basis of the undetermined directions; a zero row and column is one of them."""
     values, vectors = np.linalg.eigh(scaled)
-    null = vectors[:, values < _SINGULAR * 100.0]
-    if null.shape[1] == 0:
-        null = vectors[:, :1]
-    directions: Floats = np.where(scale > 0.0, scale, 1.0)[:, None] * null
-    return directions
+    null: Floats = vectors[:, values < _SINGULAR * 100.0]
+    return null if null.shape[1] > 0 else vectors[:, :1]

@@ -14,7 +14,7 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.errors import DatumDefectError, DivergenceError, InconsistentBlockError
 from adjust.parameters import State
-from adjust.solve.datum import explain_defect
+from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
 from adjust.solve.normal_equations import ReducedNormals, System, reduced_normals, substitute_back
 
@@ -109,7 +109,7 @@ def _factorize(system: System, state: State, normals: ReducedNormals) -> Factori
     try:
         return factorize(normals)
     except SingularNormalsError as error:
-        raise explain_defect(system, state, error.null_space) from error
+        raise explain_defect(system, state, error) from error
 
 
 def _largest(system: System, of_exposures: Floats, of_border: Floats) -> str:
