@@ -66,6 +66,9 @@ class Store:
             self.folder.mkdir(parents=True, exist_ok=True)
             for leftover in [*self.folder.glob(f"*/{_UNFINISHED}*"), *self.folder.glob(f"*/{_DISCARDED}*")]:
                 shutil.rmtree(leftover, ignore_errors=True)
+            for leftover in self.folder.parent.glob(".*.[0-9]*.tmp"):
+                # A published file that did not get its name any more.
+                leftover.unlink(missing_ok=True)
             clear_records(self.folder)
 
     def outputs(self, key: StageKey) -> Outputs | None:

@@ -2,4 +2,5 @@
 
 from flows.command.main import main
 
-main()
+if __name__ == "__main__":
+    main()

@@ -80,6 +80,16 @@ def test_a_second_run_replaces_the_files_and_leaves_no_temporary_ones(
     assert files(tmp_path / "out") == before
 
 
+def test_what_a_killed_run_was_publishing_is_swept(tmp_path: Path, project: Project) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images",))
+    before = files(out)
+    (out / ".images.parquet.4711.tmp").write_text("half")
+    (out / ".own.tmp").write_text("a user's own file")
+    run(out, project, ("images",))
+    assert files(out) == before | {".own.tmp"}
+
+
 def test_a_table_this_run_does_not_have_does_not_stay_from_the_last(tmp_path: Path, project: Project) -> None:
     out = tmp_path / "out"
     run(out, project, ("images", "check_points"))

@@ -1,0 +1,49 @@
+"""A run that is killed at any moment leaves nothing that a later run could take for a result."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+TRIALS = 6
+
+
+def start_run(block: Path, out: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "flows.command", "run", str(block), "--out", str(out)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def digests(out: Path) -> dict[str, str]:
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {name: entry["sha256"] for name, entry in artifacts.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_killed_runs_never_spoil_a_later_one(block: Path, tmp_path: Path) -> None:
+    assert start_run(block, tmp_path / "warm").wait() == 0
+    with start_run(block, tmp_path / "undisturbed") as process:
+        started = time.monotonic()
+        assert process.wait() == 0
+        whole = time.monotonic() - started
+    expected = digests(tmp_path / "undisturbed")
+    moments = random.Random(7)
+    for trial in range(TRIALS):
+        out = tmp_path / f"trial-{trial}"
+        for _ in range(2):
+            with start_run(block, out) as process:
+                time.sleep(moments.uniform(0.3, 1.0) * whole)
+                process.send_signal(signal.SIGKILL)
+        assert start_run(block, out).wait() == 0
+        assert digests(out) == expected
+        names = {path.name for path in out.iterdir()}
+        published = {f"{name}.parquet" for name in expected} | {"summary.json", "manifest.json", ".store"}
+        assert names == published
+        assert not list((out / ".store").glob("*/.*"))
