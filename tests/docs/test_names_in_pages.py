@@ -72,7 +72,8 @@ def test_a_broken_link_and_a_missing_heading_are_noticed(tmp_path: Path) -> None
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
 def test_every_file_of_ours_that_a_page_names_exists(page: Path) -> None:
     named = re.findall(rf"`((?:{'|'.join(PACKAGES)}|tests|docs|examples)/[\w./-]+)`", prose(page))
-    assert [name for name in named if not (REPOSITORY / name).exists()] == []
+    # NAME stands for a file that is to be written.
+    assert [name for name in named if "NAME" not in name and not (REPOSITORY / name).exists()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
