@@ -53,7 +53,7 @@ class Coverage:
         """Area in m², every part of it times the probability that enough images find a point there."""
         return float(np.sum(stats.binom.sf(rays - 1, self.images, detection)) * np.prod(self.cell))
 
-    def rectangle(self, least: int) -> Floats:
+    def around(self, least: int) -> Floats:
         """Upright rectangle (2, 2) around the ground that at least so many images see.
 
         Raises
@@ -66,6 +66,25 @@ class Coverage:
                 f"No ground is seen by {least} images: increase the overlaps or the number of exposures."
             )
         return np.stack([seen.min(axis=0) - 0.5 * self.cell, seen.max(axis=0) + 0.5 * self.cell])
+
+    def within(self, least: int) -> Floats:
+        """Upright rectangle (2, 2) inside the ground that at least so many images see.
+
+        The rectangle around it gives up the side with the most uncovered cells until there is none: what
+        remains is large, though not always the largest.
+        """
+        low, _ = self.around(least)
+        seen = (self.images >= least).reshape(_COARSE, _COARSE)
+        rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+        top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        origin = low - np.array([left, top]) * self.cell
+        while not seen[top:bottom, left:right].all():
+            part = seen[top:bottom, left:right]
+            sides = [part[0].mean(), part[-1].mean(), part[:, 0].mean(), part[:, -1].mean()]
+            worst = int(np.argmin(sides))
+            top, bottom = top + (worst == 0), bottom - (worst == 1)
+            left, right = left + (worst == 2), right - (worst == 3)
+        return np.stack([origin + np.array(corner) * self.cell for corner in ((left, top), (right, bottom))])
 
 
 def coverage(images: ImageGeometry, terrain: Terrain, frame: LocalFrame) -> Coverage:
@@ -86,7 +105,7 @@ def jittered_grid(
 ) -> Floats:
     """Plan positions (m, 2): one in each cell of a square grid, anywhere in the middle of the cell."""
     area = covered.area(specification.rays, specification.detection)
-    low, high = covered.rectangle(specification.rays)
+    low, high = covered.around(specification.rays)
     side = float(np.sqrt(area / specification.count))
     columns, rows = np.ceil((high - low) / side).astype(np.int64)
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2) + 0.5

@@ -45,7 +45,7 @@ class Trajectory:
     projection_centre : (n, 3) metres, local frame.
     local_from_body : (n, 3, 3) attitude of the inertial unit.
     time : (n,) seconds.
-    velocity : (n, 3) m/s, local frame: central differences of the positions along the strip.
+    velocity : (n, 3) m/s, local frame.
     """
 
     projection_centre: Floats
@@ -78,9 +78,9 @@ def fly(
 
 
 def velocities(position: Floats, time: Floats, strip: Ints) -> Floats:
-    """Velocities (n, 3), m/s: from the neighbour before to the one after in the strip, by time.
+    """Velocities (n, 3), m/s: derivatives of the positions by time within each strip.
 
-    At the ends of a strip from the only neighbour; zero for a strip of one exposure.
+    Central differences, one-sided at the ends of a strip; zero for a strip of one exposure.
     """
     velocity = np.zeros_like(position)
     for index in np.unique(strip):
@@ -88,7 +88,5 @@ def velocities(position: Floats, time: Floats, strip: Ints) -> Floats:
         own = own[np.argsort(time[own], kind="stable")]
         if len(own) < 2:
             continue
-        before = np.concatenate([own[:1], own[:-1]])
-        after = np.concatenate([own[1:], own[-1:]])
-        velocity[own] = (position[after] - position[before]) / (time[after] - time[before])[:, None]
+        velocity[own] = np.gradient(position[own], time[own], axis=0)
     return velocity

@@ -118,7 +118,7 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     geometry = _geometry(flown, plan, specification, system, local_from_camera)
 
     covered = coverage(geometry, terrain, frame)
-    survey = survey_of(specification.survey, covered.rectangle(specification.points.rays))
+    survey = survey_of(specification.survey, covered.within(specification.points.rays))
     ties = jittered_grid(specification.points, covered, streams.of(Source.OBJECT_POINTS))
     place = np.concatenate([survey.place, ties])
     x_in_local = raised(place, terrain.elevation(place), frame)

@@ -13,6 +13,7 @@ from flows.command.adjust import adjust
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.run import run
+from flows.command.simulate import simulate
 
 # One line a paragraph: the help is wrapped to the width of the screen.
 _ABOUT = (
@@ -43,6 +44,7 @@ app = typer.Typer(
 app.command()(run)
 app.command()(adjust)
 app.command()(doctor)
+app.command()(simulate)
 
 
 def main() -> None:

@@ -1,0 +1,26 @@
+"""Carry out ``aerocal simulate`` and say what was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from flows.command.exit_code import DONE
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+
+
+def write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:
+    """Write the project of a simulation; a wrong specification leaves as an InputError."""
+    files = simulate_project(load_simulation(source, overrides, seed), out)
+    console = Console()
+    counts = (
+        f"{files.images:,} images, {files.points:,} object points, {files.image_points:,} image points, "
+        f"{files.control} control and {files.check} check points"
+    )
+    console.print(Text(counts))
+    console.print(Text(f"The project is {files.project_file}; its truth is in {out / 'truth'}."))
+    console.print(Text(f"Adjust it with: aerocal run {files.project_file}"), soft_wrap=True)
+    return DONE

@@ -1,0 +1,335 @@
+"""Settings of a simulation: SPEC.toml and the presets."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from tasks.settings.adjustment import FreeParameter
+from tasks.settings.base import Settings, trouble
+from tasks.settings.coordinates import (
+    LOCAL,
+    Finite,
+    Positive,
+    PositiveTriple,
+    Triple,
+    one_or_three,
+    one_or_two,
+    one_table_or_several,
+)
+
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+NotNegativeTriple: TypeAlias = Annotated[
+    tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)
+]
+Part: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
+Pair: TypeAlias = tuple[Finite, Finite]
+SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins"]
+
+
+def _one_or_several(value: object) -> object:
+    return (value,) if isinstance(value, int) else value
+
+
+class SimulatedProject(Settings):
+    """The project that is written."""
+
+    name: str = Field(min_length=1, description="Name of the project.")
+    crs: str = Field(
+        default=LOCAL,
+        description='CRS of the files: "local" (metric Cartesian), or a projected CRS such as '
+        '"EPSG:25832"; then `latitude_deg` and `longitude_deg` say where the block lies.',
+    )
+    latitude_deg: Annotated[float, Field(gt=-90.0, lt=90.0)] | None = Field(
+        default=None, description="Latitude of the block's centre, degrees."
+    )
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = Field(
+        default=None, description="Longitude of the block's centre, degrees east."
+    )
+    angles: Literal["heading-pitch-roll", "omega-phi-kappa"] = Field(
+        default="heading-pitch-roll", description="Angles in exposures.csv."
+    )
+    free: tuple[FreeParameter, ...] | None = Field(
+        default=None,
+        description="System parameters the project estimates. Left out: those whose truth differs from "
+        "what the project states.",
+    )
+
+    @model_validator(mode="after")
+    def _has_a_place(self) -> SimulatedProject:
+        placed = self.latitude_deg is not None and self.longitude_deg is not None
+        if self.crs != LOCAL and not placed:
+            raise trouble(
+                f"The place of the block in {self.crs} is missing.",
+                "Give latitude_deg and longitude_deg of its centre.",
+            )
+        if self.crs == LOCAL and (self.latitude_deg is not None or self.longitude_deg is not None):
+            raise trouble(
+                'A block with crs = "local" has no place on the earth.',
+                "Take latitude_deg and longitude_deg out, or give a CRS.",
+            )
+        return self
+
+
+class SimulatedCamera(Settings):
+    """The camera as its certificate has it."""
+
+    name: str = Field(min_length=1, description="Name of the camera.")
+    columns: Annotated[int, Field(gt=0)] = Field(description="Width of the image, px.")
+    rows: Annotated[int, Field(gt=0)] = Field(description="Height of the image, px.")
+    pixel_um: Positive = Field(description="Side of a (square) pixel, µm.")
+    focal_length_mm: Positive = Field(description="Principal distance c, mm.")
+    principal_point_mm: Pair = Field(default=(0.0, 0.0), description="Principal point x, y, mm.")
+    mount_deg: Literal[0, 90, 180, 270] = Field(
+        default=0, description="κ_mount; 0: image x (columns) points forward."
+    )
+
+
+class FlightLines(Settings):
+    """Parallel lines flown alike; `[flight]` for one group, `[[flight]]` for each of several."""
+
+    name: str = Field(
+        min_length=1, pattern=r"^[A-Za-z0-9.-]+$", description="Before the line's number in strip names."
+    )
+    flight: str = Field(default="1", min_length=1, description="Flight the lines belong to.")
+    height_m: Positive = Field(description="Flying height above the mean terrain, m.")
+    heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
+    lines: Annotated[int, Field(gt=0)] | None = Field(
+        default=None, description="Number of lines; left out: as many as `exposures` lists."
+    )
+    exposures: Annotated[tuple[Annotated[int, Field(gt=0)], ...], BeforeValidator(_one_or_several)] = Field(
+        description="Exposures of every line, or a list with one number for each."
+    )
+    end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
+    side_lap: Part = Field(default=0.6, description="Side lap, 0 to 1.")
+    base_m: Positive | None = Field(default=None, description="Base, m; instead of `end_lap`.")
+    spacing_m: Positive | None = Field(
+        default=None, description="Distance of the lines, m; instead of `side_lap`."
+    )
+    directions: Literal["single", "alternating", "both"] = Field(
+        default="alternating",
+        description="`single`: all lines alike; `alternating`: every second one back; `both`: every line "
+        "forward and reverse.",
+    )
+    centre_m: Pair = Field(default=(0.0, 0.0), description="Centre of the group: east, north, m.")
+    start_m: Pair | None = Field(
+        default=None, description="First exposure of the first line, m; instead of `centre_m`."
+    )
+    speed_m_s: Positive = Field(default=75.0, description="Speed over ground, m/s.")
+
+    @model_validator(mode="after")
+    def _as_many_numbers_as_lines(self) -> FlightLines:
+        if self.lines is not None and len(self.exposures) not in (1, self.lines):
+            raise trouble(
+                f"There are {self.lines} lines, but {len(self.exposures)} numbers of exposures.",
+                "Give one number for all lines, or one for each.",
+            )
+        return self
+
+    @property
+    def exposures_of_lines(self) -> tuple[int, ...]:
+        """Number of exposures of each line."""
+        if self.lines is None or len(self.exposures) == self.lines:
+            return self.exposures
+        return self.exposures * self.lines
+
+
+class SimulatedTrajectory(Settings):
+    """How the flight differs from its plan."""
+
+    position_m: NotNegativeTriple = Field(
+        default=(3.0, 3.0, 5.0), description="σ of the flight about its plan: along, across, height, m."
+    )
+    attitude_deg: NotNegativeTriple = Field(
+        default=(1.0, 1.0, 0.5), description="σ of roll, pitch, heading of an exposure, degrees."
+    )
+    crab_deg: NotNegative = Field(default=3.0, description="σ of the crab angle of a strip, degrees.")
+
+
+class SimulatedTerrain(Settings):
+    """The terrain: a sum of sines."""
+
+    mean_m: Finite = Field(default=0.0, description="Mean elevation, m.")
+    relief_m: NotNegative = Field(default=0.0, description="RMS of the elevations about it, m; 0: flat.")
+    shortest_m: Positive = Field(default=400.0, description="Shortest wavelength, m.")
+    longest_m: Positive = Field(default=3000.0, description="Longest wavelength, m.")
+
+
+class SimulatedPoints(Settings):
+    """Tie points."""
+
+    count: Annotated[int, Field(gt=0)] = Field(description="Expected number of tie points.")
+    detection: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        default=1.0, description="Probability that a point is found in an image that shows it."
+    )
+    min_rays: Annotated[int, Field(ge=2)] = Field(default=2, description="Points with fewer rays are lost.")
+    margin: Part = Field(
+        default=0.02, description="Part of the half format along the borders where nothing is measured."
+    )
+
+
+class SimulatedControl(Settings):
+    """Control and check points laid out alike; `[control]` for one set, `[[control]]` for several."""
+
+    layout: Literal["grid", "perimeter", "spread", "list"] = Field(
+        description="`grid`: columns × rows; `perimeter`: evenly along the border of the covered area; "
+        "`spread`: each as far as possible from the others; `list`: at `places_m`."
+    )
+    kind: Literal["full", "height", "plan"] = Field(
+        default="full", description="Which coordinates are known: all, the height, or x and y."
+    )
+    columns: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Columns of a grid.")
+    rows: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Rows of a grid.")
+    count: Annotated[int, Field(gt=0)] | None = Field(
+        default=None, description="Number of points of `perimeter` and `spread`."
+    )
+    places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
+    control: Annotated[int, Field(ge=0)] | None = Field(
+        default=None,
+        description="How many are control points, those spread best; the rest are check points. Left out: "
+        "all, less `check_fraction`.",
+    )
+    check_fraction: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=0.0, description="Part of the points that are check points; instead of `control`."
+    )
+    margin: Part = Field(
+        default=0.03, description="Part of the sides of the covered area left free along its borders."
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> SimulatedControl:
+        given = {
+            "grid": self.columns is not None and self.rows is not None,
+            "perimeter": self.count is not None,
+            "spread": self.count is not None,
+            "list": len(self.places_m) > 0,
+        }
+        if not given[self.layout]:
+            needed = {"grid": "columns and rows", "list": "places_m"}.get(self.layout, "count")
+            raise trouble(f"The layout '{self.layout}' needs {needed}.", f"Give {needed}.")
+        if self.control is not None and self.check_fraction > 0.0:
+            raise trouble("`control` and `check_fraction` exclude each other.", "Keep one of the two.")
+        return self
+
+
+class SimulatedGrossErrors(Settings):
+    """Gross errors; all of them are listed in truth/gross_errors.parquet."""
+
+    image_rate: Part = Field(default=0.0, description="Part of the image points that are wrong.")
+    image_um: Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)] = Field(
+        default=(20.0, 200.0), description="Smallest and largest error of them, µm."
+    )
+    control_swaps: Annotated[int, Field(ge=0)] = Field(
+        default=0, description="Pairs of control points whose coordinates are exchanged."
+    )
+    wrong_time_strips: Annotated[int, Field(ge=0)] = Field(
+        default=0, description="Strips whose positions belong to another moment."
+    )
+    time_error_s: Finite = Field(default=1.0, description="By how much, s.")
+
+
+class SimulatedNoise(Settings):
+    """Noise; the project states these standard deviations."""
+
+    image_um: Positive = Field(description="σ of image coordinates, µm.")
+    control_m: PositiveTriple = Field(default=(0.02, 0.02, 0.02), description="σ of surveyed points, m.")
+    gnss_m: PositiveTriple = Field(default=(0.05, 0.05, 0.05), description="σ of positions, white, m.")
+    ins_deg: PositiveTriple = Field(
+        default=(0.003, 0.003, 0.008), description="σ of roll, pitch, heading, degrees."
+    )
+    gnss_markov_m: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="σ of the part of the positions' noise that is correlated over time within a strip "
+        "(first-order Gauss–Markov), m.",
+    )
+    gnss_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
+    level: NotNegative = Field(
+        default=1.0, description="Factor of all noise that is added; 0: free of noise, stated σ unchanged."
+    )
+    silent: tuple[SilentSource, ...] = Field(
+        default=(), description='Sources whose noise is left out, e.g. `["gnss", "ins"]`.'
+    )
+    gross_errors: SimulatedGrossErrors = Field(
+        default_factory=SimulatedGrossErrors, description="Gross errors."
+    )
+
+
+class SimulatedImageErrors(Settings):
+    """Systematic image errors."""
+
+    radial_um: Finite = Field(default=0.0, description="Radial error in the corner of the format, µm.")
+    tile_um: NotNegative = Field(
+        default=0.0, description="RMS of the shifts of the eight outer tiles of 3 × 3, µm."
+    )
+    corner_um: NotNegative = Field(default=0.0, description="RMS of the displacements of the corners, µm.")
+    seams_mm: tuple[Positive, Positive] | None = Field(
+        default=None, description="Seams from the centre along image x, y, mm; left out: equal thirds."
+    )
+
+
+class SimulatedTruth(Settings):
+    """The true camera system; the project states zero, and the certified interior orientation."""
+
+    focal_length_change_mm: Finite = Field(default=0.0, description="True minus certified c, mm.")
+    principal_point_change_mm: Pair = Field(
+        default=(0.0, 0.0), description="True minus certified principal point x, y, mm."
+    )
+    boresight_deg: Triple = Field(default=(0.0, 0.0, 0.0), description="Boresight roll, pitch, yaw, degrees.")
+    lever_arm_m: Triple = Field(
+        default=(0.0, 0.0, 0.0), description="Lever arm, body axes (forward, right, down), m."
+    )
+    gnss_shift_m: Triple = Field(default=(0.0, 0.0, 0.0), description="GNSS shift of every flight, m.")
+    gnss_shift_of_flight_m: dict[str, Triple] = Field(
+        default_factory=dict, description="GNSS shift of single flights, instead; keys are flights."
+    )
+    strip_bias_m: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0), description="σ of the random GNSS bias of a strip, m."
+    )
+    strip_drift_m_s: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0), description="σ of the random GNSS drift of a strip, m/s."
+    )
+    time_offset_s: Finite = Field(default=0.0, description="Positions are taken so much too late, s.")
+    refraction: bool = Field(default=False, description="Whether the image rays are refracted.")
+    image_errors: SimulatedImageErrors = Field(
+        default_factory=SimulatedImageErrors, description="Systematic image errors."
+    )
+
+
+_AsTuple = BeforeValidator(one_table_or_several)
+
+
+class Simulation(Settings):
+    """A simulation: SPEC.toml, its preset filled in."""
+
+    preset: str | None = Field(default=None, description="The preset everything not written here comes from.")
+    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
+    project: SimulatedProject = Field(description="The project that is written.")
+    camera: SimulatedCamera = Field(description="The camera.")
+    flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(
+        description="Groups of parallel lines."
+    )
+    trajectory: SimulatedTrajectory = Field(
+        default_factory=SimulatedTrajectory, description="How the flight differs from its plan."
+    )
+    terrain: SimulatedTerrain = Field(default_factory=SimulatedTerrain, description="The terrain.")
+    points: SimulatedPoints = Field(description="Tie points.")
+    control: Annotated[tuple[SimulatedControl, ...], _AsTuple] = Field(
+        default=(), description="Control and check points."
+    )
+    noise: SimulatedNoise = Field(description="Noise and gross errors.")
+    truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
+
+    @model_validator(mode="after")
+    def _flights_exist(self) -> Simulation:
+        flights = {lines.flight for lines in self.flight}
+        for name in self.truth.gnss_shift_of_flight_m:
+            if name not in flights:
+                raise trouble(
+                    f"A GNSS shift is given for flight '{name}', and there is no such flight.",
+                    f"The flights are: {', '.join(sorted(flights))}.",
+                )
+        names = [lines.name for lines in self.flight]
+        if len(set(names)) < len(names):
+            raise trouble("Two groups of lines have the same name.", "Give each `[[flight]]` its own.")
+        return self
