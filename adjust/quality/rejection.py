@@ -1,8 +1,9 @@
 """Rejection of gross errors by data snooping (Baarda 1968), largest first.
 
 An observation is a candidate when it is controlled (redundancy number ≥ 0.1) and its standardized
-residual exceeds the critical value. In one pass at most one observation is rejected for each object
-point and each image, the largest, because one gross error raises the residuals around it.
+residual exceeds the critical value. One gross error raises the residuals around it: in one pass
+only the largest observation of each object point is rejected, and none below seven tenths of the
+largest standardized residual of the block. The others are judged again when these are gone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
 from adjust.solve.normal_equations import Observations
+
+# Part of the largest |w| below which an observation may be swamped by another one's gross error.
+_SWAMPED = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +54,12 @@ def reject(
     """The observations that one pass of data snooping rejects."""
     groups = observations.groups
     statistic = [snooping_statistic(item) for item in residuals]
+    largest = max((float(item.max(initial=0.0)) for item in statistic), default=0.0)
+    least = max(critical_value, _SWAMPED * largest)
     candidates = [
         (-float(statistic[g][i]), g, int(i))
         for g in range(len(groups))
-        for i in np.flatnonzero(statistic[g] > critical_value)
+        for i in np.flatnonzero(statistic[g] > least)
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)
     touched: set[tuple[str, int]] = set()

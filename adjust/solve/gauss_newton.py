@@ -82,13 +82,15 @@ def iterate(system: System, start: State, most: int, progress: Progress | None =
             progress(step)
         moved = system.layout.update(state, of_exposures, of_border, of_points)
         following = _try(system, moved)
+        converged = step.largest_move < _CONVERGED and damping == 0.0
+        if converged and following is not None:
+            # Whether vPv falls or rises in so small a step is decided by rounding alone.
+            return Solution(moved, following, _factorize(system, moved, following), tuple(history))
         if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
             damping = max(10.0 * damping, _FIRST_DAMPING)
             normals = reduced_normals(system, state, damping)
             continue
         state, normals = moved, following
-        if step.largest_move < _CONVERGED and damping == 0.0:
-            return Solution(state, normals, _factorize(system, state, normals), tuple(history))
         damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
         if damping > 0.0:
             normals = reduced_normals(system, state, damping)

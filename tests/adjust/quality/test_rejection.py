@@ -1,0 +1,222 @@
+"""Rejection of gross errors: what is found, what is spared, and what the last pass states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.errors import InconsistentBlockError
+from adjust.observations.image_point import ImagePoints
+from adjust.options import AdjustmentOptions
+from adjust.parameters import BORESIGHT
+from adjust.quality.redundancy import NON_CENTRALITY, UNCONTROLLED
+from adjust.result import AdjustmentResult, ObservationStatus
+from adjust.solve.normal_equations import Observations
+from tests.adjust.scenes import MICROMETRE, Scene, two_strips
+
+CRITICAL = 4.13
+
+
+def scene(**switches: Any) -> Scene:
+    return two_strips(**{"noise_seed": 8, "start_seed": 9, "free": {BORESIGHT: True}, **switches})
+
+
+def with_rays(given: Scene, rays: ImagePoints) -> Scene:
+    return replace(given, observations=replace(given.observations, image_points=rays))
+
+
+def with_ray_error(given: Scene, ray: int, error_m: tuple[float, float]) -> Scene:
+    rays = given.observations.image_points
+    xy = rays.xy.copy()
+    xy[ray] += error_m
+    return with_rays(given, replace(rays, xy=xy))
+
+
+def adjusted(given: Scene, critical_value: float | None = CRITICAL) -> AdjustmentResult:
+    return adjust_block(given.block, given.observations, AdjustmentOptions(critical_value=critical_value))
+
+
+def first_ray(given: Scene, count: int) -> int:
+    """The first ray of a point with ``count`` rays that no survey knows."""
+    rays = given.observations.image_points
+    surveyed = [group.point for group in given.observations.others if (group.point >= 0).any()]
+    counts = np.bincount(rays.point)
+    chosen = np.setdiff1d(np.flatnonzero(counts == count), np.concatenate(surveyed))
+    return int(np.searchsorted(rays.point, chosen[0]))
+
+
+def rejected_rays(result: AdjustmentResult) -> list[int]:
+    return np.flatnonzero((result.groups[0].status == ObservationStatus.REJECTED).any(axis=1)).tolist()
+
+
+def test_clean_observations_are_left_alone() -> None:
+    result = adjusted(scene())
+    assert result.rejected_per_pass == ()
+    assert all(group.rejected == 0 for group in result.groups)
+    assert len(result.iterations) == 1
+
+
+@pytest.mark.parametrize("error_um", [(40.0, 0.0), (0.0, -40.0), (30.0, 30.0), (2000.0, -500.0)])
+def test_a_gross_error_in_a_point_of_many_rays_is_found_and_nothing_else(
+    error_um: tuple[float, float],
+) -> None:
+    given = scene()
+    ray = first_ray(given, 5)
+    damaged = with_ray_error(given, ray, (error_um[0] * MICROMETRE, error_um[1] * MICROMETRE))
+    result = adjusted(damaged)
+    assert rejected_rays(result) == [ray]
+    assert result.rejected_per_pass == (1,)
+    assert all(group.rejected == 0 for group in result.groups[1:])
+    residual = result.groups[0].residual[ray]
+    # v = adjusted − observed of the rejected ray shows the error with the opposite sign.
+    np.testing.assert_allclose(residual, -np.array(error_um) * MICROMETRE, atol=12 * MICROMETRE)
+
+
+def test_without_a_critical_value_nothing_is_rejected() -> None:
+    given = scene()
+    damaged = with_ray_error(given, first_ray(given, 5), (40 * MICROMETRE, 0.0))
+    result = adjusted(damaged, None)
+    assert rejected_rays(result) == []
+    assert result.test.sigma0 > result.test.upper
+
+
+def test_after_rejection_everything_is_as_if_the_observation_had_never_been() -> None:
+    given = scene()
+    ray = first_ray(given, 5)
+    found = adjusted(with_ray_error(given, ray, (60 * MICROMETRE, 20 * MICROMETRE)))
+    rays = given.observations.image_points
+    never = adjusted(with_rays(given, rays.without(np.arange(len(rays.image)) == ray)), None)
+    assert found.test.redundancy == never.test.redundancy
+    assert found.test.sigma0 == pytest.approx(never.test.sigma0, rel=1e-6)
+    np.testing.assert_allclose(found.state.object_point, never.state.object_point, atol=1e-6)
+    np.testing.assert_allclose(found.cofactor.of_points, never.cofactor.of_points, rtol=1e-6)
+    np.testing.assert_allclose(found.groups[0].redundancy, never.groups[0].redundancy, atol=1e-6)
+    assert np.isnan(found.groups[0].redundancy[ray]).all()
+    total = sum(group.redundancy_sum for group in found.groups)
+    assert total == pytest.approx(found.test.redundancy, abs=1e-6)
+    squares = sum(group.weighted_squares for group in found.groups)
+    assert squares == pytest.approx(found.test.weighted_squares)
+
+
+def test_several_gross_errors_are_all_found() -> None:
+    given = scene()
+    rays = given.observations.image_points
+    counts = np.bincount(rays.point)
+    surveyed = given.observations.others[0].point
+    points = np.setdiff1d(np.flatnonzero(counts >= 4), surveyed)[:4]
+    damaged = given
+    expected = np.searchsorted(rays.point, points).tolist()
+    for k, ray in enumerate(expected):
+        damaged = with_ray_error(damaged, ray, (50e-6 * (-1) ** k, 30e-6))
+    assert rejected_rays(adjusted(damaged)) == expected
+
+
+def test_a_control_point_one_metre_off_is_rejected_rather_than_its_rays() -> None:
+    given = scene()
+    control: Any = given.observations.others[0]
+    given_position = control.given.copy()
+    given_position[1, 0] += 1.0
+    wrong = replace(control, given=given_position)
+    others = (wrong, *given.observations.others[1:])
+    result = adjusted(replace(given, observations=Observations(given.observations.image_points, others)))
+    status = result.groups[1].status
+    assert (status[1] == ObservationStatus.REJECTED).all()
+    assert (np.delete(status, 1, axis=0) != ObservationStatus.REJECTED).all()
+    assert rejected_rays(result) == []
+    # The point itself stays, determined by its rays.
+    assert result.active_point[control.point[1]]
+    assert result.groups[1].residual[1, 0] == pytest.approx(-1.0, abs=0.2)
+
+
+def test_a_wrong_antenna_position_is_rejected() -> None:
+    given = scene()
+    gnss: Any = given.observations.others[1]
+    observed = gnss.observed.copy()
+    observed[3] += [0.0, 1.0, 0.0]
+    others = list(given.observations.others)
+    others[1] = replace(gnss, observed=observed)
+    result = adjusted(
+        replace(given, observations=Observations(given.observations.image_points, tuple(others)))
+    )
+    assert (result.groups[2].status[3] == ObservationStatus.REJECTED).all()
+    assert [group.rejected for group in result.groups] == [0, 0, 1, 0]
+
+
+def test_both_rays_of_a_two_ray_point_go_because_the_wrong_one_cannot_be_told() -> None:
+    given = scene()
+    ray = first_ray(given, 2)
+    result = adjusted(with_ray_error(given, ray, (60 * MICROMETRE, 60 * MICROMETRE)))
+    status = result.groups[0].status[ray : ray + 2]
+    assert sorted(status.max(axis=1).tolist()) == [ObservationStatus.REJECTED, ObservationStatus.NOT_USED]
+    assert not result.active_point[given.observations.image_points.point[ray]]
+    clean = adjusted(given)
+    # Four coordinates less three of the point.
+    assert result.test.redundancy == clean.test.redundancy - 1
+    total = sum(group.redundancy_sum for group in result.groups)
+    assert total == pytest.approx(result.test.redundancy, abs=1e-6)
+
+
+def test_an_error_nobody_controls_is_marked_and_never_tested() -> None:
+    # Two rays of one strip: x is along the base, where any error only moves the point up or down.
+    given = two_strips(
+        cameras=1,
+        strips=1,
+        images_per_strip=3,
+        control=(),
+        noise_seed=8,
+        points_across=5,
+        headings_deg=(90.0,),
+    )
+    result = adjusted(given)
+    group = result.groups[0]
+    uncontrolled = group.status == ObservationStatus.UNCONTROLLED
+    assert uncontrolled.any()
+    assert (group.redundancy[uncontrolled] < UNCONTROLLED).all()
+    assert (group.redundancy[group.status == ObservationStatus.USED] >= UNCONTROLLED).all()
+    ray = int(np.flatnonzero(uncontrolled[:, 0] & ~uncontrolled[:, 1])[0])
+    damaged = with_ray_error(given, ray, (40 * MICROMETRE, 0.0))
+    after = adjusted(damaged)
+    assert (after.groups[0].status[ray, 0]) == ObservationStatus.UNCONTROLLED
+
+
+def test_a_bias_of_the_detectable_size_gives_the_non_centrality_of_the_test() -> None:
+    given = scene(noise_seed=None)
+    clean = adjusted(given, None)
+    rays = np.flatnonzero((clean.groups[0].redundancy > 0.3).all(axis=1))[::17]
+    for ray in rays:
+        bias = float(clean.groups[0].detectable[ray, 0])
+        biased = adjusted(with_ray_error(given, int(ray), (bias, 0.0)), None)
+        assert abs(biased.groups[0].standardized[ray, 0]) == pytest.approx(NON_CENTRALITY, rel=1e-3)
+
+
+def test_correlated_components_are_tested_with_their_own_non_centrality() -> None:
+    given = scene(noise_seed=None)
+    control: Any = given.observations.others[0]
+    row = given.plan.control.index("covariance")
+    clean = adjusted(given, None).groups[1]
+    # Up to the redundancies, the detectable bias of correlated components is not σ δ0/√r.
+    uncorrelated = control.stochastic.sigma[row] * NON_CENTRALITY / np.sqrt(clean.redundancy[row])
+    assert np.abs(clean.detectable[row] / uncorrelated - 1.0).max() > 0.05
+    for component in range(3):
+        position, height = control.given.copy(), control.given_height.copy()
+        bias = clean.detectable[row, component]
+        axes = control.frame.local_from_enu(control.given[[row]])[0]
+        position[row] += bias * axes[:, component]
+        if component == 2:
+            height[row] += bias
+        others = (replace(control, given=position, given_height=height), *given.observations.others[1:])
+        biased = adjusted(
+            replace(given, observations=Observations(given.observations.image_points, others)), None
+        )
+        assert abs(biased.groups[1].standardized[row, component]) == pytest.approx(NON_CENTRALITY, rel=2e-3)
+
+
+def test_a_critical_value_far_too_small_is_refused_instead_of_eating_the_block() -> None:
+    given = scene()
+    options = AdjustmentOptions(critical_value=0.5, most_passes=3)
+    with pytest.raises(InconsistentBlockError, match=r"above 0\.5\. The critical value is too small"):
+        adjust_block(given.block, given.observations, options)
