@@ -50,8 +50,8 @@ def adjust_block(
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in observations.groups)
     state, remaining = block.approximate_state(), observations
     with threadpool_limits(limits=1):
+        system = System.of(block, remaining)
         for _ in range(options.most_passes):
-            system = System.of(block, remaining)
             solution = iterate(system, state, options.most_iterations, progress)
             state = solution.state
             history.append(solution.iterations)
@@ -65,6 +65,7 @@ def adjust_block(
             rejected_per_pass.append(rejection.count)
             rejected = tuple(a | b for a, b in zip(rejected, rejection.rejected, strict=True))
             remaining = without(remaining, rejection)
+            system = system.remaining(remaining)
         else:
             raise InconsistentBlockError(
                 f"After {options.most_passes} passes of rejection there are still standardized residuals "

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
@@ -85,13 +86,29 @@ def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floa
 
 
 def tie_limit_px(given: GivenOrientations, checks: ChecksSettings, height: float) -> float:
-    """Median residual above which the orientations are called wrong, from settings and declared sigmas."""
+    """Median residual above which the orientations are called wrong, from settings and declared sigmas.
+
+    Parameters
+    ----------
+    height : flying height above the intersected points, metres. Wrong orientations can make it anything,
+        so the distance between neighbouring exposures, which is always smaller, bounds it from below.
+    """
     cameras = given.mountings.cameras
     scale = np.array([camera.focal_length / camera.pixel_size for camera in cameras])[given.camera]
     attitude = np.nan_to_num(given.angle_sigma).max(axis=1)
-    position = np.nan_to_num(given.position_sigma).max(axis=1) / max(height, 1.0)
+    position = np.nan_to_num(given.position_sigma).max(axis=1) / max(height, _spacing(given), 1.0)
     expected = float(np.median(scale * np.hypot(attitude, position)))
     return max(checks.tie_residual_px, _ALLOWANCE * expected)
+
+
+def _spacing(given: GivenOrientations) -> float:
+    """Median distance of an exposure to the nearest one that is not at the same place, metres."""
+    plan = given.observed[:, :2]
+    if len(plan) < 2:
+        return 0.0
+    distance, _ = cKDTree(plan).query(plan, k=min(len(plan), 4))
+    apart = np.where(distance[:, 1:] > 1.0, distance[:, 1:], np.inf).min(axis=1)
+    return float(np.median(apart)) if np.isfinite(apart).all() else 0.0
 
 
 def check_orientations(

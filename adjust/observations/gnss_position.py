@@ -43,7 +43,7 @@ class StripMotion:
 class GnssPositions:
     """Positions of the GNSS antenna.
 
-    The observation is zero when, in the axes C (east, north, up at the exposure),
+    The observation is zero when, in the axes C in which it is weighted (east, north, up of the map),
 
         C · (X0 + R_b · l + s_f + β_k + d_k (t − t_k) + v Δt_f − A) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
 
@@ -57,7 +57,8 @@ class GnssPositions:
     image : (n,) index of the image.
     camera, flight : (n,) index of its camera (mounting) and flight.
     observed : (n, 3) metres, local frame.
-    local_from_enu : (n, 3, 3) axes in which the components are given and weighted.
+    local_from_enu : (n, 3, 3) axes in which the components are given and weighted: those of the map grid
+        for a delivery in map coordinates.
     body_from_camera : (n, 3, 3) nominal mounting T.
     stochastic : components east, north, up.
     motion : times and velocities; without them there is no strip bias, drift or time offset.

@@ -1,7 +1,7 @@
 """Solution and inverse of the reduced normal equations, behind one small interface.
 
-Whatever factorises them (here dense Cholesky) offers the same three things: the solution, the
-marginal covariance blocks on the pattern of co-visible exposures, and the null space where there is
+Helmert blocking does the work; here stands what the rest of the adjustment sees of it: the solution,
+the marginal cofactor blocks on the pattern of co-visible exposures, and the null space where there is
 one. Everything is scaled to unit diagonal first: metres, radians and micrometres in one matrix
 would destroy its condition.
 """
@@ -9,13 +9,12 @@ would destroy its condition.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-import scipy.linalg
 
 from adjust.arrays import Floats
 from adjust.solve.covisibility import Covisibility
+from adjust.solve.helmert_blocking import HelmertFactor, factorize_blocks
 from adjust.solve.normal_equations import ReducedNormals
 
 # Squared pivot of the scaled matrix: 1 − R² of an unknown with all before it. Below this its standard
@@ -45,18 +44,6 @@ class ReducedCofactor:
         return self.blocks[self.pattern.diagonal]
 
 
-class Factorization(Protocol):
-    """A factorised reduced system."""
-
-    def solve(self) -> tuple[Floats, Floats]:
-        """Increments (n, 6) of the exposures and (g,) of the system parameters."""
-        ...
-
-    def cofactor(self) -> ReducedCofactor:
-        """Blocks of the inverse on the pattern of the matrix."""
-        ...
-
-
 class SingularNormalsError(Exception):
     """The reduced normal equations are singular; ``null_space`` holds the undetermined directions.
 
@@ -74,40 +61,38 @@ class SingularNormalsError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class DenseCholesky:
-    """Cholesky factor of the whole reduced matrix, scaled to unit diagonal."""
+class Factorization:
+    """The factorised reduced system.
+
+    Attributes
+    ----------
+    normals : what was factorised.
+    scale_exposure, scale_border : (n, 6) and (g,) standard deviation of each unknown if all others of
+        the reduced system were known, σ0 = 1; the scaled matrix has a unit diagonal.
+    factor : of the scaled matrix.
+    """
 
     normals: ReducedNormals
-    scale: Floats
-    factor: Floats
+    scale_exposure: Floats
+    scale_border: Floats
+    factor: HelmertFactor
 
     def solve(self) -> tuple[Floats, Floats]:
         """Increments (n, 6) of the exposures and (g,) of the system parameters."""
-        rhs = np.concatenate([self.normals.rhs_exposure.ravel(), self.normals.rhs_border])
-        solution = self.scale * scipy.linalg.cho_solve((self.factor, True), self.scale * rhs)
-        split = self.normals.rhs_exposure.size
-        return solution[:split].reshape(-1, 6), solution[split:]
+        exposures, border = self.factor.solve(
+            self.scale_exposure * self.normals.rhs_exposure, self.scale_border * self.normals.rhs_border
+        )
+        return self.scale_exposure * exposures, self.scale_border * border
 
     def cofactor(self) -> ReducedCofactor:
         """Blocks of the inverse on the pattern of the matrix."""
-        inverse, info = scipy.linalg.lapack.dpotri(self.factor, lower=1)
-        if info != 0:
-            raise np.linalg.LinAlgError("the inverse of the reduced normal equations failed")
-        inverse *= self.scale[:, None]
-        inverse *= self.scale[None, :]
-        pattern, n = self.normals.pattern, self.normals.pattern.images
-        # dpotri fills the lower triangle: block (i, j), i ≤ j, is the transpose of (j, i).
-        rows = 6 * pattern.column[:, None] + np.arange(6)
-        columns = 6 * pattern.row[:, None] + np.arange(6)
-        blocks = np.swapaxes(inverse[rows[:, :, None], columns[:, None, :]], 1, 2).copy()
-        diagonal = blocks[pattern.diagonal]
-        lower = np.tril(np.ones((6, 6), dtype=bool))
-        symmetric = np.where(lower.T, diagonal, np.swapaxes(diagonal, 1, 2))
-        blocks[pattern.diagonal] = symmetric
-        corner = inverse[6 * n :, 6 * n :]
-        corner = np.tril(corner) + np.tril(corner, -1).T
-        border = inverse[6 * n :, : 6 * n].T.reshape(n, 6, -1)
-        return ReducedCofactor(pattern, blocks, border.copy(), corner)
+        pattern = self.normals.pattern
+        blocks, border, corner = self.factor.inverse()
+        scale, of_border = self.scale_exposure, self.scale_border
+        blocks *= scale[pattern.row][:, :, None] * scale[pattern.column][:, None, :]
+        border *= scale[:, :, None] * of_border
+        corner *= of_border[:, None] * of_border
+        return ReducedCofactor(pattern, blocks, border, corner)
 
 
 def dense_matrix(normals: ReducedNormals) -> Floats:
@@ -123,26 +108,42 @@ def dense_matrix(normals: ReducedNormals) -> Floats:
     return upper + np.triu(upper, 1).T
 
 
-def factorize(normals: ReducedNormals) -> Factorization:
+def factorize(normals: ReducedNormals, threads: int = 1) -> Factorization:
     """Factorise the reduced normal equations.
 
     Raises
     ------
     SingularNormalsError : if they are singular, with the undetermined directions.
     """
-    matrix = dense_matrix(normals)
-    diagonal = np.diagonal(matrix)
-    # A parameter nothing observes has a zero row; scaling it with one keeps it visible as a defect.
-    unreduced = np.concatenate([normals.diagonal_exposure.ravel(), normals.diagonal_border])
-    usable = (diagonal > _SINGULAR * unreduced) & (diagonal > 0.0)
-    scale = np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-    scaled = matrix * scale[:, None] * scale[None, :]
-    if usable.all():
-        factor, info = scipy.linalg.lapack.dpotrf(scaled, lower=1, clean=1)
-        if info == 0 and np.min(np.diagonal(factor)) ** 2 > _SINGULAR:
-            return DenseCholesky(normals, scale, factor)
+    pattern = normals.pattern
+    diagonal = np.diagonal(normals.blocks[pattern.diagonal], axis1=1, axis2=2)
+    scale_exposure = _scale(diagonal, normals.diagonal_exposure)
+    scale_border = _scale(np.diagonal(normals.corner), normals.diagonal_border)
+    if (scale_exposure > 0.0).all() and (scale_border > 0.0).all():
+        factor = factorize_blocks(
+            normals.blocking,
+            normals.blocks
+            * scale_exposure[pattern.row][:, :, None]
+            * scale_exposure[pattern.column][:, None, :],
+            normals.border * scale_exposure[:, :, None] * scale_border,
+            normals.corner * scale_border[:, None] * scale_border,
+            threads,
+        )
+        if factor is not None and factor.smallest_pivot > _SINGULAR:
+            return Factorization(normals, scale_exposure, scale_border, factor)
+    scale = np.concatenate([scale_exposure.ravel(), scale_border])
+    scaled = dense_matrix(normals) * scale[:, None] * scale[None, :]
     natural = np.where(scale > 0.0, scale, 1.0)
     raise SingularNormalsError(natural[:, None] * _null_space(scaled), natural)
+
+
+def _scale(diagonal: Floats, unreduced: Floats) -> Floats:
+    """Inverse roots of a diagonal; 0 where the elimination of the object points has left nothing of it.
+
+    A parameter nothing observes has a zero row; the zero keeps it visible as a defect.
+    """
+    usable = (diagonal > _SINGULAR * unreduced) & (diagonal > 0.0)
+    return np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
 
 
 def _null_space(scaled: Floats) -> Floats:

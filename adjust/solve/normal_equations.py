@@ -7,7 +7,7 @@ independent check.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from adjust.parameters import (
 )
 from adjust.solve import reduction_kernel
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
+from adjust.solve.helmert_blocking import HelmertBlocking
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ class ReducedNormals:
 
     Attributes
     ----------
-    pattern : which exposure blocks are there.
+    blocking : which exposure blocks are there, and in which order they are eliminated.
     blocks : (blocks, 6, 6) upper block triangle of the exposures.
     border : (n, 6, g) exposures × system parameters.  corner : (g, g).
     rhs_exposure : (n, 6).  rhs_border : (g,).
@@ -61,7 +62,7 @@ class ReducedNormals:
     eliminated : Σ b_pᵀ N_pp⁻¹ b_p.
     """
 
-    pattern: Covisibility
+    blocking: HelmertBlocking
     blocks: Floats
     border: Floats
     corner: Floats
@@ -73,6 +74,11 @@ class ReducedNormals:
     point_rhs: Floats
     weighted_squares: float
     eliminated: float
+
+    @property
+    def pattern(self) -> Covisibility:
+        """Which exposure blocks are there."""
+        return self.blocking.pattern
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +95,7 @@ class System:
     block: Block
     layout: ParameterLayout
     observations: Observations
-    pattern: Covisibility
+    blocking: HelmertBlocking
     point_start: Ints
     active_point: Bools
 
@@ -102,10 +108,22 @@ class System:
             block,
             block.layout,
             _of_active_points(observations, active),
-            covisibility(observations.image_points, images, points),
+            HelmertBlocking.of(
+                covisibility(observations.image_points, images, points), block.projection_centre
+            ),
             point_starts(observations.image_points.point, points),
             active,
         )
+
+    def remaining(self, observations: Observations) -> System:
+        """The same system after some of its observations have been rejected."""
+        active_point = determined_points(self.block, observations)
+        return replace(self, observations=observations, active_point=active_point)
+
+    @property
+    def pattern(self) -> Covisibility:
+        """Which exposure blocks there are."""
+        return self.blocking.pattern
 
     @property
     def unknowns(self) -> int:
@@ -209,7 +227,7 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
         blocks[system.pattern.diagonal[:, None], diagonal, diagonal] += damping * diagonal_exposure
         corner[np.arange(g), np.arange(g)] += damping * diagonal_border
     return ReducedNormals(
-        system.pattern,
+        system.blocking,
         blocks,
         border,
         corner,
