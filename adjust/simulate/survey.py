@@ -104,17 +104,19 @@ def _along_border(count: int) -> Floats:
 def spread_order(place: Floats) -> Ints:
     """Order (k,) in which every next point is the farthest from those before it.
 
-    The first is the farthest from the middle, so the first few lie in the corners, and the first m of
-    them are a well spread choice for every m, each containing the smaller ones.
+    Distances are parts of the sides of the area. The first is the farthest from the middle, so the first
+    four of a rectangle lie in its corners, and the first m are a well spread choice for every m, each
+    containing the smaller ones.
     """
     if len(place) == 0:
         return np.empty(0, dtype=np.int64)
-    middle = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    order = [int(np.argmax(np.hypot(*(place - middle).T)))]
-    distance = np.hypot(*(place - place[order[0]]).T)
+    low, high = place.min(axis=0), place.max(axis=0)
+    part = (place - 0.5 * (low + high)) / np.maximum(high - low, 1e-9)
+    order = [int(np.argmax(np.hypot(*part.T)))]
+    distance = np.hypot(*(part - part[order[0]]).T)
     distance[order[0]] = -1.0
     while len(order) < len(place):
         order.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.hypot(*(place - place[order[-1]]).T))
+        distance = np.minimum(distance, np.hypot(*(part - part[order[-1]]).T))
         distance[order] = -1.0
     return np.array(order, dtype=np.int64)
