@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -22,7 +25,7 @@ def test_convergence_is_quadratic_from_the_start_values_of_a_flight() -> None:
     moves = [step.largest_move for step in steps]
     assert len(steps) <= 5
     assert all(step.damping == 0.0 for step in steps)
-    assert all(later < 0.02 * earlier for earlier, later in zip(moves, moves[1:], strict=False))
+    assert all(later < 0.02 * earlier for earlier, later in pairwise(moves))
 
 
 def test_weighted_squares_of_the_last_step_are_a_minimum() -> None:
@@ -42,13 +45,17 @@ def test_weighted_squares_of_the_last_step_are_a_minimum() -> None:
         assert reduced_normals(system, moved).weighted_squares > least
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_rounding_in_the_last_step_is_not_taken_for_divergence(seed: int) -> None:
-    # Heights of control points carry the rounding of geocentric coordinates, 1e-9 m: with sigmas of
-    # a tenth of a millimetre vPv is known to some 1e-5 only.
-    scene = two_strips(noise_seed=seed, start_seed=seed + 1, sigma_control_m=1e-4)
-    result = adjust_block(scene.block, scene.observations)
-    assert len(result.iterations[-1]) <= 6
+@pytest.mark.parametrize("ray", [40, 41, 42, 136])
+def test_rounding_in_the_last_step_is_not_taken_for_divergence(ray: int) -> None:
+    # Heights of control points carry the rounding of geocentric coordinates, 1e-9 m, and vPv with
+    # them; 41 and 136 are cases where the last, tiny step made it rise by more than 1e-9.
+    scene = two_strips(start_seed=9, free={BORESIGHT: True})
+    rays = scene.observations.image_points
+    xy = rays.xy.copy()
+    xy[ray] += 12e-6
+    observations = replace(scene.observations, image_points=replace(rays, xy=xy))
+    result = adjust_block(scene.block, observations)
+    assert len(result.iterations[-1]) <= 5
 
 
 def test_damping_adds_to_the_diagonal_of_the_unreduced_normal_equations() -> None:
@@ -62,19 +69,22 @@ def test_damping_adds_to_the_diagonal_of_the_unreduced_normal_equations() -> Non
     np.testing.assert_allclose(np.diagonal(larger), 1e-2 * plain.diagonal_border, rtol=1e-9)
 
 
-def test_a_start_out_of_reach_of_plain_steps_is_reached_with_damping() -> None:
-    # Fifty metres and eight degrees off: the plain first step leads behind the cameras or uphill.
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_start_out_of_reach_of_plain_steps_is_reached_with_damping(seed: int) -> None:
+    # A hundred metres and ten degrees off: a plain step leads behind the cameras or uphill.
     scene = two_strips(noise_seed=1)
-    generator = np.random.default_rng(6)
+    generator = np.random.default_rng(seed)
     state = scene.block.approximate_state()
     n, m = len(scene.block.images), len(scene.block.points)
     system = system_of(scene)
     far = system.layout.update(
         state,
-        np.concatenate([generator.normal(0, 50.0, (n, 3)), generator.normal(0, 0.14, (n, 3))], axis=1),
+        np.concatenate([generator.normal(0, 100.0, (n, 3)), generator.normal(0, 0.2, (n, 3))], axis=1),
         np.zeros(0),
-        generator.normal(0.0, 100.0, (m, 3)),
+        generator.normal(0.0, 200.0, (m, 3)),
     )
     near = iterate(system, state, 20)
     solution = iterate(system, far, 60)
+    assert any(step.damping > 0.0 for step in solution.iterations)
+    assert solution.iterations[-1].damping == 0.0
     np.testing.assert_allclose(solution.state.projection_centre, near.state.projection_centre, atol=1e-6)

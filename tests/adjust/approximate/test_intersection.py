@@ -1,0 +1,111 @@
+"""Intersection of rays with given orientations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.approximate.intersection import IntersectionStatus, intersect
+from adjust.arrays import Floats
+from adjust.geometry import rotation
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import INTERIOR_ORIENTATION, State
+from tests.adjust.scenes import two_strips
+
+C = 0.1
+
+
+def two_cameras(base: float) -> State:
+    centre = np.array([[-0.5 * base, 0.0, 1000.0], [0.5 * base, 0.0, 1000.0]])
+    return State(
+        centre, np.stack([np.eye(3)] * 2), np.zeros((0, 3)), {INTERIOR_ORIENTATION: np.array([[C, 0.0, 0.0]])}
+    )
+
+
+def rays(xy: list[list[float]], image: list[int], point: list[int]) -> ImagePoints:
+    n = len(xy)
+    return ImagePoints(
+        np.array(image),
+        np.array(point),
+        np.zeros(2, int),
+        np.array(xy),
+        np.full((n, 2), 1e-6),
+        np.ones(n, bool),
+    )
+
+
+def test_the_normal_case_gives_height_from_the_parallax() -> None:
+    # x′ − x″ = b c / (H − Z).
+    base, height = 400.0, 150.0
+    parallax = base * C / (1000.0 - height)
+    found = intersect(
+        rays([[0.5 * parallax, 0.002], [-0.5 * parallax, 0.002]], [0, 1], [0, 0]), two_cameras(base), 1
+    )
+    expected = [0.0, 0.002 / C * (1000.0 - height), height]
+    np.testing.assert_allclose(found.object_point, [expected], atol=1e-9)
+    angle = 2.0 * np.arctan(0.5 * base / np.hypot(850.0, expected[1]))
+    assert found.angle[0] == pytest.approx(angle)
+    assert found.usable.all()
+
+
+def test_exact_rays_of_a_block_meet_at_the_true_points_without_approximate_values() -> None:
+    scene = two_strips(cameras=2)
+    unknown = replace(scene.truth, object_point=np.full_like(scene.truth.object_point, np.nan))
+    found = intersect(scene.observations.image_points, unknown, len(scene.block.points))
+    assert found.usable.all()
+    np.testing.assert_allclose(found.object_point, scene.truth.object_point, atol=1e-8)
+
+
+def test_the_intersection_is_the_least_squares_solution_with_the_weights_of_the_rays() -> None:
+    scene = two_strips(noise_seed=3)
+    image_points = scene.observations.image_points
+    generator = np.random.default_rng(4)
+    image_points = replace(
+        image_points, sigma=image_points.sigma * generator.uniform(0.5, 3.0, image_points.sigma.shape)
+    )
+    found = intersect(image_points, scene.truth, len(scene.block.points))
+
+    def weighted_squares(points: Floats) -> Floats:
+        misclosure = image_points.misclosure(replace(scene.truth, object_point=points))
+        per_ray = np.sum((misclosure / image_points.sigma) ** 2, axis=1)
+        return np.bincount(image_points.point, weights=per_ray)
+
+    least = weighted_squares(found.object_point)
+    for axis in range(3):
+        for step in (-0.02, 0.02):
+            moved = found.object_point + step * np.eye(3)[axis]
+            assert np.all(weighted_squares(moved) > least)
+
+
+def test_a_point_with_one_ray_left_is_said_to_have_too_few() -> None:
+    found = intersect(rays([[0.01, 0.0]], [0], [0]), two_cameras(400.0), 2)
+    assert found.status.tolist() == [IntersectionStatus.FEWER_THAN_TWO_RAYS] * 2
+    assert not found.usable.any()
+
+
+def test_two_rays_from_one_place_are_parallel() -> None:
+    found = intersect(rays([[0.01, 0.0], [0.01, 0.0]], [0, 1], [0, 0]), two_cameras(0.0), 1)
+    assert found.status.tolist() == [IntersectionStatus.PARALLEL_RAYS]
+
+
+def test_rays_that_meet_above_the_cameras_are_behind_them() -> None:
+    diverging = rays([[-0.02, 0.0], [0.02, 0.0]], [0, 1], [0, 0])
+    found = intersect(diverging, two_cameras(400.0), 1)
+    assert found.status.tolist() == [IntersectionStatus.BEHIND_A_CAMERA]
+
+
+def test_the_principal_point_and_tilts_are_taken_into_account() -> None:
+    state = two_cameras(400.0)
+    turned = np.stack([rotation.from_omega_phi_kappa(np.array([0.02, -0.03, 1.0])), np.eye(3)])
+    state = replace(
+        state, local_from_camera=turned, system={INTERIOR_ORIENTATION: np.array([[C, 2e-4, -1e-4]])}
+    )
+    true = np.array([30.0, -40.0, 20.0])
+    xy = []
+    for centre, matrix in zip(state.projection_centre, turned, strict=True):
+        p = matrix.T @ (true - centre)
+        xy.append([2e-4 - C * p[0] / p[2], -1e-4 - C * p[1] / p[2]])
+    found = intersect(rays(xy, [0, 1], [0, 0]), state, 1)
+    np.testing.assert_allclose(found.object_point[0], true, atol=1e-9)
