@@ -106,7 +106,7 @@ def _spacing(given: GivenOrientations) -> float:
     plan = given.observed[:, :2]
     if len(plan) < 2:
         return 0.0
-    distance, _ = cKDTree(plan).query(plan, k=min(len(plan), 4))
+    distance = np.asarray(cKDTree(plan).query(plan, k=min(len(plan), 4))[0])
     apart = np.where(distance[:, 1:] > 1.0, distance[:, 1:], np.inf).min(axis=1)
     return float(np.median(apart)) if np.isfinite(apart).all() else 0.0
 

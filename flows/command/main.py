@@ -12,6 +12,7 @@ import typer
 from flows.command.adjust import adjust
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
+from flows.command.flight_check import flight_check
 from flows.command.run import run
 from flows.command.simulate import simulate
 
@@ -45,6 +46,7 @@ app.command()(run)
 app.command()(adjust)
 app.command()(doctor)
 app.command()(simulate)
+app.command()(flight_check)
 
 
 def main() -> None:

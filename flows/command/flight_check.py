@@ -1,0 +1,42 @@
+"""``aerocal flight-check``: whether this installation is sound."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def flight_check(
+    source: Annotated[
+        str, typer.Argument(metavar="[PRESET|SPEC.toml]", help="Name of a preset, or a specification.")
+    ] = "uce-low",
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the simulated project.")
+    ] = Path("flight-check"),
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the specification. Repeatable."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Seed of all random numbers.", min=0)
+    ] = None,
+) -> None:
+    """Simulate a flight, adjust it, and compare every estimate with the truth.
+
+    A sound installation gives errors that agree with the standard deviations it states.
+
+    [bold]Examples[/bold]
+
+      aerocal flight-check
+
+      aerocal flight-check dmc-burn-in --out trial --seed 7
+
+    [bold]Exit codes[/bold]  0 agrees with the truth · 2 specification wrong · 4 contradicts the truth
+    """
+    from flows.command.truth_table import check_and_show
+
+    end_with(lambda: check_and_show(source, out, tuple(overrides or ()), seed))

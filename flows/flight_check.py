@@ -1,0 +1,33 @@
+"""Flight check: simulate a block, adjust it like any other, compare the result with the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.stage import stage
+from tasks import simulate, truth_comparison
+from tasks.settings.simulation import Simulation
+from tasks.truth_comparison import TruthComparison
+
+simulate_project = stage(simulate.simulate_project)
+compare_with_truth = stage(truth_comparison.compare_with_truth)
+
+
+@dataclass(frozen=True)
+class FlightCheck:
+    """The outcome of the run, and how it compares with the truth; None if there is no result."""
+
+    outcome: RunOutcome
+    comparison: TruthComparison | None
+
+
+def flight_check(simulation: Simulation, directory: Path) -> FlightCheck:
+    """Simulate into a folder, run the project found there, compare the results with the truth."""
+    files = simulate_project(simulation, directory)
+    outcome = carry_out(aerial_triangulation, RunRequest(files.project_file))
+    if outcome.error is not None:
+        return FlightCheck(outcome, None)
+    return FlightCheck(outcome, compare_with_truth(directory, outcome.directory))
