@@ -83,10 +83,14 @@ A complete example is
 
 def project_file_page() -> str:
     """The whole page as Markdown."""
-    return "\n".join([_OPENING, *(line for table in _TABLES for line in _section(*table))]).rstrip() + "\n"
+    return (
+        "\n".join([_OPENING, *(line for table in _TABLES for line in settings_section(*table))]).rstrip()
+        + "\n"
+    )
 
 
-def _section(title: str, model: type[Settings], remark: str) -> Iterator[str]:
+def settings_section(title: str, model: type[Settings], remark: str = "") -> Iterator[str]:
+    """Lines of the section on one table: heading, a remark or the model's own sentence, and its keys."""
     yield f"## `{title}`" if title[0] in "[ahi" and " " not in title else f"## {title.capitalize()}"
     yield ""
     yield remark or (model.__doc__ or "").split("\n")[0]

@@ -1,6 +1,7 @@
 """Whether predicted standard deviations are those of the errors.
 
-The truth stays, the noise is drawn again. Noise comes from exactly the model adjusted, the a-priori σ0 is 1, and the seed of a run is its number.
+The truth stays, the noise is drawn again, from exactly the model adjusted. The a-priori σ0 is 1, and the
+seed of a run is its number.
 """
 
 from __future__ import annotations

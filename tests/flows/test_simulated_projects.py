@@ -1,0 +1,101 @@
+"""A simulated project through the command line and back to its truth."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+ON_THE_EARTH = ("project.crs=EPSG:25832", "project.latitude_deg=48.9", "project.longitude_deg=8.9")
+AXES = ["x_m", "y_m", "z_m"]
+ANGLES = ["omega_deg", "phi_deg", "kappa_deg"]
+
+
+def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "flows.command", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=280,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def _adjusted(folder: Path, preset: str, *changes: str) -> None:
+    """Simulate and adjust."""
+    overrides = [part for change in changes for part in ("--set", change)]
+    done = aerocal("simulate", preset, "--out", folder, *overrides)
+    assert done.returncode == 0, done.stderr
+    done = aerocal("run", folder / "project.toml", "--server", "none")
+    assert done.returncode == 0, done.stderr
+
+
+def _differences(folder: Path, table: str, columns: list[str], key: str | list[str]) -> pd.DataFrame:
+    """Estimated minus true."""
+    estimated = pd.read_parquet(folder / "results" / f"{table}.parquet").set_index(key)
+    true = pd.read_parquet(folder / "truth" / f"{table}.parquet").set_index(key).loc[estimated.index]
+    return estimated[columns] - true[columns]
+
+
+@pytest.mark.parametrize(
+    "changes", [(), ("project.angles=omega-phi-kappa", *ON_THE_EARTH)], ids=["local", "map"]
+)
+def test_the_test_field_without_noise_gives_its_truth_back(tmp_path: Path, changes: tuple[str, ...]) -> None:
+    folder = tmp_path / "exact"
+    _adjusted(folder, "uce-low", "noise.level=0", *changes)
+    positions = _differences(folder, "exterior_orientations", AXES, "image")
+    assert len(positions) == 200
+    assert positions.abs().to_numpy().max() < 1e-6
+    angles = np.radians(_differences(folder, "exterior_orientations", ANGLES, "image"))
+    assert angles.abs().to_numpy().max() < 1e-9
+    assert _differences(folder, "object_points", AXES, "point").abs().to_numpy().max() < 1e-5
+    parameters = _differences(folder, "parameters", ["value"], ["parameter", "entity"])["value"].abs()
+    assert parameters.filter(like="boresight").max() < np.degrees(1e-9)
+    # The shift is counted along the axes of the local frame, whose origin the two sides choose apart.
+    assert parameters.filter(like="gnss_shift").max() < 1e-6
+
+
+def test_estimates_of_a_noisy_block_lie_within_their_standard_deviations(tmp_path: Path) -> None:
+    folder = tmp_path / "noisy"
+    changes = ("truth.lever_arm_m=[0.35, -0.1, 0.0]", "truth.focal_length_change_mm=-0.008")
+    _adjusted(folder, "uce-high", *changes, 'project.free=["boresight", "gnss_shift"]')
+    # A lever arm and a focal length that are not estimated must show.
+    check = pd.read_parquet(folder / "results" / "parameters.parquet").set_index("parameter")
+    assert abs(check.loc["gnss_shift_z", "value"] - 0.286) > 5.0 * check.loc["gnss_shift_z", "sigma"]
+
+    folder = tmp_path / "right"
+    _adjusted(folder, "uce-high")
+    for table, key, columns in (
+        ("exterior_orientations", "image", AXES + ANGLES),
+        ("object_points", "point", AXES),
+    ):
+        error = _differences(folder, table, columns, key)
+        estimated = pd.read_parquet(folder / "results" / f"{table}.parquet").set_index(key)
+        sigma = estimated[[f"sigma_{name}" for name in columns]].to_numpy()
+        normalized = error.to_numpy() / sigma
+        assert 0.8 < np.sqrt(np.mean(normalized**2)) < 1.2
+        assert np.abs(normalized).max() < 6.0
+
+
+def test_the_help_names_every_preset_and_teaches() -> None:
+    from tasks.settings.load_simulation import preset_names
+
+    text = aerocal("simulate", "--help").stdout
+    for name in preset_names():
+        assert name in text
+    for word in ("--out", "--set", "--seed", "aerocal simulate uce-low --out block"):
+        assert word in text
+
+
+def test_a_wrong_specification_ends_with_two_and_one_line(tmp_path: Path) -> None:
+    done = aerocal("simulate", "uce-lov", "--out", tmp_path / "a")
+    assert done.returncode == 2
+    assert "Did you mean 'uce-low'?" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "a").exists()

@@ -1,0 +1,104 @@
+"""The presets against the published flights: base, line spacing, GSD, numbers of images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from adjust.simulate.flight_plan import flight_plan
+from adjust.simulate.truth import block_truth
+from tasks.settings.load_simulation import load_simulation, preset_names
+from tasks.simulation_input import block_specification
+
+
+@dataclass(frozen=True)
+class Published:
+    """Figures of a flight: m, cm, images."""
+
+    height: float
+    gsd_cm: float
+    base: float
+    spacing: float
+    images: int
+
+
+FLIGHTS = {
+    "uce-low": Published(780.0, 5.07, 265.3, 405.8, 200),
+    "uce-high": Published(2340.0, 15.2, 795.8, 1217.0, 28),
+    "ucx-8cm": Published(1200.0, 8.6, 153.9, 434.0, 215),
+    "ucx-20cm": Published(2875.0, 20.6, 582.0, 892.0, 52),
+    "dmc-8cm": Published(870.0, 8.7, 267.0, 481.0, 135),
+    "dmc-20cm": Published(2160.0, 21.6, 664.0, 1194.0, 60),
+    "rmk-8cm": Published(874.0, 8.0, 526.0, 526.0, 74),
+    "dmc-burn-in": Published(2000.0, 20.0, 614.4, 1105.9, 40),
+    "dmc2-140": Published(1150.0, 9.0, 403.0, 435.0, 69),
+    "dmc2-230": Published(1150.0, 7.0, 396.0, 436.0, 2448),
+    "dmc2-250": Published(1800.0, 9.0, 528.0, 620.0, 69),
+}
+
+
+def test_every_preset_but_the_combined_one_is_in_the_table() -> None:
+    assert set(preset_names()) == {*FLIGHTS, "uce-calibration"}
+
+
+@pytest.mark.parametrize("name", list(FLIGHTS))
+def test_a_preset_has_the_published_geometry(name: str) -> None:
+    published, specification = FLIGHTS[name], block_specification(load_simulation(name))
+    camera, main = specification.cameras[0], specification.flight[0]
+    assert main.height == published.height
+    gsd = main.height * camera.pixel_size / camera.focal_length
+    # Half a unit of the last digit that is printed.
+    assert 100.0 * gsd == pytest.approx(published.gsd_cm, abs=0.06)
+    assert main.base == pytest.approx(published.base, abs=0.5)
+    assert main.spacing == pytest.approx(published.spacing, abs=0.7)
+    assert len(flight_plan(specification.flight).images) == published.images
+
+
+def test_the_low_flight_has_seven_lines_east_and_west_and_nine_north_and_south() -> None:
+    east, north = block_specification(load_simulation("uce-low")).flight
+    assert east.exposures == (15,) * 7
+    assert sorted(north.exposures) == [10] * 4 + [11] * 5
+    assert np.isclose(east.heading - north.heading, np.pi / 2)
+
+
+def test_the_calibration_flight_has_both_heights_and_every_line_forward_and_reverse() -> None:
+    plan = flight_plan(block_specification(load_simulation("uce-calibration")).flight)
+    assert len(plan.images) == 2 * (200 + 28)
+    assert set(plan.height) == {780.0, 2340.0}
+    headings = {strip: np.degrees(plan.heading[plan.strip == k][0]) for k, strip in enumerate(plan.strips)}
+    for strip, heading in headings.items():
+        if strip.endswith("f"):
+            assert (headings[f"{strip[:-1]}r"] - heading) % 360.0 == pytest.approx(180.0)
+    assert plan.flights == ("1", "2")
+
+
+def test_the_test_field_has_its_points_image_points_and_control() -> None:
+    truth = block_truth(block_specification(load_simulation("uce-low")))
+    assert len(truth.points) == pytest.approx(5300, rel=0.01)
+    assert 25_000 < len(truth.xy) < 28_000
+    assert len(truth.surveyed) == 84
+    # Crossing lines with 60 % both ways: up to 18 images see a point when all are detected.
+    assert 12 <= np.bincount(truth.point).max() <= 18
+
+
+def test_the_burn_in_flight_has_its_control_and_nearly_its_degrees_of_freedom() -> None:
+    truth = block_truth(block_specification(load_simulation("dmc-burn-in")))
+    assert len(truth.surveyed) == 14
+    exposures = 6 * len(truth.plan.images)
+    freedom = 2 * len(truth.xy) + 3 * 14 + exposures - (exposures + 3 * len(truth.points))
+    assert freedom == pytest.approx(8404, rel=0.02)
+
+
+def test_vaihingen_has_nine_control_and_ninety_nine_check_points() -> None:
+    truth = block_truth(block_specification(load_simulation("dmc-20cm")))
+    assert (~truth.is_check).sum() == 9
+    assert truth.is_check.sum() == 99
+
+
+def test_the_operational_block_has_its_size_and_is_simulated_in_seconds() -> None:
+    truth = block_truth(block_specification(load_simulation("dmc2-230")))
+    assert len(truth.points) == pytest.approx(188_000, rel=0.01)
+    assert len(truth.xy) == pytest.approx(545_000, rel=0.01)
+    assert len(truth.surveyed) == 60
