@@ -101,7 +101,13 @@ class System:
 
     @classmethod
     def of(cls, block: Block, observations: Observations) -> System:
-        """Symbolic analysis of a block and its observations."""
+        """Symbolic analysis of a block and its observations.
+
+        Raises
+        ------
+        InconsistentBlockError : if an observation belongs to an image or object point that is not there.
+        """
+        _refuse_unknown_indices(block, observations)
         images, points = len(block.images), len(block.points)
         active = determined_points(block, observations)
         return cls(
@@ -118,7 +124,9 @@ class System:
     def remaining(self, observations: Observations) -> System:
         """The same system after some of its observations have been rejected."""
         active_point = determined_points(self.block, observations)
-        return replace(self, observations=observations, active_point=active_point)
+        return replace(
+            self, observations=_of_active_points(observations, active_point), active_point=active_point
+        )
 
     @property
     def pattern(self) -> Covisibility:
@@ -135,6 +143,24 @@ class System:
     def redundancy(self) -> int:
         """N − u."""
         return self.observations.count - self.unknowns
+
+
+def _refuse_unknown_indices(block: Block, observations: Observations) -> None:
+    """The kernels do not look whether an index is in range; they would read foreign memory."""
+    images, points = len(block.images), len(block.points)
+    for group in observations.groups:
+        # Only image points must have both; −1 elsewhere says that there is none.
+        least = 0 if group is observations.image_points else -1
+        for kind, index, count in (("image", group.image, images), ("object point", group.point, points)):
+            if index.size and not (index.min() >= least and index.max() < count):
+                raise InconsistentBlockError(
+                    f"An observation of {group.name} has an index of its {kind} outside 0 … {count - 1}."
+                )
+    camera = observations.image_points.camera_of_image
+    if camera.shape != (images,) or (
+        images and not (camera.min() >= 0 and camera.max() < len(block.cameras))
+    ):
+        raise InconsistentBlockError("The image points do not know the camera of every image of the block.")
 
 
 def determined_points(block: Block, observations: Observations) -> Bools:
