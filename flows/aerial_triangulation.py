@@ -6,16 +6,19 @@ from flows.block_preparation import prepare_block
 from flows.stage import stage
 from tasks import estimate
 from tasks import publish as publishing
+from tasks.report import stage as report
+from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
 from tasks.store import Store
 from tasks.summary import Summary
 
 adjust_bundle = stage(estimate.adjust_bundle)
+write_report = stage(report.write_report)
 publish = stage(publishing.publish)
 
 
 def aerial_triangulation(project: Project, store: Store) -> Summary:
-    """Read the deliveries, find approximate values, adjust the bundle, publish the result."""
+    """Read the deliveries, find approximate values, adjust the bundle, report and publish the result."""
     block = prepare_block(project, store)
     adjusted = adjust_bundle(
         store,
@@ -27,4 +30,13 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
         project=project.project,
         adjustment=project.adjustment,
     )
-    return publish(store, project, (*block.stages, adjusted))
+    stages = (*block.stages, adjusted)
+    reported = write_report(
+        store,
+        tables={name: artifact for outputs in stages for name, artifact in outputs.items() if name != "notes"},
+        notes=tuple(outputs["notes"] for outputs in stages),
+        project=project,
+        name=project.project.name,
+        files=delivered_names(project),
+    )
+    return publish(store, project, (*stages, reported))

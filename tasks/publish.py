@@ -33,6 +33,8 @@ PUBLISHED = (
     "control_residuals",
     "check_points",
 )
+#: Published besides the tables.
+DOCUMENTS = ("report",)
 
 
 def publish(store: Store, project: Project, stages: Sequence[Mapping[str, Artifact]]) -> Summary:
@@ -52,7 +54,7 @@ def publish(store: Store, project: Project, stages: Sequence[Mapping[str, Artifa
     records = read_records(store.folder)
     notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
     summary = summary_of(notes, project.gates, timings_s(records))
-    artifacts = [outputs[name] for outputs in stages for name in outputs if name in PUBLISHED]
+    artifacts = [outputs[name] for outputs in stages for name in outputs if name in (*PUBLISHED, *DOCUMENTS)]
     with writing_into(directory):
         last = read_manifest(directory)
         for artifact in artifacts:

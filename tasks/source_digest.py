@@ -8,6 +8,8 @@ this application they name, lazy imports inside functions included.
 A package's ``__init__.py`` runs whenever one of its modules is imported, so its text counts; its
 own imports are followed only when a name is taken from the package itself. Otherwise a register
 of formats would tie every stage to every format.
+
+Templates are source as well: the files in a folder ``templates`` count with every module beside it.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from functools import cache
 from pathlib import Path
 
 PACKAGES = ("flows", "tasks", "adjust")
+#: Folder beside a module whose files are part of the source: texts that the modules fill in.
+TEMPLATES = "templates"
 _ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -48,6 +52,7 @@ def sources_reached(start: Path) -> dict[str, Path]:
             continue
         followed.add(file)
         reached[_name(file)] = file
+        reached.update({_name(template): template for template in _templates(file.parent)})
         for imported in _imports(file):
             reached.update({_name(parent): parent for parent in _parents(imported)})
             ahead.append(imported)
@@ -63,6 +68,12 @@ def _digest(start: Path) -> str:
         digest.update(f"{name}\0{len(content)}\0".encode())
         digest.update(content)
     return digest.hexdigest()
+
+
+def _templates(folder: Path) -> Iterator[Path]:
+    """The template files of one of our packages."""
+    if folder.is_relative_to(_ROOT) and folder.relative_to(_ROOT).parts[:1] in {(name,) for name in PACKAGES}:
+        yield from (path for path in folder.joinpath(TEMPLATES).rglob("*") if path.is_file())
 
 
 def _name(file: Path) -> str:

@@ -19,6 +19,7 @@ STAGES = [
     "import_image_points",
     "approximate_values",
     "bundle_adjustment",
+    "report",
 ]
 
 
@@ -62,9 +63,9 @@ def mean_height_m(block: Path) -> float:
 def test_only_what_a_change_reaches_is_computed_again(block: Path) -> None:
     assert computed(block) == STAGES
     assert computed(block) == []
-    # A gate is looked at after all stages.
-    assert computed(block, "gates.sigma0.max=1.4") == []
-    assert computed(block, "adjustment.confidence=0.99") == ["bundle_adjustment"]
+    # A gate is looked at after the adjustment; the report names it.
+    assert computed(block, "gates.sigma0.max=1.4") == ["report"]
+    assert computed(block, "adjustment.confidence=0.99") == ["bundle_adjustment", "report"]
     assert computed(block, "adjustment.confidence=0.99") == []
     # Both results are kept.
     assert computed(block) == []
@@ -77,7 +78,7 @@ def test_a_byte_of_the_tie_points_repeats_everything_that_depends_on_it(block: P
     last = lines[-1][-1]
     lines[-1] = lines[-1][:-1] + ("1" if last != "1" else "2")
     points.write_text("\n".join(lines) + "\n")
-    assert computed(block) == ["import_image_points", "approximate_values", "bundle_adjustment"]
+    assert computed(block) == ["import_image_points", "approximate_values", "bundle_adjustment", "report"]
 
 
 def test_moving_the_delivery_repeats_nothing(block: Path, tmp_path: Path) -> None:
@@ -97,7 +98,22 @@ def test_a_source_file_of_the_adjustment_repeats_only_what_reaches_it(block: Pat
     assert computed(block, tree=tree) == []
     with (tree / "adjust" / "solve" / "gauss_newton.py").open("a") as stream:
         stream.write("# a remark in the iteration\n")
+    # Its tables come out the same, so the report has nothing new to say.
     assert computed(block, tree=tree) == ["bundle_adjustment"]
+
+
+def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_only(
+    block: Path, tree: Path
+) -> None:
+    assert computed(block, tree=tree) == STAGES
+    edit(tree / "tasks" / "report" / "templates" / "sections" / "datum.html.j2", "What fixes", "What holds")
+    assert computed(block, tree=tree) == ["report"]
+    assert "What holds the datum" in (block.parent / "results" / "report.html").read_text()
+    edit(tree / "tasks" / "report" / "templates" / "style.css", "1080px", "1000px")
+    assert computed(block, tree=tree) == ["report"]
+    edit(block, 'name = "two strips"', 'name = "renamed"')
+    assert computed(block, tree=tree) == ["report"]
+    assert "<h1>renamed</h1>" in (block.parent / "results" / "report.html").read_text()
 
 
 def test_a_change_in_what_a_kernel_calls_gives_the_new_result(

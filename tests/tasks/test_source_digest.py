@@ -28,6 +28,8 @@ def tree(tmp_path: Path) -> Path:
         "tasks/lazily.py": "import importlib\ndef late():\n    importlib.import_module('tasks.named')\n",
         "tasks/named.py": "",
         "tasks/report.py": "from tasks.estimate import estimate\n",
+        "tasks/py.typed": "",
+        "adjust/solve/templates/sections/words.html": "",
         "adjust/__init__.py": "'''A package.'''\nfrom .register import names\n",
         "adjust/register.py": "names = ()\n",
         "adjust/camera/__init__.py": "from . import frame\n",
@@ -69,6 +71,7 @@ def digest(tree: Path) -> str:
         "adjust/solve/step_kernel.py",
         "adjust/callee.py",  # what a kernel calls
         "adjust/camera/frame.py",  # behind a package that is imported itself
+        "adjust/solve/templates/sections/words.html",  # a template beside a module
     ],
 )
 def test_a_change_behind_the_function_changes_the_digest(tree: Path, changed: str) -> None:
@@ -80,7 +83,8 @@ def test_a_change_behind_the_function_changes_the_digest(tree: Path, changed: st
 
 def test_a_change_elsewhere_leaves_the_digest(tree: Path) -> None:
     before = digest(tree)
-    for unrelated in ("tasks/report.py", "adjust/solve/unused.py", "adjust/register.py", "flows/__init__.py"):
+    others = ("tasks/report.py", "adjust/solve/unused.py", "adjust/register.py", "flows/__init__.py")
+    for unrelated in (*others, "tasks/py.typed"):
         with (tree / unrelated).open("a") as stream:
             stream.write("# a remark\n")
     assert digest(tree) == before

@@ -1,0 +1,267 @@
+"""The map of the block: overlap, footprints, images by strip, control and check points with differences."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from adjust.arrays import Floats
+from tasks.report import axes, markup, palette
+from tasks.report.axes import round_length
+from tasks.report.footprints import footprints, overlap
+from tasks.report.legend import Swatch, arrow_scale, swatches
+from tasks.report.map_plot import MapPlot
+from tasks.report.markup import Attribute
+from tasks.report.material import Material
+from tasks.report.raster import Classes, Raster, cells
+from tasks.report.surveyed_points import differences
+
+_CELLS = 200
+# Above this many images single footprints would only be a grey area of several megabytes.
+_MOST_NAMED = 3000
+_MOST_STRIP_NAMES = 40
+_LONGEST_ARROW = 46.0
+_SINGLE = "#f6c9a8"
+
+
+def block_map(material: Material) -> Markup:
+    """The map with its legends; needs at least one adjusted image."""
+    images = material.oriented
+    corners = footprints(images, material.cameras)
+    known = corners[np.isfinite(corners).all(axis=(1, 2))].reshape(-1, 2)
+    surveyed = _surveyed(material)
+    everything = np.vstack(
+        [known, images[["x_m", "y_m"]].to_numpy(np.float64), surveyed[["x_m", "y_m"]].to_numpy(np.float64)]
+    )
+    plot = MapPlot.over(everything[:, 0], everything[:, 1])
+    covered, entries = _overlap(corners, known, plot)
+    y = plot.bottom + 6
+    parts = [covered, plot.axes(), _outlines(images, corners, plot), _strips(images, plot)]
+    legend, y = swatches(plot.x.start, y, "images that see the ground", entries, _room(plot))
+    parts += [legend]
+    if len(surveyed):
+        drawn, y = _points(surveyed, plot, y)
+        parts.append(drawn)
+    return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
+
+
+def _room(plot: MapPlot) -> float:
+    return axes.WIDTH - plot.x.start - 10
+
+
+def _overlap(corners: Floats, known: Floats, plot: MapPlot) -> tuple[Markup, list[Swatch]]:
+    """Cells coloured by the number of footprints over them, and the entries of the legend."""
+    if len(known) == 0:
+        return Markup(""), []
+    raster = Raster.over(known[:, 0], known[:, 1], _CELLS)
+    count = overlap(corners, raster)
+    classes = overlap_classes(int(count.max()))
+    colours = [_SINGLE, *palette.sequence(len(classes.words) - 1)] if len(classes.words) > 1 else [_SINGLE]
+    found = np.where(count > 0, classes.of(count.astype(np.float64)), -1)
+    titles = [f"seen by {words} images" for words in classes.words]
+    titles[0] = "seen by one image only"
+    entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
+    entries[0] = Swatch(_SINGLE, "1 (no intersection)")
+    return cells(raster, plot, found, colours, titles), entries
+
+
+def overlap_classes(most: int) -> Classes:
+    """Classes of the number of images: each number by itself up to 8, then in widening steps."""
+    starts = list(range(1, min(most, 8) + 1))
+    if most > 8:
+        starts = [n for n in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50) if n <= most]
+    ends = [following - 1 for following in starts[1:]] + [None]
+    words = [_range(first, last) for first, last in zip(starts, ends, strict=True)]
+    if starts[-1] == most:
+        words[-1] = str(most)
+    return Classes(tuple(float(n) for n in starts[1:]), tuple(words))
+
+
+def _range(first: int, last: int | None) -> str:
+    if last is None:
+        return f"{first} and more"
+    return str(first) if last == first else f"{first}–{last}"
+
+
+def _outlines(images: pd.DataFrame, corners: Floats, plot: MapPlot) -> Markup:
+    """Footprints as thin outlines."""
+    if len(images) > _MOST_NAMED:
+        return Markup("")
+    data = "".join(
+        markup.path_of(plot.x.of(corner[:, 0]), plot.y.of(corner[:, 1]), closed=True)
+        for corner in corners
+        if np.isfinite(corner).all()
+    )
+    return markup.element("path", {"class": "footprint", "d": data})
+
+
+def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
+    """Per strip a line through its images, a triangle at each in the direction of flight, and its name."""
+    parts = []
+    strips = list(images.groupby("strip", sort=True))
+    # Thousands of triangles of full size would hide the map under them.
+    size = float(np.clip(70.0 / np.sqrt(len(images)), 2.0, 6.0))
+    for index, (name, strip) in enumerate(strips):
+        colour = palette.category(index)
+        x, y = plot.x.of(strip["x_m"].to_numpy()), plot.y.of(strip["y_m"].to_numpy())
+        drawn = (
+            [markup.element("path", {"class": "track", "d": markup.path_of(x, y), "stroke": colour})]
+            if name
+            else []
+        )
+        heading = strip["heading_deg"].to_numpy(np.float64)
+        if len(images) <= _MOST_NAMED:
+            drawn += [
+                markup.element("path", {"d": _triangle(a, b, h, size), "fill": colour}, markup.title(title))
+                for a, b, h, title in zip(x, y, heading, _titles(strip), strict=True)
+            ]
+        else:
+            data = "".join(_triangle(a, b, h, size) for a, b, h in zip(x, y, heading, strict=True))
+            drawn.append(markup.element("path", {"d": data, "fill": colour}, markup.title(f"strip {name}")))
+        if name and len(strips) <= _MOST_STRIP_NAMES:
+            drawn.append(_strip_name(str(name), x, y))
+        parts.append(markup.group("strip", drawn))
+    return markup.group("strips", parts)
+
+
+def _titles(strip: pd.DataFrame) -> list[str]:
+    """What the pointer shows at each image."""
+    return [
+        f"{image} (strip {name}, {camera})" if name else f"{image} ({camera})"
+        for image, name, camera in zip(strip["image"], strip["strip"], strip["camera"], strict=True)
+    ]
+
+
+def _triangle(x: float, y: float, heading_deg: float, size: float) -> str:
+    """Path data of a triangle that points along the heading; a diamond where it is not known."""
+    if not np.isfinite(heading_deg):
+        return markup.path_of(
+            np.array([x, x + size, x, x - size]), np.array([y - size, y, y + size, y]), closed=True
+        )
+    angle = np.deg2rad(heading_deg)
+    forward, right = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
+    corners = np.array([1.4 * forward, -forward + 0.8 * right, -forward - 0.8 * right]) * size
+    return markup.path_of(x + corners[:, 0], y + corners[:, 1], closed=True)
+
+
+def _strip_name(name: str, x: Floats, y: Floats) -> Markup:
+    """The name of a strip before its first image."""
+    ahead = np.array([x[-1] - x[0], y[-1] - y[0]])
+    length = float(np.hypot(*ahead))
+    back = -14.0 * ahead / length if length > 0 else np.array([0.0, -14.0])
+    return markup.text(float(x[0] + back[0]), float(y[0] + back[1] + 4), name, css_class="halo")
+
+
+def _surveyed(material: Material) -> pd.DataFrame:
+    """Control and check points with plan coordinates, and their differences where they took part."""
+    points = material.control_points
+    points = points[points["x_m"].notna() & points["y_m"].notna()]
+    found = pd.concat([differences(material, is_check) for is_check in (False, True)], ignore_index=True)
+    joined = points[["point", "x_m", "y_m", "role"]].merge(
+        found[["point", "dx_m", "dy_m", "dz_m", "is_check"]], on="point", how="left"
+    )
+    joined["took_part"] = joined["is_check"].notna()
+    # Without control as observations, a point of the role control is a check point.
+    joined["is_check"] = np.where(
+        joined["took_part"], joined["is_check"].eq(True), joined["role"].eq("check")
+    )
+    return joined
+
+
+@dataclass(frozen=True)
+class _ArrowScale:
+    """Drawing units of a metre of difference, and the round length of the scale arrow."""
+
+    unit: float
+    length_m: float
+
+    @classmethod
+    def of(cls, surveyed: pd.DataFrame) -> _ArrowScale | None:
+        """The scale at which the largest difference is long; None without any difference."""
+        plan = np.hypot(surveyed["dx_m"].fillna(0.0), surveyed["dy_m"].fillna(0.0))
+        largest = float(max(plan.max(), surveyed["dz_m"].abs().fillna(0.0).max()))
+        if not largest > 0.0:
+            return None
+        return cls(_LONGEST_ARROW / largest, round_length(largest))
+
+
+def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, float]:
+    """Symbols, arrows and their legend; returns the height under the legend too."""
+    scale = _ArrowScale.of(surveyed)
+    drawn = []
+    for row in surveyed.to_dict("records"):
+        place = plot.x.at(float(row["x_m"])), plot.y.at(float(row["y_m"]))
+        took_part, is_check = bool(row["took_part"]), bool(row["is_check"])
+        if scale is not None and took_part:
+            drawn += _arrows(row, place, scale)
+        drawn.append(_symbol(place, is_check, took_part, _words(row, is_check, took_part)))
+    x = plot.x.start
+    for is_check, took_part, words, width in (
+        (False, True, "control point", 120.0),
+        (True, True, "check point", 110.0),
+        (False, False, "takes no part (hollow)", 170.0),
+    ):
+        drawn += [
+            _symbol((x + 7, y + 10), is_check, took_part, ""),
+            markup.text(x + 20, y + 14, words, "start"),
+        ]
+        x += width
+    if scale is not None:
+        length, words = scale.length_m * scale.unit, _length(scale.length_m)
+        drawn.append(arrow_scale(x + 10, y + 10, length, f"{words} in plan", "plan"))
+        drawn.append(
+            arrow_scale(
+                x + 30 + length + 110,
+                y + 18,
+                0.35 * length,
+                "in height, up = too high",
+                "height",
+                upright=True,
+            )
+        )
+    return markup.group("surveyed", drawn), y + 26
+
+
+def _length(metres: float) -> str:
+    return f"{metres * 100:g} cm" if metres < 1.0 else f"{metres:g} m"
+
+
+def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
+    """What the pointer shows at a control or check point."""
+    kind = "check point" if is_check else "control point"
+    if not took_part:
+        return f"{kind} {row['point']}: takes no part"
+    shown = [
+        f"{name} {float(str(row[f'{name}_m'])):+.3f} m"
+        for name in ("dx", "dy", "dz")
+        if np.isfinite(float(row[f"{name}_m"]))
+    ]
+    return f"{kind} {row['point']}: {', '.join(shown)}"
+
+
+def _arrows(row: Mapping[Hashable, Any], place: tuple[float, float], scale: _ArrowScale) -> list[Markup]:
+    """Arrow of the plan difference, and one straight up or down for the height."""
+    dx, dy, dz = (float(np.nan_to_num(float(row[f"{name}_m"]))) * scale.unit for name in ("dx", "dy", "dz"))
+    arrows = []
+    if dx or dy:
+        arrows.append(markup.element("path", {"class": "plan", "d": markup.arrow(*place, dx, -dy)}))
+    if dz:
+        arrows.append(markup.element("path", {"class": "height", "d": markup.arrow(*place, 0.0, -dz)}))
+    return arrows
+
+
+def _symbol(place: tuple[float, float], is_check: bool, took_part: bool, words: str) -> Markup:
+    """A triangle for control, a circle for a check point; hollow if it takes no part."""
+    x, y = place
+    named = [markup.title(words)] if words else []
+    css = "point" if took_part else "point hollow"
+    if is_check:
+        circle: dict[str, Attribute] = {"class": css, "cx": x, "cy": y, "r": 5.0}
+        return markup.element("circle", circle, *named)
+    data = markup.path_of(np.array([x, x + 6, x - 6]), np.array([y - 7, y + 4.5, y + 4.5]), closed=True)
+    return markup.element("path", {"class": css, "d": data}, *named)

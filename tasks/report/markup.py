@@ -1,0 +1,105 @@
+"""Elements of SVG as text: escaped, with coordinates rounded to what can be seen.
+
+Names of images and points come from files and may hold anything, so every text and every attribute
+passes through the escaping of markupsafe; only what is already :class:`Markup` is taken as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from adjust.arrays import Floats
+
+Attribute: TypeAlias = str | float | int
+
+
+def element(tag: str, attributes: Mapping[str, Attribute], *content: Markup | str) -> Markup:
+    """One element with its attributes and content.
+
+    Parameters
+    ----------
+    tag : name of the element.
+    attributes : by name; numbers are rounded to a tenth of a unit.
+    content : child elements (Markup) or text, which is escaped.
+    """
+    named = Markup("").join(
+        Markup(' {}="{}"').format(name, value if isinstance(value, str) else number(value))
+        for name, value in attributes.items()
+    )
+    inner = Markup("").join(escape(item) for item in content)
+    return Markup("<{0}{1}/>").format(tag, named) if not inner else _closed(tag, named, inner)
+
+
+def _closed(tag: str, named: Markup, inner: Markup) -> Markup:
+    return Markup("<{0}{1}>{2}</{0}>").format(tag, named, inner)
+
+
+def number(value: float) -> str:
+    """A coordinate of a drawing, to a tenth of a unit and without needless zeros."""
+    text = f"{value:.1f}"
+    text = text.removesuffix(".0")
+    return "0" if text == "-0" else text
+
+
+def group(css_class: str, children: Iterable[Markup]) -> Markup:
+    """A group of elements that share a class."""
+    return element("g", {"class": css_class}, Markup("").join(children))
+
+
+def title(text: str) -> Markup:
+    """The text a browser shows while the pointer rests on the element around it."""
+    return element("title", {}, text)
+
+
+def text(x: float, y: float, words: str, anchor: str = "middle", css_class: str = "") -> Markup:
+    """A line of text; `anchor` is start, middle or end."""
+    attributes: dict[str, Attribute] = {"x": x, "y": y, "text-anchor": anchor}
+    if css_class:
+        attributes["class"] = css_class
+    return element("text", attributes, words)
+
+
+def line(x1: float, y1: float, x2: float, y2: float) -> Markup:
+    """A straight line; its looks come from the group around it."""
+    return element("line", {"x1": x1, "y1": y1, "x2": x2, "y2": y2})
+
+
+def path_of(x: Floats, y: Floats, *, closed: bool = False) -> str:
+    """Path data through the points (n,), (n,)."""
+    points = " ".join(f"{number(a)},{number(b)}" for a, b in zip(x, y, strict=True))
+    return f"M{points}{'Z' if closed else ''}"
+
+
+def arrow(x: float, y: float, dx: float, dy: float, head: float = 5.0) -> str:
+    """Path data of an arrow from (x, y) by (dx, dy), in drawing units with y downwards."""
+    length = float(np.hypot(dx, dy))
+    if length < 0.05:
+        return f"M{number(x)},{number(y)}h0.1"
+    size = min(head, 0.5 * length) / length
+    back_x, back_y = -size * dx, -size * dy
+    tip_x, tip_y = x + dx, y + dy
+    left = (tip_x + back_x - 0.4 * back_y, tip_y + back_y + 0.4 * back_x)
+    right = (tip_x + back_x + 0.4 * back_y, tip_y + back_y - 0.4 * back_x)
+    return (
+        f"M{number(x)},{number(y)}L{number(tip_x)},{number(tip_y)}"
+        f"M{number(left[0])},{number(left[1])}L{number(tip_x)},{number(tip_y)}"
+        f"L{number(right[0])},{number(right[1])}"
+    )
+
+
+def svg(width: float, height: float, description: str, *children: Markup) -> Markup:
+    """A drawing that fills the width it is given; `description` is what a screen reader says."""
+    return element(
+        "svg",
+        {
+            "xmlns": "http://www.w3.org/2000/svg",
+            "viewBox": f"0 0 {number(width)} {number(height)}",
+            "role": "img",
+            "aria-label": description,
+        },
+        *children,
+    )

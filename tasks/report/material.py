@@ -1,0 +1,149 @@
+"""What the report is made from: the tables of the contract, read once, and a few things they imply."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats
+from adjust.camera.interior import FrameCamera
+from tasks.artifact import Artifact
+from tasks.camera_table import frame_cameras
+from tasks.notes import read_notes
+from tasks.report.figures import AdjustmentFigures
+from tasks.settings.project import Project
+from tasks.summary import Summary, summary_of
+from tasks.tables import read_table
+
+IMAGE_POINTS = "image_points"
+#: Status of residuals that took part in the adjustment.
+TOOK_PART = ("used", "uncontrolled")
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The tables of one adjustment, and its figures.
+
+    Attributes
+    ----------
+    project : the settings of the run.
+    summary : what summary.json says, without timings.
+    cameras : by name.
+    images : of the block, with their orientation (left join: an image without attitude has none).
+    image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
+        check_points : the tables of these names.
+    """
+
+    project: Project
+    summary: Summary
+    cameras: Mapping[str, FrameCamera]
+    images: pd.DataFrame
+    image_points: pd.DataFrame
+    control_points: pd.DataFrame
+    object_points: pd.DataFrame
+    residuals: pd.DataFrame
+    parameters: pd.DataFrame
+    correlations: pd.DataFrame
+    control_residuals: pd.DataFrame
+    check_points: pd.DataFrame
+
+    @cached_property
+    def figures(self) -> AdjustmentFigures:
+        """Figures of the adjustment beyond the contract of summary.json."""
+        return AdjustmentFigures.model_validate(self.summary.model_extra or {})
+
+    @cached_property
+    def oriented(self) -> pd.DataFrame:
+        """Adjusted images in the order of flight: by strip, then by name.
+
+        Besides the columns of ``images`` and ``exterior_orientations``: gsd_m, ground_m (mean height of the
+        terrain in the image, the block's where the image has none).
+        """
+        table = self.images[self.images["x_m"].notna()].copy()
+        table["strip"] = table["strip"].fillna("").astype(str)
+        table = table.sort_values(["strip", "image"], kind="stable", ignore_index=True)
+        height = table["height_above_ground_m"].to_numpy(np.float64)
+        known = self.object_points["z_m"].to_numpy(np.float64)
+        terrain = float(np.median(known)) if len(known) else 0.0
+        height = np.where(np.isfinite(height), height, table["z_m"].to_numpy(np.float64) - terrain)
+        cameras = [self.cameras[name] for name in table["camera"]]
+        ratio = np.array([camera.pixel_size / camera.focal_length for camera in cameras])
+        table["gsd_m"] = height * ratio
+        table["ground_m"] = table["z_m"] - height
+        return table
+
+    @cached_property
+    def gsd_m(self) -> float:
+        """Ground sampling distance: the median over the images, m; NaN without images."""
+        return float(self.oriented["gsd_m"].median())
+
+    @cached_property
+    def image_residuals(self) -> pd.DataFrame:
+        """One row for each measured image point: camera, x_mm, y_mm, vx_um, vy_um, wx, wy, used.
+
+        ``used`` says that both components took part.
+        """
+        own = self.residuals[self.residuals["group"] == IMAGE_POINTS]
+        columns = ["image", "point", "residual", "standardized", "status"]
+        first, second = (own.loc[own["component"] == name, columns] for name in ("x", "y"))
+        pairs = first.merge(second, on=["image", "point"], suffixes=("_x", "_y"), validate="one_to_one")
+        places = self.image_points[["image", "point", "x_mm", "y_mm"]]
+        joined = pairs.merge(places, on=["image", "point"], validate="one_to_one")
+        camera_of = dict(zip(self.images["image"], self.images["camera"], strict=True))
+        return pd.DataFrame(
+            {
+                "image": joined["image"],
+                "point": joined["point"],
+                "camera": joined["image"].map(camera_of),
+                "x_mm": joined["x_mm"],
+                "y_mm": joined["y_mm"],
+                "vx_um": joined["residual_x"],
+                "vy_um": joined["residual_y"],
+                "wx": joined["standardized_x"],
+                "wy": joined["standardized_y"],
+                "used": joined["status_x"].isin(TOOK_PART) & joined["status_y"].isin(TOOK_PART),
+            }
+        )
+
+    def gsd_at(self, points: pd.Series) -> Floats:
+        """Ground sampling distance (n,) at named points: the median of the images that measure each."""
+        gsd = dict(zip(self.oriented["image"], self.oriented["gsd_m"], strict=True))
+        rays = self.image_points[self.image_points["point"].isin(points)]
+        by_point = rays["image"].map(gsd).astype(np.float64).groupby(rays["point"]).median()
+        return np.asarray(points.map(by_point).fillna(self.gsd_m), np.float64)
+
+
+def read_material(tables: Mapping[str, Artifact], notes: tuple[Artifact, ...], project: Project) -> Material:
+    """Read everything the report shows.
+
+    Parameters
+    ----------
+    tables : the artifacts by name; more than needed may be there.
+    notes : of all stages, in the order in which they ran.
+    """
+    read = {
+        name: read_table(tables[name])
+        for name in (
+            "images",
+            "image_points",
+            "control_points",
+            "object_points",
+            "residuals",
+            "parameters",
+            "correlations",
+            "control_residuals",
+            "check_points",
+        )
+    }
+    orientations = read_table(tables["exterior_orientations"])
+    read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
+    return Material(
+        project=project,
+        summary=summary_of([read_notes(note) for note in notes], project.gates, {}),
+        cameras=frame_cameras(read_table(tables["cameras"])),
+        **read,
+    )

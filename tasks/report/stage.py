@@ -1,0 +1,41 @@
+"""The report as a stage: ``report.html``, one page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from tasks.artifact import Artifact
+from tasks.report.material import read_material
+from tasks.report.page import render
+from tasks.report.provenance import SOFTWARE
+from tasks.settings.project import Project
+from tasks.store import stored
+
+REPORT = "report.html"
+
+
+@stored("report")
+def write_report(
+    folder: Path,
+    *,
+    tables: Mapping[str, Artifact],
+    notes: tuple[Artifact, ...],
+    project: Project,
+    name: str,
+    files: tuple[str, ...],
+    software: Mapping[str, str] = SOFTWARE,
+) -> None:
+    """Write report.html.
+
+    Parameters
+    ----------
+    tables : cameras, images, image_points, control_points and the tables of the adjustment.
+    notes : of all stages, in the order in which they ran.
+    project : the settings, which the report shows; its gates are tested.
+    name : the project's name (it is not part of the settings' content).
+    files : names of the delivered files, without folders.
+    software : versions that decide how the report looks.
+    """
+    page = render(read_material(tables, notes, project), name, files, software)
+    (folder / REPORT).write_text(page, encoding="utf-8")

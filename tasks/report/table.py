@@ -1,0 +1,121 @@
+"""Tables of the report: every number carries its full value besides the digits that are shown.
+
+The page writes the full value into ``data-value``, so that a program (and the tests) can compare the report
+with the artifacts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+#: Shown where a number does not exist.
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number in a table.
+
+    Attributes
+    ----------
+    value : the full value; None or NaN: it does not exist.
+    decimals : digits shown after the point.
+    plus : whether a positive number shows its sign.
+    """
+
+    value: float | None
+    decimals: int = 0
+    plus: bool = False
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a value."""
+        return self.value is not None and math.isfinite(self.value)
+
+    @property
+    def data(self) -> str:
+        """The full value as text that reads back exactly; empty without a value."""
+        return repr(float(self.value)) if self.value is not None and self.exists else ""
+
+    def __str__(self) -> str:
+        if self.value is None or not self.exists:
+            return NONE
+        text = f"{self.value:{'+' if self.plus else ''},.{self.decimals}f}"
+        # A zero that was rounded has no sign.
+        if not text.strip("+-0.,"):
+            text = text.lstrip("+-")
+        return text.replace("-", "−")
+
+
+Cell: TypeAlias = str | Number
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes
+    ----------
+    name : for programs, in ``data-column``.
+    heading : for people.
+    unit : shown under the heading; empty for texts and counts.
+    numeric : whether its cells are numbers, which stand at the right.
+    """
+
+    name: str
+    heading: str
+    unit: str = ""
+    numeric: bool = True
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: its key for programs, and a cell for each column."""
+
+    key: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes
+    ----------
+    name : the id of the table in the page.
+    caption : what it shows.
+    columns, rows : the first column names the row.
+    note : a sentence under it, such as what was left out; empty: none.
+    """
+
+    name: str
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    note: str = ""
+
+
+def text_column(name: str, heading: str) -> Column:
+    """A column of texts."""
+    return Column(name, heading, numeric=False)
+
+
+def components(pattern: str, headings: Sequence[str], unit: str, names: Sequence[str]) -> tuple[Column, ...]:
+    """Columns for the components of a vector; `pattern` takes each of `names`."""
+    return tuple(Column(pattern.format(n), heading, unit) for n, heading in zip(names, headings, strict=True))
+
+
+def numbers(values: Iterable[float | None], decimals: int, *, plus: bool = False) -> tuple[Number, ...]:
+    """Cells with the same number of decimals."""
+    return tuple(Number(None if value is None else float(value), decimals, plus) for value in values)
+
+
+def decimals_for(value: float | None, digits: int = 2) -> int:
+    """Decimals that show `digits` significant digits of a value, such as a standard deviation; 0 to 9."""
+    if value is None or not math.isfinite(value) or value == 0.0:
+        return 0
+    exponent = int(f"{abs(value):.{digits - 1}e}".split("e")[1])
+    return min(max(digits - 1 - exponent, 0), 9)
