@@ -33,8 +33,7 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     stages = (*block.stages, adjusted)
     reported = write_report(
         store,
-        tables={name: artifact for outputs in stages for name, artifact in outputs.items() if name != "notes"},
-        notes=tuple(outputs["notes"] for outputs in stages),
+        stages=stages,
         project=project,
         name=project.project.name,
         files=delivered_names(project),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -117,14 +117,14 @@ class Material:
         return np.asarray(points.map(by_point).fillna(self.gsd_m), np.float64)
 
 
-def read_material(tables: Mapping[str, Artifact], notes: tuple[Artifact, ...], project: Project) -> Material:
+def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) -> Material:
     """Read everything the report shows.
 
     Parameters
     ----------
-    tables : the artifacts by name; more than needed may be there.
-    notes : of all stages, in the order in which they ran.
+    stages : the outputs of all stages by name, in the order in which they ran.
     """
+    tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
     read = {
         name: read_table(tables[name])
         for name in (
@@ -143,7 +143,7 @@ def read_material(tables: Mapping[str, Artifact], notes: tuple[Artifact, ...], p
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
     return Material(
         project=project,
-        summary=summary_of([read_notes(note) for note in notes], project.gates, {}),
+        summary=summary_of([read_notes(outputs["notes"]) for outputs in stages], project.gates, {}),
         cameras=frame_cameras(read_table(tables["cameras"])),
         **read,
     )

@@ -19,8 +19,7 @@ REPORT = "report.html"
 def write_report(
     folder: Path,
     *,
-    tables: Mapping[str, Artifact],
-    notes: tuple[Artifact, ...],
+    stages: tuple[Mapping[str, Artifact], ...],
     project: Project,
     name: str,
     files: tuple[str, ...],
@@ -30,12 +29,11 @@ def write_report(
 
     Parameters
     ----------
-    tables : cameras, images, image_points, control_points and the tables of the adjustment.
-    notes : of all stages, in the order in which they ran.
+    stages : the outputs of all stages so far by name, in the order in which they ran.
     project : the settings, which the report shows; its gates are tested.
     name : the project's name (it is not part of the settings' content).
     files : names of the delivered files, without folders.
     software : versions that decide how the report looks.
     """
-    page = render(read_material(tables, notes, project), name, files, software)
+    page = render(read_material(stages, project), name, files, software)
     (folder / REPORT).write_text(page, encoding="utf-8")
