@@ -3,8 +3,6 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
-DATA   := $(or $(AEROCAL_TEST_DATA),../shared/data)
-EXAMPLE := examples/ign_ultracam_eagle/project.toml
 
 .PHONY: venv test slow-test lint demo clean
 
@@ -30,9 +28,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 demo: $(STAMP)
-	@test -d "$(DATA)" || { echo "The demo needs the real data: set AEROCAL_TEST_DATA to their folder ($(DATA) does not exist)."; exit 2; }
-	$(BIN)/aerocal doctor $(EXAMPLE) --data "$(DATA)"
-	$(BIN)/aerocal run $(EXAMPLE) --data "$(DATA)" --out results/demo
+	$(BIN)/aerocal flight-check uce-low --out results/demo
 
 clean:
 	rm -rf results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

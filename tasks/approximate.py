@@ -27,7 +27,12 @@ from tasks.given_orientations import GivenOrientations, Mountings
 from tasks.json_text import JSON
 from tasks.local_frame import AdjustmentFrame, local_frame, map_from_local
 from tasks.notes import Notes, write_notes
-from tasks.orientation_plausibility import check_orientations, ray_residuals, tie_limit_px
+from tasks.orientation_plausibility import (
+    check_orientations,
+    control_limit_m,
+    ray_residuals,
+    tie_limit_px,
+)
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -58,6 +63,7 @@ class Approximation:
     angle : (m,) largest angle between two rays, radians.  rays : (m,).
     status : (m,) texts, "used" or why not.
     residual_px : (n, 2) column, row residuals of the image points at the intersections.
+    height : median flying height above the intersections, metres.
     """
 
     given: GivenOrientations
@@ -70,6 +76,7 @@ class Approximation:
     rays: Ints
     status: np.ndarray
     residual_px: Floats
+    height: float
 
 
 @stored("approximate_values")
@@ -105,7 +112,8 @@ def approximate_block(
     found = _intersected(given, frame, measured, surveyed, checks)
     points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
     differences = control_differences(surveyed, frame, points_table, _intersections(found))
-    problems += check_control(differences, surveyed_table, map_frame, frame, checks)
+    limit_m = control_limit_m(given, checks, found.height)
+    problems += check_control(differences, surveyed_table, map_frame, frame, limit_m)
     problems += check_flight_direction(given)
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
@@ -171,7 +179,8 @@ def _intersected(
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
     state = block.approximate_state()
     intersection = intersect(rays, state, len(points))
-    limit_px = tie_limit_px(given, checks, _height(state, intersection))
+    height = _height(state, intersection)
+    limit_px = tie_limit_px(given, checks, height)
     check_orientations(given, rays, state, len(points), limit_px)
 
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
@@ -186,7 +195,7 @@ def _intersected(
     count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
     _take_surveyed(points, surveyed, x_in_local, status, count)
     return Approximation(
-        given, frame, rays, state, points, x_in_local, intersection.angle, count, status, residual_px
+        given, frame, rays, state, points, x_in_local, intersection.angle, count, status, residual_px, height
     )
 
 

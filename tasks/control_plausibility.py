@@ -12,7 +12,6 @@ from tasks.block_input import SurveyedPoints
 from tasks.crs import MapFrame
 from tasks.errors import InputError
 from tasks.local_frame import AdjustmentFrame, local_from_map
-from tasks.settings.quality import ChecksSettings
 
 # A common height difference is a matter of the datum when it exceeds this many times its own scatter.
 _COMMON_HEIGHT = 5.0
@@ -65,9 +64,13 @@ def check_control(
     table: pd.DataFrame,
     map_frame: MapFrame,
     frame: AdjustmentFrame,
-    checks: ChecksSettings,
+    limit_m: float,
 ) -> list[str]:
     """Refuse control points that cannot be where they are said to be; name what looks suspicious.
+
+    Parameters
+    ----------
+    limit_m : distance from the intersection above which a point is called wrong, metres.
 
     Returns
     -------
@@ -76,14 +79,14 @@ def check_control(
     Raises
     ------
     InputError
-        If points lie further from their intersections than ``checks.control_distance_m``.
+        If points lie further from their intersections than the limit.
     """
     distance = np.linalg.norm(np.nan_to_num(differences.enu), axis=1)
-    far = distance > checks.control_distance_m
+    far = distance > limit_m
     if not far.any():
         return _common_height(differences)
     plan = np.linalg.norm(np.nan_to_num(differences.enu[:, :2]), axis=1)
-    if (plan <= checks.control_distance_m).all() and far.sum() > 0.5 * len(far):
+    if (plan <= limit_m).all() and far.sum() > 0.5 * len(far):
         height = float(np.nanmedian(differences.enu[:, 2]))
         raise InputError(
             f"The heights of {int(far.sum())} control points differ from the intersections of their rays "
@@ -91,7 +94,7 @@ def check_control(
             "Check `heights` of the control and of the exposures: ellipsoidal heights and altitudes above "
             "the geoid differ by the undulation.",
         )
-    if _swapped(differences, far, table, map_frame, frame, checks):
+    if _swapped(differences, far, table, map_frame, frame, limit_m):
         raise InputError(
             f"x and y of {int(far.sum())} control points look swapped: with x and y exchanged they lie "
             "where their rays intersect.",
@@ -104,7 +107,7 @@ def check_control(
     raise InputError(
         f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "
         f"(east {east:+,.1f} m, north {north:+,.1f} m, up {up:+,.1f} m)"
-        f"{listed if len(names) > 1 else ''}; more than {checks.control_distance_m:g} m is an error.",
+        f"{listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error.",
         "Check its coordinates, its CRS and heights, and whether its image points are of this point; or "
         "raise checks.control_distance_m.",
         entity=f"control point {names[0]}",
@@ -117,7 +120,7 @@ def _swapped(
     table: pd.DataFrame,
     map_frame: MapFrame,
     frame: AdjustmentFrame,
-    checks: ChecksSettings,
+    limit_m: float,
 ) -> bool:
     """Whether exchanging x and y brings the far points to their intersections."""
     names = [differences.point[i] for i in np.flatnonzero(far)]
@@ -130,7 +133,7 @@ def _swapped(
     axes = frame.local_from_enu(as_given)
     intersected = as_given + np.einsum("nij,nj->ni", axes, np.nan_to_num(differences.enu[far]))
     distance = np.linalg.norm((local_from_map(map_frame, frame, exchanged) - intersected)[:, :2], axis=1)
-    return bool((distance <= checks.control_distance_m).all())
+    return bool((distance <= limit_m).all())
 
 
 def _common_height(differences: ControlDifferences) -> list[str]:

@@ -101,6 +101,17 @@ def tie_limit_px(given: GivenOrientations, checks: ChecksSettings, height: float
     return max(checks.tie_residual_px, _ALLOWANCE * expected)
 
 
+def control_limit_m(given: GivenOrientations, checks: ChecksSettings, height: float) -> float:
+    """Distance of a control point from its intersection above which it is called wrong, metres.
+
+    Attitudes of σ move an intersection by about h σ in plan and three times that in height (a usual
+    ratio of height and base); attitudes taken from the track are no reason to doubt the control.
+    """
+    attitude = float(np.median(np.nan_to_num(given.angle_sigma).max(axis=1)))
+    position = float(np.median(np.nan_to_num(given.position_sigma).max(axis=1)))
+    return max(checks.control_distance_m, _ALLOWANCE * 3.0 * (position + height * attitude))
+
+
 def _spacing(given: GivenOrientations) -> float:
     """Median distance of an exposure to the nearest one that is not at the same place, metres."""
     plan = given.observed[:, :2]
