@@ -238,7 +238,15 @@ def measure(specification: BlockSpecification, truth: BlockTruth, seed: int) -> 
     """Measure a block, with the noise and the gross errors that belong to a seed."""
     noise, streams = specification.noise, RandomStreams(seed)
     full = np.flatnonzero(truth.present.all(axis=1) & ~truth.is_check)
-    wrong = gross_errors_of(specification.gross_errors, streams, len(truth.xy), full, len(truth.plan.strips))
+    half_format = np.array([camera.half_format for camera in specification.cameras])
+    wrong = gross_errors_of(
+        specification.gross_errors,
+        streams,
+        truth.xy,
+        half_format[truth.plan.camera[truth.image]],
+        full,
+        len(truth.plan.strips),
+    )
     sigma = np.full(2, noise.image)
     xy = truth.xy + white_noise(noise, streams, Source.IMAGE_NOISE, sigma, len(truth.xy))
     xy[wrong.image_points] += wrong.displacement

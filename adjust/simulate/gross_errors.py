@@ -54,16 +54,27 @@ class GrossErrors:
 def gross_errors_of(
     specification: GrossErrorSpecification,
     streams: RandomStreams,
-    rays: int,
+    xy: Floats,
+    half_format: Floats,
     swappable: Ints,
     strips: int,
 ) -> GrossErrors:
-    """Choose what is wrong among so many rays, the surveyed points that may be swapped, and strips."""
+    """Choose what is wrong.
+
+    Parameters
+    ----------
+    xy : (r, 2) image points; none is displaced out of its image.
+    half_format : (r, 2) half sides of their images.
+    swappable : indices of the surveyed points that may be swapped.
+    strips : number of strips.
+    """
     random = streams.of(Source.GROSS_IMAGE_POINTS)
-    chosen = np.flatnonzero(random.uniform(size=rays) < specification.image_rate)
+    chosen = np.flatnonzero(random.uniform(size=len(xy)) < specification.image_rate)
     size = random.uniform(*specification.image_size, len(chosen))
     direction = random.uniform(0.0, 2.0 * np.pi, len(chosen))
     displacement = size[:, None] * np.stack([np.cos(direction), np.sin(direction)], -1)
+    outside = np.abs(xy[chosen] + displacement) > half_format[chosen]
+    displacement = np.where(outside, -displacement, displacement)
     pairs = min(specification.control_swaps, len(swappable) // 2)
     shuffled = streams.of(Source.GROSS_CONTROL).permutation(swappable)[: 2 * pairs]
     wrong = streams.of(Source.GROSS_TIME).permutation(strips)[: specification.wrong_strips]

@@ -89,7 +89,7 @@ class Coverage:
 
 def coverage(images: ImageGeometry, terrain: Terrain, frame: LocalFrame) -> Coverage:
     """Coverage of the ground around the exposures."""
-    height = images.projection_centre[:, 2] - terrain.mean
+    height = frame.height(images.projection_centre) - terrain.mean
     reach = float(np.max(np.hypot(*images.half_format.T) / images.interior[:, 0] * height))
     low = images.projection_centre[:, :2].min(axis=0) - reach
     high = images.projection_centre[:, :2].max(axis=0) + reach

@@ -122,9 +122,9 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     ties = jittered_grid(specification.points, covered, streams.of(Source.OBJECT_POINTS))
     place = np.concatenate([survey.place, ties])
     x_in_local = raised(place, terrain.elevation(place), frame)
+    of_errors = streams.of(Source.IMAGE_ERRORS)  # one stream: every camera has its own directions
     errors = tuple(
-        image_errors_of(specification.image_errors, camera, streams.of(Source.IMAGE_ERRORS))
-        for camera in specification.cameras
+        image_errors_of(specification.image_errors, camera, of_errors) for camera in specification.cameras
     )
     rays = _measurable(geometry, plan, specification, x_in_local, errors)
     is_survey = np.arange(len(place)) < len(survey.place)

@@ -8,7 +8,8 @@ from adjust.parameters import BORESIGHT, GNSS_SHIFT
 from adjust.result import ObservationStatus
 from adjust.simulate.block import simulate_block
 from adjust.simulate.gross_errors import GrossErrorSpecification
-from tests.adjust.simulate.specifications import small_specification, without_noise
+from adjust.simulate.object_points import PointSpecification
+from tests.adjust.simulate.specifications import CAMERA, small_specification, without_noise
 
 WRONG = GrossErrorSpecification(
     image_rate=0.02, image_size=(40e-6, 300e-6), control_swaps=2, wrong_strips=1, time_error=0.5
@@ -26,6 +27,15 @@ def test_gross_errors_lie_where_the_list_says_and_nowhere_else() -> None:
     assert len(size) > 5
     assert size.min() >= 40e-6
     assert size.max() <= 300e-6
+
+
+def test_no_gross_error_leaves_its_image() -> None:
+    wrong = GrossErrorSpecification(image_rate=0.5, image_size=(1e-3, 5e-3))
+    points = PointSpecification(count=400, margin=0.0)
+    block = simulate_block(without_noise(small_specification(gross_errors=wrong, points=points)))
+    assert np.all(np.abs(block.measured.xy) <= CAMERA.half_format)
+    size = np.hypot(*block.measured.gross_errors.displacement.T)
+    assert size.min() >= 1e-3
 
 
 def test_swapped_control_points_have_each_others_coordinates() -> None:

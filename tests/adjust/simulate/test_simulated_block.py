@@ -157,3 +157,11 @@ def test_two_cameras_keep_their_own_interior_orientation() -> None:
     result = adjust_block(block, simulated.observations(block))
     assert np.abs(errors_of(result, simulated.true_state()).points).max() < 1e-6
     assert result.state.system[INTERIOR_ORIENTATION].shape == (2, 3)
+
+
+def test_two_cameras_have_different_image_errors() -> None:
+    other = replace(CAMERA, name="D")
+    errors = ImageErrorSpecification(tile_shift=1e-6, corner=1e-6)
+    truth = block_truth(small_specification(cameras=(CAMERA, other), image_errors=errors))
+    one, two = truth.image_errors
+    assert not np.allclose(one.tile_shift, two.tile_shift, atol=1e-8)
