@@ -74,7 +74,9 @@ def tick_texts(ticks: Sequence[float]) -> tuple[str, ...]:
     """Texts of ticks, all with as many decimals as their step needs."""
     step = min(np.diff(ticks), default=1.0)
     decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9))) if step > 0 else 0
-    return tuple(f"{tick + 0.0:.{decimals}f}".replace("-", "−") for tick in ticks)
+    # Four digits are read at a glance; coordinates in kilometres have no more.
+    comma = "," if any(abs(tick) >= 10_000 for tick in ticks) else ""
+    return tuple(f"{tick + 0.0:{comma}.{decimals}f}".replace("-", "−") for tick in ticks)
 
 
 def horizontal_axis(

@@ -22,11 +22,15 @@ from tasks.report.raster import Classes, Raster, cells
 from tasks.report.surveyed_points import differences
 
 _CELLS = 200
-# Above this many images single footprints would only be a grey area of several megabytes.
+#: Above this many images the outlines of footprints would only be a grey area.
+MOST_OUTLINES = 600
+# Above this many images each strip is one element: single names would take several megabytes.
 _MOST_NAMED = 3000
 _MOST_STRIP_NAMES = 40
 _LONGEST_ARROW = 46.0
 _SINGLE = "#f6c9a8"
+# The overlap is the ground on which all symbols stand.
+_DARKEST = 0.68
 
 
 def block_map(material: Material) -> Markup:
@@ -61,7 +65,11 @@ def _overlap(corners: Floats, known: Floats, plot: MapPlot) -> tuple[Markup, lis
     raster = Raster.over(known[:, 0], known[:, 1], _CELLS)
     count = overlap(corners, raster)
     classes = overlap_classes(int(count.max()))
-    colours = [_SINGLE, *palette.sequence(len(classes.words) - 1)] if len(classes.words) > 1 else [_SINGLE]
+    colours = (
+        [_SINGLE, *palette.sequence(len(classes.words) - 1, _DARKEST)]
+        if len(classes.words) > 1
+        else [_SINGLE]
+    )
     found = np.where(count > 0, classes.of(count.astype(np.float64)), -1)
     titles = [f"seen by {words} images" for words in classes.words]
     titles[0] = "seen by one image only"
@@ -89,15 +97,16 @@ def _range(first: int, last: int | None) -> str:
 
 
 def _outlines(images: pd.DataFrame, corners: Floats, plot: MapPlot) -> Markup:
-    """Footprints as thin outlines."""
-    if len(images) > _MOST_NAMED:
+    """Footprints as thin outlines, the fainter the more there are."""
+    if len(images) > MOST_OUTLINES:
         return Markup("")
     data = "".join(
         markup.path_of(plot.x.of(corner[:, 0]), plot.y.of(corner[:, 1]), closed=True)
         for corner in corners
         if np.isfinite(corner).all()
     )
-    return markup.element("path", {"class": "footprint", "d": data})
+    opacity = f"{np.clip(6.0 / np.sqrt(len(images)), 0.1, 0.5):.2f}"
+    return markup.element("path", {"class": "footprint", "stroke-opacity": opacity, "d": data})
 
 
 def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:

@@ -50,4 +50,6 @@ def arrow_scale(
     """An arrow of known length with its meaning."""
     dx, dy = (0.0, -length) if upright else (length, 0.0)
     drawn = markup.element("path", {"class": css_class, "d": markup.arrow(x, y, dx, dy)})
-    return markup.group("legend", [drawn, markup.text(x + abs(dx) + 8, y + 4, words, "start")])
+    return markup.group(
+        "legend", [drawn, markup.text(x + abs(dx) + 8, y - 4 if upright else y + 4, words, "start")]
+    )

@@ -64,6 +64,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
             tables=tables | {"image-residuals": residual_field.field_table(fields)},
             plots=plots,
             fields=[(field, residual_field.field_plot(field)) for field in fields],
+            outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
             least_in_cell=residual_field.LEAST_IN_CELL,
         )
     )

@@ -20,11 +20,11 @@ _SEQUENCE = ("#e6f0f5", "#b5d6e5", "#74b0d0", "#3a83b3", "#1c5688", "#0b2d52")
 _SIGNED = ("#0b4f8a", "#6baed6", "#ffffff", "#f0a25a", "#a63e00")
 
 
-def sequence(count: int) -> tuple[str, ...]:
-    """`count` colours from light to dark."""
+def sequence(count: int, darkest: float = 1.0) -> tuple[str, ...]:
+    """`count` colours from light to dark; with `darkest` below 1 symbols on top of them stay visible."""
     if count == 1:
         return (_SEQUENCE[2],)
-    return tuple(_between(_SEQUENCE, position) for position in np.linspace(0.0, 1.0, count))
+    return tuple(_between(_SEQUENCE, position) for position in np.linspace(0.0, darkest, count))
 
 
 def signed(value: float) -> str:

@@ -66,27 +66,24 @@ def cells(
     raster: Raster, plot: MapPlot, classes: Ints, colours: Sequence[str], titles: Sequence[str]
 ) -> Markup:
     """The cells coloured by class (rows, columns), −1 not at all; equal neighbours share a rectangle."""
-    drawn = []
-    side = raster.size * plot.unit
+    # Lengths would be rounded apart from places and leave seams: all corners are absolute.
+    across = [
+        markup.number(plot.x.at(raster.west + column * raster.size)) for column in range(raster.columns + 1)
+    ]
+    up = [markup.number(plot.y.at(raster.south + row * raster.size)) for row in range(raster.rows + 1)]
+    data: list[list[str]] = [[] for _ in colours]
     for row in range(raster.rows):
         values = classes[row]
         edges = np.flatnonzero(np.diff(values, prepend=values[0] - 1, append=values[-1] - 1))
-        top = plot.y.at(raster.south + (row + 1) * raster.size)
         for first, behind in pairwise(edges):
-            found = int(values[first])
-            if found >= 0:
-                drawn.append(
-                    (found, plot.x.at(raster.west + first * raster.size), top, (behind - first) * side)
-                )
-    groups = []
-    for index, colour in enumerate(colours):
-        data = "".join(
-            f"M{markup.number(x)},{markup.number(y)}h{markup.number(w)}v{markup.number(side)}h{markup.number(-w)}z"
-            for found, x, y, w in drawn
-            if found == index
-        )
-        if data:
-            groups.append(markup.element("path", {"fill": colour, "d": data}, markup.title(titles[index])))
+            if values[first] >= 0:
+                rectangle = f"M{across[first]},{up[row]}V{up[row + 1]}H{across[behind]}V{up[row]}z"
+                data[values[first]].append(rectangle)
+    groups = [
+        markup.element("path", {"fill": colour, "d": "".join(rectangles)}, markup.title(words))
+        for colour, rectangles, words in zip(colours, data, titles, strict=True)
+        if rectangles
+    ]
     return markup.group("cells", groups)
 
 

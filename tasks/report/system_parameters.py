@@ -35,7 +35,8 @@ def parameter_table(material: Material) -> Table:
     if len(shown) < len(estimated):
         notes.append(f"The first {len(shown)} of {len(estimated):,}; all in parameters.parquet.")
     if held:
-        notes.append(f"{held} more are held at their given values (parameters.parquet).")
+        more = " more" if len(estimated) else ""
+        notes.append(f"{held}{more} are held at their given values (parameters.parquet).")
     columns = (
         text_column("parameter", "parameter"),
         text_column("entity", "of"),
