@@ -17,7 +17,7 @@ from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals, group_residu
 from adjust.quality.rejection import Rejection, reject
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.solve.datum import datum_shares
-from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
+from adjust.solve.gauss_newton import Estimate, Iteration, Progress, Solution, converge, iterate
 from adjust.solve.normal_equations import Observations, System
 
 
@@ -31,8 +31,8 @@ def adjust_block(
 
     Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
     pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
-    all statistics come. Runs on one thread of the linear algebra library, so that the result does
-    not depend on their number.
+    all statistics come. The linear algebra library runs on one thread, and what runs on several sums
+    in an order of its own, so that the result does not depend on their number.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def adjust_block(
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in observations.groups)
     state, remaining = block.approximate_state(), observations
     with threadpool_limits(limits=1):
-        system = System.of(block, remaining)
+        system = System.of(block, remaining, options.threads)
         for _ in range(options.most_passes):
             solution = iterate(system, state, options.most_iterations, progress)
             state = solution.state
@@ -82,6 +82,23 @@ def adjust_block(
             tuple(history),
             tuple(rejected_per_pass),
         )
+
+
+def estimate_block(
+    block: Block,
+    observations: Observations,
+    options: AdjustmentOptions | None = None,
+    progress: Progress | None = None,
+) -> Estimate:
+    """Adjusted values only: no rejection, no covariances, no redundancy numbers.
+
+    The same values as :func:`adjust_block` finds without a critical value, in less than half the time.
+    Parameters and errors as there; ``critical_value`` takes no part.
+    """
+    options = options or AdjustmentOptions()
+    with threadpool_limits(limits=1):
+        system = System.of(block, observations, options.threads)
+        return converge(system, block.approximate_state(), options.most_iterations, progress)
 
 
 def without(observations: Observations, rejection: Rejection) -> Observations:

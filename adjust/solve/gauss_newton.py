@@ -16,7 +16,13 @@ from adjust.errors import DatumDefectError, DivergenceError, InconsistentBlockEr
 from adjust.parameters import State
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
-from adjust.solve.normal_equations import ReducedNormals, System, reduced_normals, substitute_back
+from adjust.solve.normal_equations import (
+    ReducedNormals,
+    System,
+    reduced_normals,
+    substitute_back,
+    weighted_squares,
+)
 
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3
@@ -42,6 +48,22 @@ class Iteration:
 
 
 @dataclass(frozen=True, eq=False)
+class Estimate:
+    """A converged state.
+
+    Attributes
+    ----------
+    state : adjusted values.
+    weighted_squares : vᵀPv at that state.
+    iterations : the steps that led there.
+    """
+
+    state: State
+    weighted_squares: float
+    iterations: tuple[Iteration, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A converged state with its last normal equations, linearised at that state."""
 
@@ -55,6 +77,17 @@ Progress = Callable[[Iteration], None]
 
 
 def iterate(system: System, start: State, most: int, progress: Progress | None = None) -> Solution:
+    """Iterate to convergence and factorise the normal equations of the adjusted state.
+
+    Parameters and errors are those of :func:`converge`.
+    """
+    estimate = converge(system, start, most, progress)
+    normals = reduced_normals(system, estimate.state)
+    factorization = _factorize(system, estimate.state, normals)
+    return Solution(estimate.state, normals, factorization, estimate.iterations)
+
+
+def converge(system: System, start: State, most: int, progress: Progress | None = None) -> Estimate:
     """Iterate from approximate values to convergence.
 
     Parameters
@@ -81,11 +114,12 @@ def iterate(system: System, start: State, most: int, progress: Progress | None =
         if progress is not None:
             progress(step)
         moved = system.layout.update(state, of_exposures, of_border, of_points)
-        following = _try(system, moved)
-        converged = step.largest_move < _CONVERGED and damping == 0.0
-        if converged and following is not None:
+        if step.largest_move < _CONVERGED and damping == 0.0:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
-            return Solution(moved, following, _factorize(system, moved, following), tuple(history))
+            squares = weighted_squares(system, moved)
+            if np.isfinite(squares):
+                return Estimate(moved, squares, tuple(history))
+        following = _try(system, moved)
         if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
             damping = max(10.0 * damping, _FIRST_DAMPING)
             normals = reduced_normals(system, state, damping)
@@ -109,7 +143,7 @@ def _try(system: System, state: State) -> ReducedNormals | None:
 
 def _factorize(system: System, state: State, normals: ReducedNormals) -> Factorization:
     try:
-        return factorize(normals)
+        return factorize(normals, system.threads)
     except SingularNormalsError as error:
         raise explain_defect(system, state, error) from error
 

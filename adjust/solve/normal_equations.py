@@ -90,6 +90,7 @@ class System:
     observations : those that take part; what belongs to an object point that is no unknown is taken out.
     active_point : (m,) object points that are unknown; the others have lost too many rays.
     point_start : (m + 1,) where the rays of each point begin.
+    threads : how many may work at once; never changes a result.
     """
 
     block: Block
@@ -98,9 +99,10 @@ class System:
     blocking: HelmertBlocking
     point_start: Ints
     active_point: Bools
+    threads: int = 1
 
     @classmethod
-    def of(cls, block: Block, observations: Observations) -> System:
+    def of(cls, block: Block, observations: Observations, threads: int = 1) -> System:
         """Symbolic analysis of a block and its observations.
 
         Raises
@@ -119,6 +121,7 @@ class System:
             ),
             point_starts(observations.image_points.point, points),
             active,
+            threads,
         )
 
     def remaining(self, observations: Observations) -> System:
@@ -266,6 +269,16 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
         squares + of_images,
         eliminated,
     )
+
+
+def weighted_squares(system: System, state: State) -> float:
+    """vᵀPv at a state; NaN if an object point lies behind a camera that sees it."""
+    rays = system.observations.image_points
+    used = rays.active
+    squares = float(np.sum((rays.misclosure(state)[used] * rays.inverse_sigma[used]) ** 2))
+    for group in system.observations.others:
+        squares += float(np.sum(whiten(group, group.linearize(state)).misclosure ** 2))
+    return squares
 
 
 def substitute_back(
