@@ -29,22 +29,27 @@ def simulate(
 ) -> None:
     """Simulate a block: a project like any other, and its truth in DIR/truth.
 
-    Camera positions, points, system parameters, noise and gross errors are known to the last digit, so an
-    adjustment can be compared with what it should have found. The same seed writes the same bytes.
+    Orientations, points, parameters, noise and gross errors are known to the last digit.
+
+    The same seed writes the same bytes.
 
     [bold]Presets[/bold]
 
-      uce-low, uce-high, uce-calibration: UltraCam Eagle test field at 5 and 15 cm GSD
+      uce-low, uce-high, uce-calibration: UltraCam Eagle, 5 and 15 cm GSD
 
-      ucx-8cm, ucx-20cm, dmc-8cm, dmc-20cm, rmk-8cm: the Vaihingen test field
+      ucx-8cm, ucx-20cm, dmc-8cm, dmc-20cm, rmk-8cm: Vaihingen
 
       dmc-burn-in: 40 images, 14 control points
 
-      dmc2-140, dmc2-230, dmc2-250: DMC II; dmc2-230 is an operational block of 2,448 images
+      dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II
 
-    A SPEC.toml starts from one of them (preset = "uce-low") and changes what it names: [bold]seed[/bold] and
-    the tables camera, flight, trajectory, terrain, points, control, noise, truth. DIR/truth/spec.toml shows
-    all values.
+    [bold]Specifications[/bold]
+
+      A SPEC.toml names a preset and what it changes:
+
+      seed, project, camera, flight, trajectory, terrain, points, control, noise, truth
+
+      DIR/truth/spec.toml shows all values; docs/simulation.md explains them.
 
     [bold]Examples[/bold]
 
