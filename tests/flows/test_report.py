@@ -1,0 +1,438 @@
+"""The report of a block: every number is that of the artifacts, whatever the block is like."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunRequest, carry_out
+from tests.tasks.report.page_reader import Page
+
+#: Ground sampling distance for 1 m of flying height in the block of these tests: 5 µm / 50 mm.
+GSD_PER_HEIGHT = 1e-4
+Expected = dict[tuple[str, str, str], float | None]
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A finished run: its folder, its page, its figures."""
+
+    folder: Path
+
+    @property
+    def html(self) -> str:
+        return (self.folder / "report.html").read_text(encoding="utf-8")
+
+    @property
+    def page(self) -> Page:
+        return Page(self.html)
+
+    @property
+    def summary(self) -> dict[str, object]:
+        content = json.loads((self.folder / "summary.json").read_text())
+        assert isinstance(content, dict)
+        return content
+
+    def table(self, name: str) -> pd.DataFrame:
+        return pd.read_parquet(self.folder / f"{name}.parquet")
+
+
+def run(project: Path, *overrides: str) -> Reported:
+    out = project.parent / "results"
+    outcome = carry_out(aerial_triangulation, RunRequest(project, out, overrides))
+    assert outcome.error is None, outcome.error
+    return Reported(out)
+
+
+def change(project: Path, name: str, old: str, new: str) -> None:
+    file = project.parent / name
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def with_gross_errors(project: Path, count: int, pixels: float = 15.0) -> None:
+    """Shift every so-manieth image point by `pixels` along its column."""
+    file = project.parent / "image_points.csv"
+    points = pd.read_csv(file, dtype={"image": str, "point": str})
+    rays = points.groupby("point")["image"].transform("size")
+    chosen = points.index[rays >= 4][:: max(1, int((rays >= 4).sum() / count))][:count]
+    assert len(chosen) == count
+    points.loc[chosen, "x"] += pixels
+    points.to_csv(file, index=False)
+
+
+# What the tables must say, computed from the published files alone.
+
+
+def expected(reported: Reported) -> Expected:
+    parts = (
+        key_figures,
+        groups,
+        surveyed,
+        orientations,
+        object_points,
+        parameters,
+        datum,
+        residuals,
+        suspicious,
+    )
+    return {key: value for part in parts for key, value in part(reported)}
+
+
+Item = tuple[tuple[str, str, str], float | None]
+
+
+def images_of(reported: Reported) -> pd.DataFrame:
+    images = reported.table("images").merge(reported.table("exterior_orientations"), on="image")
+    images["gsd"] = images["height_above_ground_m"] * GSD_PER_HEIGHT
+    return images
+
+
+def key_figures(reported: Reported) -> Iterator[Item]:
+    summary = reported.summary
+    counts, images = summary["counts"], images_of(reported)
+    single = {
+        name: summary[name] for name in ("sigma0", "sigma0_um", "sigma0_px", "redundancy", "iterations")
+    }
+    single |= {name: summary[name] for name in ("critical_value", "sigma_scaled_by")}
+    single |= {name: counts[name] for name in ("images", "object_points", "image_points", "rejected")}
+    single |= {name: counts[name] for name in ("control", "check")}
+    single |= {"gsd_m": images["gsd"].median(), "height_m": images["height_above_ground_m"].median()}
+    for name, value in single.items():
+        yield ("key-figures", name, "value_0"), value
+    for name, size in (("image_rms_px", 2), ("rmse_control_m", 3), ("rmse_check_m", 3)):
+        values = summary[name] or [None] * size
+        for index in range(size):
+            yield ("key-figures", name, f"value_{index}"), values[index]
+
+
+def groups(reported: Reported) -> Iterator[Item]:
+    residuals = reported.table("residuals")
+    for group in reported.summary["groups"]:
+        own = residuals[residuals["group"] == group["group"]]
+        yield ("groups", group["group"], "observations"), float(own["redundancy"].notna().sum())
+        yield ("groups", group["group"], "redundancy"), float(own["redundancy"].sum())
+        yield ("groups", group["group"], "sigma0"), group["sigma0"]
+        yield ("groups", group["group"], "uncontrolled"), float((own["status"] == "uncontrolled").sum())
+        rejected = own[own["status"] == "rejected"].drop_duplicates(["image", "point"])
+        yield ("groups", group["group"], "rejected"), float(len(rejected))
+    for gate in reported.summary["gates"]:
+        key = f"{gate['name']}:{gate['bound']}"
+        yield ("gates", key, "value"), gate["value"]
+        yield ("gates", key, "limit"), gate["limit"]
+
+
+def surveyed(reported: Reported) -> Iterator[Item]:
+    gsd = images_of(reported).set_index("image")["gsd"]
+    points = reported.table("image_points")
+    points["gsd"] = points["image"].map(gsd)
+    for table, name, kind in (
+        ("control_residuals", "control-points", "control"),
+        ("check_points", "check-points", "check"),
+    ):
+        found = reported.table(table)
+        found["gsd"] = found["point"].map(points.groupby("point")["gsd"].median())
+        for row in found.to_dict("records"):
+            yield (name, row["point"], "rays"), row["rays"]
+            for axis in ("dx", "dy", "dz"):
+                d, sigma = row[f"{axis}_m"], row[f"sigma_{axis}_m"]
+                yield (name, row["point"], f"{axis}_m"), d
+                yield (name, row["point"], f"sigma_{axis}_m"), sigma
+                yield (name, row["point"], f"{axis}_gsd"), d / row["gsd"]
+                yield (name, row["point"], f"{axis}_ratio"), abs(d) / sigma
+        if len(found) == 0:
+            continue
+        for axis in ("dx", "dy", "dz"):
+            for unit, d in (("m", found[f"{axis}_m"]), ("gsd", found[f"{axis}_m"] / found["gsd"])):
+                yield ("surveyed-statistics", f"{kind}:rms", f"{axis}_{unit}"), float(np.sqrt((d**2).mean()))
+                yield ("surveyed-statistics", f"{kind}:mean", f"{axis}_{unit}"), d.mean()
+                yield ("surveyed-statistics", f"{kind}:largest", f"{axis}_{unit}"), d.abs().max()
+            for figure in ("rms", "mean", "largest"):
+                number = float(found[f"{axis}_m"].notna().sum())
+                yield ("surveyed-statistics", f"{kind}:{figure}", f"{axis}_count"), number
+
+
+def orientations(reported: Reported) -> Iterator[Item]:
+    table = reported.table("exterior_orientations")
+    for name in (
+        "sigma_x_m",
+        "sigma_y_m",
+        "sigma_z_m",
+        "sigma_omega_deg",
+        "sigma_phi_deg",
+        "sigma_kappa_deg",
+    ):
+        values = table[name] * (1000.0 if name.endswith("deg") else 1.0)
+        for figure in ("min", "median", "max"):
+            yield ("orientation-sigmas", name, figure), getattr(values, figure)()
+
+
+def object_points(reported: Reported) -> Iterator[Item]:
+    table = reported.table("object_points")
+    table["class"] = table["rays"].clip(upper=10).astype(str)
+    for key, own in [*table.groupby("class"), ("all", table)]:
+        yield ("point-sigmas", key, "points"), float(len(own))
+        for axis in ("x", "y", "z"):
+            yield ("point-sigmas", key, f"median_{axis}_m"), own[f"sigma_{axis}_m"].median()
+            yield ("point-sigmas", key, f"max_{axis}_m"), own[f"sigma_{axis}_m"].max()
+
+
+def parameters(reported: Reported) -> Iterator[Item]:
+    table = reported.table("parameters")
+    for row in table[table["sigma"].notna()].to_dict("records"):
+        for column in ("value", "sigma", "change", "t", "sigma_prior"):
+            value = row[column]
+            key = f"{row['parameter']}@{row['entity']}"
+            yield ("parameters", key, column), None if np.isnan(value) else value
+
+
+def datum(reported: Reported) -> Iterator[Item]:
+    held = {name for item in reported.summary["datum"] for name in item["held_by"]}
+    for item in reported.summary["datum"]:
+        factor = 1.0 if item["direction"].startswith("shift") else 1e6
+        if item["direction"].startswith("rotation"):
+            factor = 1000.0 * 180.0 / np.pi
+        sigma = None if item["sigma"] is None else item["sigma"] * factor
+        yield ("datum", item["direction"], "sigma"), sigma
+        for name in held:
+            share = item["held_by"].get(name)
+            yield ("datum", item["direction"], name), None if share is None else 100.0 * share
+
+
+def residuals(reported: Reported) -> Iterator[Item]:
+    table = reported.table("residuals")
+    rays = table[(table["group"] == "image_points") & table["status"].isin(["used", "uncontrolled"])]
+    both = rays.pivot_table(index=["image", "point"], columns="component", values="residual").dropna()
+    yield ("image-residuals", "C", "image_points"), float(len(both))
+    for axis in ("x", "y"):
+        rms = float(np.sqrt((both[axis] ** 2).mean()))
+        yield ("image-residuals", "C", f"rms_{axis}_um"), rms
+        yield ("image-residuals", "C", f"rms_{axis}_px"), rms / 5.0
+    for group, own in table[table["status"] == "used"].groupby("group"):
+        w = own["standardized"].dropna()
+        if len(w) == 0:
+            continue
+        yield ("standardized-residuals", group, "count"), float(len(w))
+        yield ("standardized-residuals", group, "mean"), w.mean()
+        yield ("standardized-residuals", group, "rms"), float(np.sqrt((w**2).mean()))
+        yield ("standardized-residuals", group, "largest"), w.abs().max()
+        for level in (1.96, 2.58, 3.29, 4.13):
+            yield ("standardized-residuals", group, f"beyond_{level}"), 100.0 * (w.abs() > level).mean()
+
+
+def suspicious(reported: Reported) -> Iterator[Item]:
+    table = reported.table("residuals")
+    texts = table[["group", "image", "point", "component"]].astype(object).where(lambda t: t.notna(), "")
+    table["key"] = texts.agg("|".join, axis=1)
+    rejected = table[table["status"] == "rejected"]
+    for row in rejected.assign(ratio=(rejected["residual"] / rejected["sigma"]).abs()).to_dict("records"):
+        for column in ("residual", "sigma", "ratio"):
+            yield ("rejected", row["key"], column), row[column]
+    others = table[(table["status"] == "uncontrolled") & (table["group"] != "image_points")]
+    for row in others.to_dict("records"):
+        yield ("uncontrolled", row["key"], "redundancy"), row["redundancy"]
+    rays = table[(table["group"] == "image_points") & table["status"].isin(["used", "uncontrolled"])]
+    for image, own in rays.groupby("image"):
+        few = float((own["status"] == "uncontrolled").sum())
+        if few:
+            yield ("uncontrolled-images", image, "uncontrolled"), few
+            yield ("uncontrolled-images", image, "coordinates"), float(len(own))
+            yield ("uncontrolled-images", image, "share"), 100.0 * few / len(own)
+
+
+def require_equal(reported: Reported) -> int:
+    """Compare every number of every table with the artifacts; returns how many were compared."""
+    page, wanted = reported.page, expected(reported)
+    compared = 0
+    for name, table in page.tables.items():
+        for (key, column), cell in table.numbers.items():
+            if (name, key) == ("standardized-residuals", "expected") or column in NOT_IN_ARTIFACTS:
+                continue
+            value = wanted[name, key, column]
+            if value is None or np.isnan(value):
+                assert (cell.data, cell.shown) == ("", "–"), (name, key, column)
+            else:
+                assert float(cell.data) == pytest.approx(value, rel=1e-9, abs=1e-12), (name, key, column)
+                require_rounded(cell.data, cell.shown)
+            compared += 1
+    shown = {(name, *place) for name, table in page.tables.items() for place in table.numbers}
+    missing = {key for key in wanted if key not in shown}
+    cut = {"rejected", "uncontrolled", "uncontrolled-images", "control-points", "check-points"}
+    assert not {key for key in missing if key[0] not in cut}
+    return compared
+
+
+SECTIONS = (
+    "Problems and remarks",
+    "Key figures",
+    "The block",
+    "Image residuals",
+    "Control and check points",
+    "Exterior orientations",
+    "Object points",
+    "System parameters",
+    "What fixes the datum",
+    "Rejected and uncontrolled observations",
+    "Settings and origin",
+)
+#: Figures of the sub-areas: verified against brute force in tests/tasks/report/test_residual_field.py.
+NOT_IN_ARTIFACTS = {"cells", "significant", "largest_um"}
+
+
+def require_rounded(data: str, shown: str) -> None:
+    """The digits shown are those of the full value."""
+    plain = shown.replace(",", "").replace("−", "-").replace("+", "")
+    decimals = len(plain.partition(".")[2])
+    assert abs(float(plain) - float(data)) <= 0.5 * 10.0**-decimals * (1 + 1e-9), (data, shown)
+
+
+def test_every_number_in_the_tables_is_that_of_the_artifacts(block: Path) -> None:
+    reported = run(block)
+    assert require_equal(reported) > 200
+    assert reported.summary["counts"]["control"] == 4
+    assert set(reported.page.tables) >= {"check-points", "control-points", "gates", "parameters", "settings"}
+
+
+def test_problems_stand_first_and_the_verdict_is_one_sentence(block: Path) -> None:
+    reported = run(block, "gates.sigma0.max=0.8")
+    text = reported.page.text
+    assert "but 1 of 2 limits is not kept (sigma0)" in text
+    # The navigation names the sections before they come.
+    headings = [text.index(words, text.index("Problems and remarks")) for words in SECTIONS]
+    assert headings == sorted(headings)
+    problems = reported.summary["problems"]
+    assert problems
+    assert all(headings[0] < text.index(sentence) < headings[1] for sentence in problems)
+
+
+def test_the_page_needs_nothing_from_outside_and_no_script(block: Path) -> None:
+    page = run(block).page
+    assert not {"script", "link", "img", "iframe", "object"} & set(page.tags)
+    references = [value for _, name, value in page.attributes if name in {"href", "src", "xlink:href"}]
+    assert references
+    assert all(value.startswith("#") for value in references)
+    anchors = {value for _, name, value in page.attributes if name == "id"}
+    assert {value[1:] for value in references} <= anchors
+
+
+def test_the_page_names_no_folder_and_no_time(block: Path) -> None:
+    html = run(block).html
+    assert str(block.parent) not in html
+    assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\b\d\d:\d\d:\d\d\b", html)
+
+
+def test_the_same_block_elsewhere_gives_the_same_bytes(block: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(block.parent, elsewhere)
+    assert run(block).html == run(elsewhere / "project.toml").html
+
+
+def test_names_from_files_cannot_become_markup(block: Path) -> None:
+    nasty = "<script>alert('1')</script>&"
+    change(block, "image_points.csv", "1_001,", f"{nasty},")
+    change(block, "exposures.csv", "1_001,C,1,", f"{nasty},C,'><img src=x>,")
+    control = pd.read_csv(block.parent / "control.csv")["point"].tolist()
+    for name in ("image_points.csv", "control.csv"):
+        file = block.parent / name
+        file.write_text(re.sub(rf"\b{control[1]}\b", "<b>point</b>", file.read_text()))
+    change(block, "project.toml", '"two strips"', "'</title><script>\"two\"</script> strips'")
+    reported = run(block)
+    page = reported.page
+    assert not {"script", "img"} & set(page.tags)
+    assert set(page.tags) & {"b"} == {"b"}
+    assert "<b>point</b>" not in reported.html
+    assert "<b>point</b>" in page.tables["control-points"].keys
+    assert nasty in page.text
+    assert '</title><script>"two"</script> strips' in page.text
+    assert "'><img src=x>" in page.text
+    require_equal(reported)
+
+
+def without_control(block: Path) -> None:
+    head, _, tail = (block.parent / "project.toml").read_text().partition("[inputs.control]")
+    (block.parent / "project.toml").write_text(head + "[adjustment]" + tail.partition("[adjustment]")[2])
+
+
+def test_a_block_without_control_says_none(block: Path) -> None:
+    without_control(block)
+    reported = run(block)
+    require_equal(reported)
+    assert "Check points: none." in reported.page.text
+    assert "Control points: none took part" in reported.page.text
+    assert "surveyed-statistics" not in reported.page.tables
+
+
+def test_control_without_check_points_does_not_pass_for_accuracy(block: Path) -> None:
+    change(block, "control.csv", ",check", ",control")
+    reported = run(block)
+    require_equal(reported)
+    assert "check-points" not in reported.page.tables
+    assert "Nothing independent says how accurate the block is" in reported.page.text
+    assert len(reported.page.tables["control-points"].keys) == 5
+
+
+def test_control_that_is_not_observed_stands_among_the_check_points(block: Path) -> None:
+    reported = run(block, 'adjustment.observe=["gnss", "ins"]')
+    require_equal(reported)
+    assert len(reported.page.tables["check-points"].keys) == 5
+    assert "control-points" not in reported.page.tables
+    assert reported.html.count("<title>check point ") == 5
+
+
+def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
+    reported = run(block, 'adjustment.observe=["gnss", "control"]', "adjustment.free=[]")
+    require_equal(reported)
+    assert "ins_attitudes" not in reported.page.tables["groups"].keys
+    assert "None was estimated." in reported.page.text
+
+
+def test_a_camera_without_images_gets_no_residual_plot(block: Path) -> None:
+    text = (block.parent / "project.toml").read_text()
+    own = text.partition("[cameras.C]")[2].partition("[inputs")[0]
+    change(block, "project.toml", "[inputs.image_points]", f"[cameras.D]{own}[inputs.image_points]")
+    reported = run(block)
+    require_equal(reported)
+    assert reported.page.tables["image-residuals"].keys == ["C"]
+
+
+@pytest.mark.parametrize(("count", "critical_value"), [(0, 6.0), (6, 4.13), (90, 3.29)])
+def test_rejected_observations_are_listed_the_largest_first(
+    block: Path, count: int, critical_value: float
+) -> None:
+    if count:
+        with_gross_errors(block, count)
+    reported = run(block, f"adjustment.rejection.critical_value={critical_value}", "gates.sigma0.max=9")
+    require_equal(reported)
+    found = int((reported.table("residuals")["status"] == "rejected").sum())
+    assert found >= 2 * min(count, 30)
+    if not found:
+        assert "Rejected: none." in reported.page.text
+        return
+    table = reported.page.tables["rejected"]
+    ratios = [float(table.numbers[key, "ratio"].data) for key in table.keys]
+    assert ratios == sorted(ratios, reverse=True)
+    assert len(ratios) == min(found, 60)
+    assert (f"largest of {found:,}" in reported.page.text) == (found > 60)
+
+
+def test_a_block_of_two_images_has_a_report(block: Path) -> None:
+    for name in ("exposures.csv", "image_points.csv"):
+        file = block.parent / name
+        lines = file.read_text().splitlines()
+        kept = [lines[0], *(line for line in lines[1:] if line.startswith(("1_001", "1_002")))]
+        file.write_text("\n".join(kept) + "\n")
+    without_control(block)
+    reported = run(block, "adjustment.free=[]", "gates.sigma0.max=3", "gates.sigma0.min=0.1")
+    require_equal(reported)
+    assert reported.page.tables["key-figures"].numbers["images", "value_0"].shown == "2"
+    assert reported.page.tables["point-sigmas"].keys == ["2", "all"]
