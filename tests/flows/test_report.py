@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +20,7 @@ from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunRequest, carry_out
 from tests.tasks.report.page_reader import Page
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 #: Ground sampling distance for 1 m of flying height in the block of these tests: 5 µm / 50 mm.
 GSD_PER_HEIGHT = 1e-4
 Expected = dict[tuple[str, str, str], float | None]
@@ -335,6 +339,25 @@ def test_the_same_block_elsewhere_gives_the_same_bytes(block: Path, tmp_path: Pa
     elsewhere = tmp_path / "elsewhere"
     shutil.copytree(block.parent, elsewhere)
     assert run(block).html == run(elsewhere / "project.toml").html
+
+
+def test_another_process_with_another_order_of_sets_gives_the_same_bytes(block: Path) -> None:
+    pages = []
+    for seed in ("1", "2"):
+        out = block.parent / f"results-{seed}"
+        command = [sys.executable, "-m", "flows.command", "run", str(block), "--out", str(out)]
+        done = subprocess.run(
+            command,
+            cwd=REPOSITORY,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        pages.append((out / "report.html").read_bytes())
+    assert pages[0] == pages[1]
 
 
 def test_names_from_files_cannot_become_markup(block: Path) -> None:

@@ -1,0 +1,235 @@
+"""The report of a very large block stays small and fast."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tasks import schemas
+from tasks.artifact import Artifact, artifact_of
+from tasks.camera_table import write_cameras
+from tasks.crs import MapFrame
+from tasks.notes import Notes, write_notes
+from tasks.report.material import read_material
+from tasks.report.page import render
+from tasks.settings.coordinates import Heights
+from tasks.settings.load import load_project
+from tasks.settings.project import Project
+from tasks.tables import write_table
+from tests.conftest import PROJECT
+from tests.tasks.report.page_reader import Page
+
+STRIPS, IN_STRIP = 36, 68
+IMAGES, POINTS, RAYS = STRIPS * IN_STRIP, 188_000, 545_000
+CONTROL = 400
+LOCAL = MapFrame("local", Heights.model_validate("ellipsoidal"))
+#: What the page may have.
+MOST_MEGABYTES = 10.0
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    folder = tmp_path_factory.mktemp("project")
+    for name in ("image_points.csv", "exposures.csv"):
+        (folder / name).write_text("")
+    (folder / "project.toml").write_text(PROJECT)
+    return load_project(folder / "project.toml")
+
+
+@pytest.fixture(scope="module")
+def stages(tmp_path_factory: pytest.TempPathFactory, project: Project) -> list[dict[str, Artifact]]:
+    """Tables of a large block filled at random: only their form is that of an adjustment."""
+    folder = tmp_path_factory.mktemp("tables")
+    random = np.random.default_rng(1)
+    images = np.array([f"strip{s:02d}_{i:05d}" for s in range(STRIPS) for i in range(IN_STRIP)], dtype=object)
+    points = np.array([f"tie_point_{k:07d}" for k in range(POINTS)], dtype=object)
+    write_cameras(folder / "cameras.parquet", project.cameras)
+    _write_images(folder, random, images)
+    _write_points(folder, random, points)
+    _write_rays(folder, random, images, points)
+    _write_surveyed(folder, random, points)
+    _write_parameters(folder, random)
+    figures = {"sigma0": 1.0, "redundancy": 5e5, "counts": {"images": IMAGES}}
+    write_notes(folder, Notes(("A problem of a large block.",), figures))
+    return [{path.stem: artifact_of(path) for path in folder.iterdir()}]
+
+
+def _xyz(values: np.ndarray) -> dict[str, np.ndarray]:
+    return {f"{axis}_m": values[:, k] for k, axis in enumerate("xyz")}
+
+
+def _sigmas(
+    random: np.random.Generator, count: int, names: tuple[str, ...], unit: str
+) -> dict[str, np.ndarray]:
+    return {f"sigma_{name}_{unit}": random.uniform(0.005, 0.05, count) for name in names}
+
+
+def _write_images(folder: Path, random: np.random.Generator, images: np.ndarray) -> None:
+    strip, place = np.divmod(np.arange(IMAGES), IN_STRIP)
+    centres = np.column_stack([place * 400.0, strip * 430.0, np.full(IMAGES, 1200.0)])
+    centres += random.normal(0, 5, centres.shape)
+    angles = {f"{name}_deg": random.normal(0, 1, IMAGES) for name in ("omega", "phi", "kappa")}
+    write_table(
+        folder / "images.parquet",
+        schemas.IMAGES,
+        {
+            "image": images,
+            "camera": ["C"] * IMAGES,
+            "strip": [f"strip{s:02d}" for s in strip],
+            "heading_deg": 90.0 + 180.0 * (strip % 2),
+            "height_above_ground_m": np.full(IMAGES, 1150.0),
+            "status": ["used"] * IMAGES,
+        },
+    )
+    write_table(
+        folder / "exterior_orientations.parquet",
+        schemas.EXTERIOR_ORIENTATIONS,
+        {
+            "image": images,
+            **_xyz(centres),
+            **angles,
+            **_sigmas(random, IMAGES, ("x", "y", "z"), "m"),
+            **_sigmas(random, IMAGES, ("omega", "phi", "kappa"), "deg"),
+        },
+        LOCAL,
+    )
+
+
+def _write_points(folder: Path, random: np.random.Generator, points: np.ndarray) -> None:
+    place = random.uniform([0, 0, 0], [IN_STRIP * 400.0, STRIPS * 430.0, 80.0], (POINTS, 3))
+    write_table(
+        folder / "object_points.parquet",
+        schemas.OBJECT_POINTS,
+        {
+            "point": points,
+            **_xyz(place),
+            **_sigmas(random, POINTS, ("x", "y", "z"), "m"),
+            "rays": random.integers(2, 10, POINTS),
+        },
+        LOCAL,
+    )
+
+
+def _write_rays(folder: Path, random: np.random.Generator, images: np.ndarray, points: np.ndarray) -> None:
+    pairs = np.unique(random.integers(0, IMAGES * POINTS, RAYS + 2000))
+    pairs = random.permutation(pairs)[:RAYS]
+    image, point = images[pairs // POINTS], points[pairs % POINTS]
+    xy = random.uniform([-0.25, -0.2], [0.25, 0.2], (RAYS, 2))
+    write_table(
+        folder / "image_points.parquet",
+        schemas.IMAGE_POINTS,
+        {
+            "image": image,
+            "point": point,
+            "x_mm": xy[:, 0],
+            "y_mm": xy[:, 1],
+            "sigma_x_mm": np.full(RAYS, 1e-3),
+            "sigma_y_mm": np.full(RAYS, 1e-3),
+        },
+    )
+    status = random.choice(["used", "rejected", "uncontrolled"], RAYS, p=[0.85, 0.05, 0.1])
+    residual = random.normal(0, 0.9, 2 * RAYS)
+    write_table(
+        folder / "residuals.parquet",
+        schemas.RESIDUALS,
+        {
+            "group": ["image_points"] * (2 * RAYS),
+            "image": np.concatenate([image, image]),
+            "point": np.concatenate([point, point]),
+            "component": ["x"] * RAYS + ["y"] * RAYS,
+            "residual": residual,
+            "sigma": np.ones(2 * RAYS),
+            "unit": ["um"] * (2 * RAYS),
+            "redundancy": np.full(2 * RAYS, 0.5),
+            "standardized": residual / 0.7,
+            "mdb": np.full(2 * RAYS, 6.0),
+            "status": np.concatenate([status, status]),
+        },
+    )
+
+
+def _write_surveyed(folder: Path, random: np.random.Generator, points: np.ndarray) -> None:
+    named = points[:CONTROL]
+    write_table(
+        folder / "control_points.parquet",
+        schemas.CONTROL_POINTS,
+        {
+            "point": named,
+            **_xyz(random.uniform(0, 15_000, (CONTROL, 3))),
+            **_sigmas(random, CONTROL, ("x", "y", "z"), "m"),
+            "role": ["control", "check"] * (CONTROL // 2),
+        },
+        LOCAL,
+    )
+    for schema, start in ((schemas.CONTROL_RESIDUALS, 0), (schemas.CHECK_POINTS, 1)):
+        own = named[start::2]
+        differences = {f"{axis}_m": random.normal(0, 0.02, len(own)) for axis in ("dx", "dy", "dz")}
+        write_table(
+            folder / f"{schema.name}.parquet",
+            schema,
+            {
+                "point": own,
+                **differences,
+                **_sigmas(random, len(own), ("dx", "dy", "dz"), "m"),
+                "rays": np.full(len(own), 5),
+            },
+        )
+
+
+def _write_parameters(folder: Path, random: np.random.Generator) -> None:
+    """Three biases for each strip: more parameters than a matrix or a table should show."""
+    names = [(f"gnss_strip_bias_{axis}", f"strip{s:02d}") for s in range(STRIPS) for axis in "xyz"]
+    count = len(names)
+    write_table(
+        folder / "parameters.parquet",
+        schemas.PARAMETERS,
+        {
+            "parameter": [name for name, _ in names],
+            "entity": [entity for _, entity in names],
+            "value": random.normal(0, 0.03, count),
+            "change": random.normal(0, 0.03, count),
+            "sigma": np.full(count, 0.01),
+            "unit": ["m"] * count,
+            "t": random.normal(0, 2, count),
+            "status": ["significant"] * count,
+        },
+    )
+    first, second = np.triu_indices(count, 1)
+    write_table(
+        folder / "correlations.parquet",
+        schemas.CORRELATIONS,
+        {
+            "parameter_a": [names[k][0] for k in first],
+            "entity_a": [names[k][1] for k in first],
+            "parameter_b": [names[k][0] for k in second],
+            "entity_b": [names[k][1] for k in second],
+            "correlation": random.uniform(-1, 1, len(first)),
+        },
+    )
+
+
+def test_the_report_of_545_000_image_points_is_small_and_quick(
+    stages: list[dict[str, Artifact]], project: Project
+) -> None:
+    began = time.perf_counter()
+    html = render(read_material(stages, project), "large", ("a.csv", "b.csv"), {"aerocal": "0"})
+    seconds = time.perf_counter() - began
+    assert len(html.encode()) < MOST_MEGABYTES * 1e6
+    assert seconds < 30.0
+    page = Page(html)
+    assert page.tables["image-residuals"].numbers["C", "image_points"].shown == f"{_used(stages):,}"
+    # What is too long is cut, and the page says where the rest is.
+    assert len(page.tables["rejected"].keys) == 60
+    assert "all in residuals.parquet" in page.text
+    assert len(page.tables["check-points"].keys) == 100
+    assert len(page.tables["parameters"].keys) == 80
+    assert f"of {3 * STRIPS:,}; all in parameters.parquet" in page.text
+
+
+def _used(stages: list[dict[str, Artifact]]) -> int:
+    residuals = pd.read_parquet(stages[0]["residuals"].path, columns=["component", "status"])
+    return int(((residuals["status"] != "rejected") & (residuals["component"] == "x")).sum())
