@@ -22,6 +22,7 @@ from tasks.block_input import SurveyedPoints, block_of, image_point_observations
 from tasks.control_plausibility import ControlDifferences, check_control, control_differences
 from tasks.crs import MapFrame
 from tasks.errors import InputError
+from tasks.first_run import announce_compilation
 from tasks.flight_plausibility import check_flight_direction
 from tasks.given_orientations import GivenOrientations, Mountings
 from tasks.json_text import JSON
@@ -99,6 +100,7 @@ def approximate_block(
     InputError
         If orientations, image points and control contradict each other.
     """
+    announce_compilation()
     map_frame = MapFrame.of(project.crs, project.heights)
     measured = read_table(image_points)
     surveyed_table = read_table(control_points)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adjust import compiled
 from adjust.adjustment import adjust_block
 from adjust.block import Block
 from adjust.errors import AdjustmentError
@@ -35,6 +34,7 @@ from tasks.block_input import (
 )
 from tasks.crs import MapFrame
 from tasks.errors import NotComputableError
+from tasks.first_run import announce_compilation
 from tasks.given_orientations import GivenOrientations
 from tasks.local_frame import local_from_map
 from tasks.notes import Notes, write_notes
@@ -139,8 +139,7 @@ def _adjusted(block: Block, observations: Observations, settings: AdjustmentSett
         observations.count,
         block.layout.unknowns,
     )
-    if not compiled.is_warm():
-        _log.info("bundle_adjustment: first run with this version, compiling (about 20 s, once)")
+    announce_compilation()
     try:
         return adjust_block(block, observations, options, _report)
     except AdjustmentError as error:
