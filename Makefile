@@ -3,8 +3,9 @@ PYTHON ?= python3.11
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+BENCH_STAMP := $(VENV)/.installed-bench
 
-.PHONY: venv test slow-test lint demo clean
+.PHONY: venv test slow-test lint demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -29,6 +30,19 @@ lint: $(STAMP)
 
 demo: $(STAMP)
 	$(BIN)/aerocal flight-check uce-low --out results/demo
+
+# The peer is an extra of its own; nothing else needs it.
+$(BENCH_STAMP): $(STAMP) requirements-bench.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-bench.lock
+	touch $@
+
+bench: $(BENCH_STAMP)
+	$(BIN)/python -m benchmarks compare
+	$(BIN)/python -m benchmarks growth
+	$(BIN)/python -m benchmarks start-up
+
+bench-large: $(STAMP)
+	$(BIN)/python -m benchmarks growth --large
 
 clean:
 	rm -rf results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

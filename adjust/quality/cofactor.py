@@ -30,7 +30,11 @@ class Cofactor:
 
 def cofactor(system: System, solution: Solution) -> Cofactor:
     """Cofactors at the solution, marginal for every unknown and every image point."""
-    reduced = solution.factorization.cofactor()
+    return with_points(system, solution, solution.factorization.cofactor())
+
+
+def with_points(system: System, solution: Solution, reduced: ReducedCofactor) -> Cofactor:
+    """Cofactors of object points and image points from those of exposures and system parameters."""
     rays, state = system.observations.image_points, solution.state
     of_points, hat = cofactor_kernel.point_cofactors(
         system.point_start,

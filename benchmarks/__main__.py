@@ -1,0 +1,55 @@
+"""The command ``python -m benchmarks``: see README.md beside this file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+from benchmarks.record import RESULTS, Record, keep, read_records, show
+from benchmarks.workload import GROWTH, WORKLOADS, Workload
+
+
+def main() -> None:
+    """Run what was asked for, write the results and show them."""
+    options = _options()
+    file: Path = options.results
+    for record in _records(options):
+        keep([record], file)
+    show(read_records(file))
+
+
+def _records(options: argparse.Namespace) -> Iterable[Record]:
+    """The records of a command, as they come."""
+    if options.command == "compare":
+        from benchmarks.comparison import compare
+
+        for workload in _chosen(WORKLOADS, options.workload, large=True):
+            yield from compare(workload, options.runs)
+    elif options.command == "growth":
+        from benchmarks.growth import grow
+
+        yield from map(grow, _chosen(GROWTH, options.workload, options.large))
+    elif options.command == "start-up":
+        from benchmarks.start_up import start_up
+
+        yield from start_up(options.runs)
+
+
+def _chosen(workloads: Iterable[Workload], names: list[str], large: bool) -> list[Workload]:
+    """Those of the given names; without names all, the large ones only where wanted."""
+    return [item for item in workloads if item.name in names or (not names and (large or not item.large))]
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("command", choices=["compare", "growth", "start-up", "show"])
+    parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
+    parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
+    parser.add_argument("--large", action="store_true", help="growth: the largest blocks, too")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="file of the results")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""The peer: COLMAP's bundle adjustment with pose priors, on the same block.
+
+Two conventions differ. COLMAP's camera looks along +z with y down, ours along −z with y up, so the
+camera frames are turned by diag(1, −1, −1). COLMAP does not weight image points; here its "pixel" is
+the standard deviation of an image coordinate, so its residuals are already weighted and its cost is
+half our vᵀPv, term by term.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pycolmap
+
+from adjust.arrays import Floats
+from benchmarks.problem import Problem, Solution
+
+# Camera frame of COLMAP (right, down, forward) from ours (right, up, backward).
+_COLMAP_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
+_CAMERA = 1
+
+
+class Peer:
+    """A block as COLMAP holds it.
+
+    Attributes
+    ----------
+    problem : the block.
+    reconstruction, priors : the same in COLMAP's terms; images and points are numbered from 1.
+    threads : of the solver.
+    """
+
+    def __init__(self, problem: Problem, threads: int = 2) -> None:
+        self.problem = problem
+        self.threads = threads
+        self.reconstruction = _reconstruction(problem)
+        self.priors = _priors(problem)
+
+    def reset(self) -> None:
+        """Go back to the start values."""
+        for index, pose in enumerate(_poses(self.problem.start)):
+            self.reconstruction.frame(index + 1).rig_from_world = pose
+        for index, xyz in enumerate(self.problem.object_point):
+            self.reconstruction.point3D(index + 1).xyz = xyz
+
+    def run(self) -> str:
+        """Set up the problem and solve it, in place; what the solver says about it.
+
+        The reconstruction is there already: the peer's clock does not pay for the Python loops
+        that fill it.
+        """
+        config = pycolmap.BundleAdjustmentConfig()
+        for image in range(1, len(self.problem.projection_centre) + 1):
+            config.add_image(image)
+        config.set_constant_cam_intrinsics(_CAMERA)
+        adjuster = pycolmap.create_pose_prior_ceres_bundle_adjuster(
+            _options(self.threads),
+            pycolmap.PosePriorBundleAdjustmentOptions(),
+            config,
+            self.priors,
+            self.reconstruction,
+        )
+        return str(adjuster.solve().brief_report())
+
+    def solution(self) -> Solution:
+        """The present values in our conventions."""
+        images = range(1, len(self.problem.projection_centre) + 1)
+        poses = np.stack([self.reconstruction.image(i).cam_from_world().matrix() for i in images])
+        local_from_colmap = np.swapaxes(poses[:, :, :3], 1, 2)
+        centre = -np.einsum("nij,nj->ni", local_from_colmap, poses[:, :, 3])
+        points = range(1, len(self.problem.object_point) + 1)
+        return Solution(
+            centre,
+            local_from_colmap @ _COLMAP_FROM_CAMERA,
+            np.stack([self.reconstruction.point3D(j).xyz for j in points]),
+        )
+
+
+def _options(threads: int) -> pycolmap.BundleAdjustmentOptions:
+    """Least squares without a loss, interior orientation held, function tolerance 1e-8.
+
+    Left to itself COLMAP takes an iterative solver for more than 1,000 images; the direct one is
+    two to three times faster on these blocks, and the faster one is the one to compare with.
+    """
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_focal_length = False
+    options.refine_principal_point = False
+    options.refine_extra_params = False
+    options.print_summary = False
+    options.ceres.auto_select_solver_type = False
+    solver = options.ceres.solver_options
+    solver.linear_solver_type = type(solver.linear_solver_type).SPARSE_SCHUR
+    options.ceres.solver_options.num_threads = threads
+    options.ceres.solver_options.function_tolerance = 1e-8
+    return options
+
+
+def _poses(values: Solution) -> list[pycolmap.Rigid3d]:
+    """Camera from world of every image."""
+    rotations = _COLMAP_FROM_CAMERA @ np.swapaxes(values.local_from_camera, 1, 2)
+    translations: Floats = -np.einsum("nij,nj->ni", rotations, values.projection_centre)
+    return [
+        pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), translation)
+        for rotation, translation in zip(rotations, translations, strict=True)
+    ]
+
+
+def _reconstruction(problem: Problem) -> pycolmap.Reconstruction:
+    """Camera, images with their points, and object points with their tracks."""
+    unit = problem.sigma_image[0]
+    c, x0, y0 = problem.interior / unit
+    keypoints = problem.xy / unit * [1.0, -1.0]
+    size = int(2 * np.abs(keypoints).max()) + 1
+    reconstruction = pycolmap.Reconstruction()
+    camera = pycolmap.Camera(
+        model="SIMPLE_PINHOLE", width=size, height=size, params=[c, x0, -y0], camera_id=_CAMERA
+    )
+    reconstruction.add_camera_with_trivial_rig(camera)
+    order = np.argsort(problem.image, kind="stable")
+    start = np.searchsorted(problem.image[order], np.arange(len(problem.projection_centre) + 1))
+    place = np.empty(len(order), dtype=np.int64)  # of each image point among those of its image
+    for index, pose in enumerate(_poses(problem.start)):
+        mine = order[start[index] : start[index + 1]]
+        place[mine] = np.arange(len(mine))
+        image = pycolmap.Image(str(index), keypoints[mine], _CAMERA, index + 1)
+        reconstruction.add_image_with_trivial_frame(image, pose)
+    starts = np.searchsorted(problem.point, np.arange(len(problem.object_point) + 1))
+    images, places = (problem.image + 1).tolist(), place.tolist()
+    for index, xyz in enumerate(problem.object_point):
+        track = pycolmap.Track()
+        for ray in range(starts[index], starts[index + 1]):
+            track.add_element(images[ray], places[ray])
+        reconstruction.add_point3D(xyz, track)
+    return reconstruction
+
+
+def _priors(problem: Problem) -> list[pycolmap.PosePrior]:
+    """The observed positions with their covariance."""
+    return [
+        pycolmap.PosePrior(
+            pose_prior_id=index + 1,
+            corr_data_id=pycolmap.data_t(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, _CAMERA), index + 1),
+            position=position,
+            position_covariance=covariance,
+            coordinate_system=pycolmap.PosePriorCoordinateSystem.CARTESIAN,
+        )
+        for index, (position, covariance) in enumerate(
+            zip(problem.position, problem.position_covariance, strict=True)
+        )
+    ]

@@ -1,0 +1,134 @@
+"""The results: one line of JSON for each benchmark, and a table of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+RESULTS = Path(__file__).with_name("results.jsonl")
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one benchmark has shown; None where it does not apply.
+
+    Attributes
+    ----------
+    name : of the workload.
+    ours_s, peer_s : median seconds, with least and largest.
+    ratio : peer / ours.
+    runs : number of timed runs of each side.
+    images, points, image_points : size of the block.
+    peak_memory_mib, peer_peak_memory_mib : largest resident memory of each side's own process.
+    cost_difference, position_difference_sigma : see :class:`benchmarks.comparison.Agreement`.
+    phases_s : seconds of each part of one iteration and of the statistics.
+    included : what was timed.
+    peer, report, peer_report, machine : who ran, what they said, and on what.
+    """
+
+    name: str
+    ours_s: float
+    ours_min_s: float
+    ours_max_s: float
+    runs: int
+    included: str
+    machine: str
+    peer_s: float | None = None
+    peer_min_s: float | None = None
+    peer_max_s: float | None = None
+    ratio: float | None = None
+    images: int | None = None
+    points: int | None = None
+    image_points: int | None = None
+    peak_memory_mib: float | None = None
+    peer_peak_memory_mib: float | None = None
+    cost_difference: float | None = None
+    position_difference_sigma: float | None = None
+    phases_s: dict[str, float] | None = None
+    peer: str | None = None
+    report: str | None = None
+    peer_report: str | None = None
+
+
+def read_records(file: Path = RESULTS) -> list[Record]:
+    """All records of a file; none if it is not there."""
+    if not file.exists():
+        return []
+    return [Record(**json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def keep(records: Iterable[Record], file: Path = RESULTS) -> None:
+    """Write records into a file; they replace those of the same name, new ones go to the end."""
+    kept = {record.name: record for record in read_records(file)}
+    kept.update({record.name: record for record in records})
+    lines = (json.dumps(_rounded(asdict(record)), ensure_ascii=False) for record in kept.values())
+    file.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def _rounded(content: object) -> object:
+    """Numbers to five digits: more would only be noise."""
+    if isinstance(content, float):
+        return float(f"{content:.5g}")
+    if isinstance(content, dict):
+        return {key: _rounded(value) for key, value in content.items()}
+    return content
+
+
+def show(records: Iterable[Record], console: Console | None = None) -> None:
+    """Print a table of comparisons and start-up times, and one of the growth with its phases."""
+    records = list(records)
+    console = console or Console(width=120)
+    plain = [record for record in records if record.phases_s is None]
+    grown = [record for record in records if record.phases_s is not None]
+    if plain:
+        console.print(_comparisons(plain))
+    if grown:
+        console.print(_growth(grown))
+
+
+def _comparisons(records: list[Record]) -> Table:
+    table = Table(title="seconds: median (least – largest)")
+    for heading in ("", "images", "ours", "COLMAP", "ratio", "MiB", "MiB COLMAP"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for record in records:
+        table.add_row(
+            record.name,
+            _count(record.images),
+            _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
+            _spread(record.peer_s, record.peer_min_s, record.peer_max_s),
+            "" if record.ratio is None else f"{record.ratio:.1f}",
+            _count(record.peak_memory_mib),
+            _count(record.peer_peak_memory_mib),
+        )
+    return table
+
+
+def _growth(records: list[Record]) -> Table:
+    """One column for each size, one row for each phase."""
+    table = Table(title="µs per image point: each phase once; the whole adjustment with statistics")
+    table.add_column("images")
+    for record in records:
+        table.add_column(_count(record.images), justify="right")
+    for phase in records[0].phases_s or {}:
+        table.add_row(phase, *(_per_image_point((item.phases_s or {}).get(phase), item) for item in records))
+    table.add_row("whole", *(_per_image_point(item.ours_s, item) for item in records), style="bold")
+    table.add_row("seconds", *(f"{item.ours_s:.2f}" for item in records))
+    table.add_row("peak memory, MiB", *(_count(item.peak_memory_mib) for item in records))
+    return table
+
+
+def _per_image_point(seconds: float | None, record: Record) -> str:
+    return "" if seconds is None or not record.image_points else f"{1e6 * seconds / record.image_points:.3f}"
+
+
+def _count(value: float | None) -> str:
+    return "" if value is None else f"{value:,.0f}"
+
+
+def _spread(middle: float | None, least: float | None, largest: float | None) -> str:
+    return "" if middle is None else f"{middle:.2f} ({least:.2f} – {largest:.2f})"

@@ -1,0 +1,22 @@
+"""Every phase by itself."""
+
+from __future__ import annotations
+
+from benchmarks.growth import grow, phases
+from benchmarks.workload import Workload, simulated
+
+
+def test_every_phase_takes_some_time() -> None:
+    seconds = phases(simulated(Workload("tiny", 3, 6)), threads=1)
+    assert {"accumulation", "factorisation", "selected inverse", "redundancy numbers"} <= set(seconds)
+    assert all(value > 0.0 for value in seconds.values())
+
+
+def test_a_size_is_measured_in_its_own_process_and_adjusted_completely() -> None:
+    record = grow(Workload("tiny", 3, 6))
+    assert record.name == "growth-tiny"
+    assert record.images == 18
+    assert record.report is not None
+    _, _, redundancy = record.report.partition("Σr ")
+    found, _, expected = redundancy.partition(" of ")
+    assert float(found) == float(expected)
