@@ -43,9 +43,11 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     parts: list[RenderableType] = [Text(f"\n{word}", style=style)]
     parts += [_problems(summary.problems)] if summary.problems else []
     parts.append(_figures(summary))
-    parts += [Text(), _parameters(summary)] if summary.parameters else []
+    estimated = any(item.sigma is not None for item in summary.parameters or ())
+    parts += [Text(), _parameters(summary)] if estimated else []
     parts += [Text(), _gates(summary)] if summary.gates else []
-    parts.append(Text(f"\nTables, summary.json and manifest.json are in {outcome.directory}"))
+    parts.append(Text(f"\nReport: {outcome.directory / 'report.html'}"))
+    parts.append(Text(f"Tables, summary.json and manifest.json are in {outcome.directory}"))
     return Group(*parts)
 
 
