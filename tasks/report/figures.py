@@ -66,4 +66,23 @@ _WORDS = {
 
 def group_words(name: str) -> str:
     """The name of an observation group for people."""
-    return _WORDS.get(name, name.replace("_", " "))
+    plain = _WORDS.get(name, name.replace("_", " ").replace("gnss", "GNSS"))
+    return plain.replace("prior:", "priors: ")
+
+
+_GATE_WORDS = {
+    "sigma0": "σ0",
+    "rmse_control_m": "RMS at control points",
+    "rmse_check_m": "RMS at check points",
+    "max_check_m": "largest difference at check points",
+}
+
+
+def gate_words(name: str) -> str:
+    """The name of a limit for people; one of a component ends with its axis."""
+    for known, words in _GATE_WORDS.items():
+        if name == known:
+            return words
+        if name.startswith(f"{known}_"):
+            return f"{words}, {name.removeprefix(known).lstrip('_')}"
+    return name.replace("_", " ")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from tasks.report.figures import group_words
+from tasks.report.figures import gate_words, group_words
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, numbers, text_column
 
@@ -27,10 +27,10 @@ class Verdict:
 def verdict(material: Material) -> Verdict:
     """Gates and global test in one sentence."""
     gates = material.summary.gates
-    failed = [gate.name.replace("_", " ") for gate in gates if not gate.passed]
+    failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
     if failed:
-        named = ", ".join(failed)
+        named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
         verb = "are" if len(failed) > 1 else "is"
         return Verdict("failed", f"The block is adjusted, but {of} {verb} not kept ({named}); {test}.")
@@ -139,7 +139,7 @@ def gate_table(material: Material) -> Table:
         Row(
             f"{gate.name}:{gate.bound}",
             (
-                gate.name.replace("_", " "),
+                gate_words(gate.name),
                 Number(gate.value, 3),
                 "≤" if gate.bound == "max" else "≥",
                 Number(gate.limit, 3),

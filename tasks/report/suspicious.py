@@ -40,7 +40,7 @@ def rejected_table(material: Material) -> Table:
             (
                 *_observation(row),
                 *numbers((row["residual"],), decimals_for(float(row["sigma"]), 3), plus=True),
-                *numbers((row["sigma"],), decimals_for(float(row["sigma"]))),
+                *numbers((row["sigma"],), decimals_for(float(row["sigma"]), 3)),
                 _unit(row["unit"]),
                 *numbers((row["ratio"],), 1),
             ),

@@ -59,7 +59,7 @@ def _row(row: Mapping[Hashable, Any]) -> Row:
     )
     decimals = decimals_for(sigma)
     cells: tuple[Cell, ...] = (
-        str(row["parameter"]).replace("_", " "),
+        parameter_words(str(row["parameter"])),
         str(row["entity"]),
         *numbers((value,), decimals),
         *numbers((sigma,), decimals),
@@ -70,6 +70,11 @@ def _row(row: Mapping[Hashable, Any]) -> Row:
         _WORDS.get(str(row["status"]), str(row["status"])),
     )
     return Row(f"{row['parameter']}@{row['entity']}", cells)
+
+
+def parameter_words(name: object) -> str:
+    """The name of a parameter for people."""
+    return str(name).replace("_", " ").replace("gnss", "GNSS")
 
 
 def correlation_plot(material: Material) -> Markup | None:
@@ -85,7 +90,7 @@ def correlation_plot(material: Material) -> Markup | None:
     left, top = 300.0, 10.0
     parts = []
     for row, first in enumerate(names):
-        parts.append(markup.text(left - 8, top + (row + 0.5) * side + 4, f"{first}  {row + 1}", "end"))
+        parts.append(markup.text(left - 8, top + (row + 0.5) * side + 4, f"{row + 1}: {first}", "end"))
         parts.append(markup.text(left + (row + 0.5) * side, top + (row + 0.5) * side + 4, str(row + 1)))
         for column, second in enumerate(names[:row]):
             value = float(str(matrix.loc[first, second]))
@@ -98,8 +103,8 @@ def correlation_plot(material: Material) -> Markup | None:
 
 def correlation_matrix(table: pd.DataFrame) -> pd.DataFrame:
     """The symmetric matrix of all pairs, named "parameter of entity", in the order of the table."""
-    of_a = table["parameter_a"].astype(str).str.replace("_", " ") + " of " + table["entity_a"].astype(str)
-    of_b = table["parameter_b"].astype(str).str.replace("_", " ") + " of " + table["entity_b"].astype(str)
+    of_a = table["parameter_a"].map(parameter_words) + " of " + table["entity_a"].astype(str)
+    of_b = table["parameter_b"].map(parameter_words) + " of " + table["entity_b"].astype(str)
     names = sorted({*of_a, *of_b})
     index = pd.Index(names)
     matrix = np.eye(len(names))
