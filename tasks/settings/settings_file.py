@@ -244,6 +244,9 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
         line = line_of_key(source.text, keys[:-1])
     elif error["type"] == "aerocal":
         what, remedy = str(error["ctx"]["what"]), str(error["ctx"]["remedy"])
+    elif error["type"] == "tuple_type":
+        what = f"The value {json.dumps(error['input'], default=str)} is not a list."
+        remedy = f"Write it in brackets: [{json.dumps(error['input'], default=str)}]."
     else:
         what = f"The value {json.dumps(error['input'], default=str)} cannot stand here: {error['msg']}."
         remedy = f"Correct it; {source.kind.page} lists every key with its unit."
