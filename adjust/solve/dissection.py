@@ -18,7 +18,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.solve.covisibility import Covisibility
 
 # Parts of at most this many images are eliminated as one dense matrix.
-LARGEST_PART = 48
+LARGEST_PART = 32
 
 
 @dataclass(frozen=True, eq=False)

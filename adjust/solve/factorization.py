@@ -67,32 +67,20 @@ class Factorization:
     Attributes
     ----------
     normals : what was factorised.
-    scale_exposure, scale_border : (n, 6) and (g,) standard deviation of each unknown if all others of
-        the reduced system were known, σ0 = 1; the scaled matrix has a unit diagonal.
-    factor : of the scaled matrix.
+    factor : of the matrix, scaled to a unit diagonal by the standard deviation each unknown would have
+        if all others of the reduced system were known.
     """
 
     normals: ReducedNormals
-    scale_exposure: Floats
-    scale_border: Floats
     factor: HelmertFactor
 
     def solve(self) -> tuple[Floats, Floats]:
         """Increments (n, 6) of the exposures and (g,) of the system parameters."""
-        exposures, border = self.factor.solve(
-            self.scale_exposure * self.normals.rhs_exposure, self.scale_border * self.normals.rhs_border
-        )
-        return self.scale_exposure * exposures, self.scale_border * border
+        return self.factor.solve(self.normals.rhs_exposure, self.normals.rhs_border)
 
     def cofactor(self) -> ReducedCofactor:
         """Blocks of the inverse on the pattern of the matrix."""
-        pattern = self.normals.pattern
-        blocks, border, corner = self.factor.inverse()
-        scale, of_border = self.scale_exposure, self.scale_border
-        blocks *= scale[pattern.row][:, :, None] * scale[pattern.column][:, None, :]
-        border *= scale[:, :, None] * of_border
-        corner *= of_border[:, None] * of_border
-        return ReducedCofactor(pattern, blocks, border, corner)
+        return ReducedCofactor(self.normals.pattern, *self.factor.inverse())
 
 
 def dense_matrix(normals: ReducedNormals) -> Floats:
@@ -122,15 +110,15 @@ def factorize(normals: ReducedNormals, threads: int = 1) -> Factorization:
     if (scale_exposure > 0.0).all() and (scale_border > 0.0).all():
         factor = factorize_blocks(
             normals.blocking,
-            normals.blocks
-            * scale_exposure[pattern.row][:, :, None]
-            * scale_exposure[pattern.column][:, None, :],
-            normals.border * scale_exposure[:, :, None] * scale_border,
-            normals.corner * scale_border[:, None] * scale_border,
+            normals.blocks,
+            normals.border,
+            normals.corner,
+            scale_exposure,
+            scale_border,
             threads,
         )
         if factor is not None and factor.smallest_pivot > _SINGULAR:
-            return Factorization(normals, scale_exposure, scale_border, factor)
+            return Factorization(normals, factor)
     scale = np.concatenate([scale_exposure.ravel(), scale_border])
     scaled = dense_matrix(normals) * scale[:, None] * scale[None, :]
     natural = np.where(scale > 0.0, scale, 1.0)

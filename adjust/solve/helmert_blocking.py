@@ -22,10 +22,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
-from scipy.linalg import blas, lapack
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.solve import dense_algebra, front_kernel
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.dissection import LARGEST_PART, Dissection, dissect
 
@@ -87,7 +86,7 @@ class HelmertBlocking:
 
 @dataclass(frozen=True, eq=False)
 class FactoredFront:
-    """L (p, p) lower triangular and M (q, p) of one front, Fortran order."""
+    """L (p, p), of which the lower triangle counts, and M (q, p) of one front, Fortran order."""
 
     lower: Floats
     below: Floats
@@ -131,34 +130,38 @@ def _fronts(pattern: Covisibility, dissection: Dissection) -> tuple[Front, ...]:
 
 @dataclass(frozen=True, eq=False)
 class HelmertFactor:
-    """The factorised reduced system, scaled to unit diagonal.
+    """The factorised reduced system: factors of D S D, so that metres and radians go together.
 
     Attributes
     ----------
     analysis : the symbolic part.
     factors : of every front.
-    border : number g of system parameters.
+    scale_exposure, scale_border : the diagonal matrix D, (n, 6) and (g,).
     threads : how many fronts are worked on at once.
     """
 
     analysis: HelmertBlocking
     factors: tuple[FactoredFront, ...]
-    border: int
+    scale_exposure: Floats
+    scale_border: Floats
     threads: int
 
     @property
     def smallest_pivot(self) -> float:
-        """Smallest squared pivot: the least 1 − R² of an unknown with those eliminated after it."""
+        """Smallest squared pivot of the scaled matrix.
+
+        With a unit diagonal it is the least 1 − R² of an unknown with those eliminated after it.
+        """
         return float(min(np.min(np.diagonal(item.lower), initial=np.inf) for item in self.factors) ** 2)
 
     def solve(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
-        """Solution (n, 6) and (g,) for right-hand sides of these shapes."""
-        x, border = rhs.copy(), rhs_border.copy()
+        """Solution (n, 6) and (g,) of S x = rhs for right-hand sides of these shapes."""
+        x, border = self.scale_exposure * rhs, self.scale_border * rhs_border
         fronts = self.analysis.fronts
         for front, factor in zip(fronts, self.factors, strict=True):
             own, rest = front.images[: front.own], front.images[front.own :]
             mine = np.concatenate([x[own].ravel(), border if front.parent < 0 else border[:0]])
-            mine = scipy.linalg.solve_triangular(factor.lower, mine, lower=True, check_finite=False)
+            dense_algebra.solve_lower(factor.lower, mine)
             taken = factor.below @ mine
             x[own] = mine[: 6 * front.own].reshape(-1, 6)
             x[rest] -= taken[: 6 * front.rest].reshape(-1, 6)
@@ -167,17 +170,16 @@ class HelmertFactor:
             own, rest = front.images[: front.own], front.images[front.own :]
             mine = np.concatenate([x[own].ravel(), border if front.parent < 0 else border[:0]])
             known = np.concatenate([x[rest].ravel(), border[:0] if front.parent < 0 else border])
-            mine = scipy.linalg.solve_triangular(
-                factor.lower, mine - factor.below.T @ known, lower=True, trans="T", check_finite=False
-            )
+            mine -= factor.below.T @ known
+            dense_algebra.solve_lower_transposed(factor.lower, mine)
             x[own] = mine[: 6 * front.own].reshape(-1, 6)
             border = mine[6 * front.own :] if front.parent < 0 else border
-        return x, border
+        return self.scale_exposure * x, self.scale_border * border
 
     def inverse(self) -> tuple[Floats, Floats, Floats]:
-        """Blocks of the inverse: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
-        analysis, g = self.analysis, self.border
-        n = analysis.pattern.images
+        """Blocks of S⁻¹: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
+        analysis, scale, of_border = self.analysis, self.scale_exposure, self.scale_border
+        n, g = analysis.pattern.images, len(of_border)
         blocks = np.empty((len(analysis.pattern.column), 6, 6))
         border = np.empty((n, 6, g))
         corner = np.empty((g, g))
@@ -188,15 +190,15 @@ class HelmertFactor:
             known = None if front.parent < 0 else inverses[front.parent]
             z = _front_inverse(front, factor, known, g)
             inverses[index] = z
-            size = 6 * (front.own + front.rest)
-            view = z[:size, :size].reshape(front.own + front.rest, 6, front.own + front.rest, 6)
-            found = view[front.lower, :, front.upper, :]
-            found[front.transposed] = np.swapaxes(found[front.transposed], 1, 2)
-            blocks[front.blocks] = found
-            own = front.images[: front.own]
-            border[own] = z[: 6 * front.own, size:].reshape(front.own, 6, g)
+            front_kernel.disassemble(
+                z, front.blocks, front.lower, front.upper, front.transposed, front.images, scale, blocks
+            )
+            own, size = front.images[: front.own], 6 * (front.own + front.rest)
+            of_own = z[size:, : 6 * front.own].T.reshape(front.own, 6, g)
+            border[own] = scale[own][:, :, None] * of_own * of_border
             if front.parent < 0:
-                corner[:] = z[size:, size:]
+                half = np.tril(z[size:, size:])
+                corner[:] = of_border[:, None] * (half + np.tril(half, -1).T) * of_border
 
         for level in reversed(analysis.levels()):
             _in_parallel(work, level, self.threads)
@@ -214,34 +216,18 @@ def _forget(inverses: dict[int, Floats], fronts: tuple[Front, ...], done: list[i
 
 
 def _front_inverse(front: Front, factor: FactoredFront, known: Floats | None, border: int) -> Floats:
-    """Inverse of the whole matrix on the unknowns of one front, from that of its parent."""
-    own = _own_inverse(factor.lower)
+    """Lower triangle of the inverse of the whole matrix on the unknowns of a front, from its parent's."""
     p, q = factor.lower.shape[0], factor.below.shape[0]
-    if known is None or q == 0:
-        return own
-    take = _scalars(front.in_parent, known.shape[0], border)
-    rest = known[np.ix_(take, take)]
-    if p == 0:
-        return rest
-    # G = M L⁻¹; with it Z12 = −Gᵀ Z22.
-    gain = blas.dtrsm(1.0, factor.lower, factor.below, side=1, lower=1)
-    side = gain.T @ rest
-    z = np.empty((p + q, p + q))
-    z[:p, :p] = own + side @ gain
-    z[:p, p:] = -side
-    z[p:, :p] = -side.T
-    z[p:, p:] = rest
-    return z
-
-
-def _own_inverse(lower: Floats) -> Floats:
-    """(L Lᵀ)⁻¹, symmetric; empty for an empty factor."""
-    if lower.shape[0] == 0:
-        return np.zeros((0, 0))
-    inverse, info = lapack.dpotri(lower, lower=1)
-    if info != 0:
-        raise np.linalg.LinAlgError("a front of the normal equations cannot be inverted")
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
+    inverse = np.empty((p + q, p + q), order="F")
+    square, side, rest = inverse[:p, :p], inverse[p:, :p], inverse[p:, p:]
+    dense_algebra.invert_square(factor.lower, square)
+    if known is not None and q > 0:
+        front_kernel.gather(known, _scalars(front.in_parent, known.shape[0], border), rest)
+        # G = M L⁻¹; with it Z21 = −Z22 G and Z11 = (L Lᵀ)⁻¹ − Gᵀ Z21.
+        gain = dense_algebra.times_inverse(factor.below, factor.lower)
+        dense_algebra.negative_product(rest, gain, side)
+        dense_algebra.subtract_product(square, gain, side)
+    return inverse
 
 
 def _scalars(exposures: Ints, size: int, border: int) -> Ints:
@@ -251,7 +237,13 @@ def _scalars(exposures: Ints, size: int, border: int) -> Ints:
 
 
 def factorize_blocks(
-    analysis: HelmertBlocking, blocks: Floats, border: Floats, corner: Floats, threads: int
+    analysis: HelmertBlocking,
+    blocks: Floats,
+    border: Floats,
+    corner: Floats,
+    scale_exposure: Floats,
+    scale_border: Floats,
+    threads: int,
 ) -> HelmertFactor | None:
     """Factorise a positive definite block matrix; None if it is not positive definite.
 
@@ -259,6 +251,8 @@ def factorize_blocks(
     ----------
     blocks : (blocks, 6, 6) upper block triangle on the pattern, diagonal blocks in full.
     border : (n, 6, g).  corner : (g, g).
+    scale_exposure, scale_border : (n, 6) and (g,), positive: rows and columns are multiplied by them
+        before anything else; best such that the diagonal becomes 1.
     """
     g = corner.shape[0]
     fronts = analysis.fronts
@@ -271,54 +265,31 @@ def factorize_blocks(
 
     def work(index: int) -> None:
         front = fronts[index]
-        matrix = _assembled(front, blocks, border, corner)
-        for child in children[index]:
-            update = left.pop(child, None)
-            if update is None:
-                return
-            at = _scalars(fronts[child].in_parent, matrix.shape[0], g)
-            matrix[np.ix_(at, at)] += update
+        size = 6 * (front.own + front.rest) + g
         p = 6 * front.own + (g if front.parent < 0 else 0)
-        eliminated = _eliminate(matrix, p)
-        if eliminated is not None:
-            factors[index], left[index] = eliminated
+        columns, rest = np.zeros((size, p), order="F"), np.zeros((size - p, size - p), order="F")
+        front_kernel.assemble(
+            columns, blocks, front.blocks, front.lower, front.upper, front.transposed, front.images,
+            scale_exposure,
+        )  # fmt: skip
+        own = front.images[: front.own]
+        of_own = scale_exposure[own][:, :, None] * border[own] * scale_border
+        columns[size - g :, : 6 * front.own] = of_own.reshape(6 * front.own, g).T
+        if front.parent < 0:
+            columns[size - g :, 6 * front.own :] = scale_border[:, None] * corner * scale_border
+        for child in children[index]:
+            front_kernel.extend(columns, rest, left.pop(child), _scalars(fronts[child].in_parent, size, g))
+        if dense_algebra.factorize_columns(columns):
+            below = columns[p:]
+            dense_algebra.subtract_square(rest, below)
+            factors[index], left[index] = FactoredFront(columns[:p], below), rest
 
     for level in analysis.levels():
         _in_parallel(work, level, threads)
         if any(factors[index] is None for index in level):
             return None
-    return HelmertFactor(analysis, tuple(item for item in factors if item is not None), g, threads)
-
-
-def _eliminate(matrix: Floats, p: int) -> tuple[FactoredFront, Floats] | None:
-    """Eliminate the first p unknowns of a front: its factor and what is left; None if not positive."""
-    q = matrix.shape[0] - p
-    # Separators of disconnected parts are empty, and LAPACK takes no empty matrices.
-    if p == 0:
-        return FactoredFront(np.zeros((0, 0)), np.zeros((q, 0))), matrix
-    lower, info = lapack.dpotrf(matrix[:p, :p], lower=1, clean=1)
-    if info != 0:
-        return None
-    if q == 0:
-        return FactoredFront(lower, np.zeros((0, p))), np.zeros((0, 0))
-    below = blas.dtrsm(1.0, lower, matrix[p:, :p], side=1, lower=1, trans_a=1)
-    return FactoredFront(lower, below), blas.dsyrk(-1.0, below, beta=1.0, c=matrix[p:, p:], lower=1)
-
-
-def _assembled(front: Front, blocks: Floats, border: Floats, corner: Floats) -> Floats:
-    """Front with the original equations of its own exposures; only the lower triangle counts."""
-    g = corner.shape[0]
-    k = front.own + front.rest
-    matrix = np.zeros((6 * k + g, 6 * k + g), order="F")
-    chosen = blocks[front.blocks]
-    chosen[front.transposed] = np.swapaxes(chosen[front.transposed], 1, 2)
-    rows = 6 * front.lower[:, None, None] + np.arange(6)[:, None]
-    matrix[rows, 6 * front.upper[:, None, None] + np.arange(6)] = chosen
-    own = front.images[: front.own]
-    matrix[6 * k :, : 6 * front.own] = border[own].reshape(6 * front.own, g).T
-    if front.parent < 0:
-        matrix[6 * k :, 6 * k :] = corner
-    return matrix
+    found = tuple(item for item in factors if item is not None)
+    return HelmertFactor(analysis, found, scale_exposure, scale_border, threads)
 
 
 def _in_parallel(work: Callable[[int], None], indices: Iterable[int], threads: int) -> None:

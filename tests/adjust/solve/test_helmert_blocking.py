@@ -48,9 +48,13 @@ def check(
 ) -> None:
     blocks, of_border, corner, matrix = positive_matrix(pattern, border, seed=pattern.images)
     analysis = HelmertBlocking.of(pattern, position, largest_part)
-    factor = factorize_blocks(analysis, blocks, of_border, corner, threads)
-    assert factor is not None
     n = pattern.images
+    # Powers of two: any scale gives the same solution and inverse, these without rounding.
+    scale = np.exp2(np.random.default_rng(2).integers(-9, 9, 6 * n + border))
+    factor = factorize_blocks(
+        analysis, blocks, of_border, corner, scale[: 6 * n].reshape(n, 6), scale[6 * n :], threads
+    )
+    assert factor is not None
     rhs = np.random.default_rng(1).normal(size=6 * n + border)
     exposures, parameters = factor.solve(rhs[: 6 * n].reshape(n, 6), rhs[6 * n :])
     expected = np.linalg.solve(matrix, rhs)
@@ -138,7 +142,9 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
     analysis = HelmertBlocking.of(pattern, position, 10)
     results = []
     for threads in (1, 2, 4):
-        factor = factorize_blocks(analysis, blocks, of_border, corner, threads)
+        factor = factorize_blocks(
+            analysis, blocks, of_border, corner, np.ones((pattern.images, 6)), np.ones(5), threads
+        )
         assert factor is not None
         results.append(b"".join(part.tobytes() for part in factor.inverse()))
     assert results[0] == results[1] == results[2]
@@ -149,4 +155,5 @@ def test_a_matrix_that_is_not_positive_definite_has_no_factor() -> None:
     blocks, of_border, corner, _ = positive_matrix(pattern, 2, seed=0)
     blocks[pattern.diagonal[11]] -= 2.0 * np.eye(6) * np.trace(blocks[pattern.diagonal[11]])
     analysis = HelmertBlocking.of(pattern, position, 4)
-    assert factorize_blocks(analysis, blocks, of_border, corner, 1) is None
+    scale = np.ones((pattern.images, 6))
+    assert factorize_blocks(analysis, blocks, of_border, corner, scale, np.ones(2), 1) is None
