@@ -17,7 +17,10 @@ from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
 
 from flows.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
+from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, carry_out  # noqa: E402
+from tasks.errors import InputError  # noqa: E402
+from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
 
 #: Names of the failed states, by the status in summary.json.
@@ -69,6 +72,44 @@ def aerial_triangulation(
         Path(data) if data is not None else None,
     )
     return state_of(carry_out(aerial_triangulation_story, request))
+
+
+def check_name() -> str:
+    """Name of a flight check's run: what is simulated."""
+    return f"flight-check/{flow_run.parameters['simulation']}"
+
+
+@flow(
+    name="flight-check",
+    flow_run_name=check_name,
+    timeout_seconds=_HOUR_S,
+    persist_result=False,
+    validate_parameters=True,
+)
+def flight_check(
+    simulation: str = "uce-low",
+    out: str = "flight-check",
+    overrides: list[str] | None = None,
+    seed: int | None = None,
+) -> State[None]:
+    """Simulate a block, adjust it, compare every estimate with the truth.
+
+    Parameters
+    ----------
+    simulation : name of a preset, or path of a SPEC.toml.
+    out : folder of the simulated project.
+    overrides : values of the specification to replace, each as ``a.b.c=VALUE``.
+    seed : of all random numbers.
+    """
+    try:
+        specification = load_simulation(simulation, tuple(overrides or ()), seed)
+    except InputError as error:
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    check = flight_check_story(specification, Path(out))
+    contradictions = () if check.comparison is None else check.comparison.contradictions()
+    if contradictions:
+        return Failed(name="ContradictsTruth", message=" ".join(contradictions))
+    return state_of(check.outcome)
 
 
 def run_and_report(request: RunRequest) -> RunOutcome:

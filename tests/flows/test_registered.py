@@ -73,6 +73,18 @@ def test_what_went_wrong_is_the_name_of_the_state(
     assert word in str(state.message)
 
 
+def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
+    from flows.registered import flight_check
+
+    few = ["points.count=300"]
+    state = flight_check("uce-high", str(tmp_path / "flight"), few, return_state=True)
+    assert state.name == "Completed"
+    assert (tmp_path / "flight" / "results" / "report.html").is_file()
+    wrong = flight_check("uce-hihg", str(tmp_path / "wrong"), return_state=True)
+    assert wrong.name == "InputError"
+    assert "uce-high" in wrong.message
+
+
 def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
     state = as_flow(block, tmp_path / "out")
     assert state.name == "Completed"
