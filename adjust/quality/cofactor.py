@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from adjust.arrays import Floats
 from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.quality import cofactor_kernel
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
+from adjust.solve.lanes import Lane, in_any_order, lanes
 from adjust.solve.normal_equations import System
 
 
@@ -36,23 +39,31 @@ def cofactor(system: System, solution: Solution) -> Cofactor:
 def with_points(system: System, solution: Solution, reduced: ReducedCofactor) -> Cofactor:
     """Cofactors of object points and image points from those of exposures and system parameters."""
     rays, state = system.observations.image_points, solution.state
-    of_points, hat = cofactor_kernel.point_cofactors(
-        system.point_start,
-        rays.image,
-        rays.camera_of_image,
-        state.projection_centre,
-        state.local_from_camera,
-        state.object_point,
-        state.system[INTERIOR_ORIENTATION],
-        rays.xy,
-        rays.inverse_sigma,
-        system.active_point,
-        system.layout.columns[INTERIOR_ORIENTATION],
-        solution.normals.point_factor,
-        system.pattern.row_start,
-        system.pattern.column,
-        reduced.blocks,
-        reduced.border,
-        reduced.corner,
-    )
+    of_points, hat = np.full((len(system.active_point), 3, 3), np.nan), np.zeros((len(rays.image), 3))
+
+    def work(lane: Lane) -> None:
+        cofactor_kernel.point_cofactors(
+            *lane,
+            system.point_start,
+            rays.image,
+            rays.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+            state.system[INTERIOR_ORIENTATION],
+            rays.xy,
+            rays.inverse_sigma,
+            system.active_point,
+            system.layout.columns[INTERIOR_ORIENTATION],
+            solution.normals.point_factor,
+            system.pattern.row_start,
+            system.pattern.column,
+            reduced.blocks,
+            reduced.border,
+            reduced.corner,
+            of_points,
+            hat,
+        )
+
+    in_any_order(work, lanes(system.point_start), system.threads)
     return Cofactor(reduced, of_points, hat)

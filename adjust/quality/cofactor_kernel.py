@@ -33,16 +33,17 @@ def inverse_from_factor(lower, inverse):
 
 @kernel
 def point_cofactors(
-    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
-    active_point, interior_columns, point_factor, row_start, column, blocks, border, corner,
+    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, xy,
+    inverse_sigma, active_point, interior_columns, point_factor, row_start, column, blocks, border, corner,
+    cofactor, hat,
 ):  # fmt: skip
-    """Cofactors (m, 3, 3) of the object points and (n, 3) hat elements xx, xy, yy of the image points."""
-    m = points.shape[0]
+    """Cofactors of the object points first_point … last_point − 1, and hat matrices of their image points.
+
+    Fills cofactor (m, 3, 3) and hat (n, 3), elements xx, xy, yy; inactive points keep what is there.
+    """
     borders = border.shape[2]
-    cofactor = np.full((m, 3, 3), np.nan)
-    hat = np.zeros((image.shape[0], 3))
     most = 1
-    for j in range(m):
+    for j in range(first_point, last_point):
         most = max(most, point_start[j + 1] - point_start[j])
     misclosure = np.zeros(2)
     of_exterior = np.zeros((most, 2, 6))
@@ -57,7 +58,7 @@ def point_cofactors(
     inverse = np.zeros((3, 3))
     mixed = np.zeros(3)
     to_point = np.zeros((2, 3))
-    for j in range(m):
+    for j in range(first_point, last_point):
         if not active_point[j]:
             continue
         first = point_start[j]
@@ -186,4 +187,3 @@ def point_cofactors(
                     slot += 1
         for u in range(touched):
             position[local[u]] = -1
-    return cofactor, hat

@@ -41,7 +41,8 @@ class _NullSpace:
         change = np.abs(self.of_border @ coefficients)
         if change.size == 0 or change.max() <= least:
             return ()
-        order = np.argsort(-change, kind="stable")
+        # Of changes that are equal but for rounding the first parameter comes first.
+        order = np.argsort(-np.round(change / change.max(), 6), kind="stable")
         return tuple(self.border_names[k] for k in order if change[k] > max(_INVOLVED * change.max(), least))
 
 

@@ -17,8 +17,6 @@ summed in the same order, so the result does not depend on the number of threads
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +25,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.solve import dense_algebra, front_kernel
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.dissection import LARGEST_PART, Dissection, dissect
+from adjust.solve.lanes import in_any_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +200,7 @@ class HelmertFactor:
                 corner[:] = of_border[:, None] * (half + np.tril(half, -1).T) * of_border
 
         for level in reversed(analysis.levels()):
-            _in_parallel(work, level, self.threads)
+            in_any_order(work, level, self.threads)
             # A parent's inverse is needed until its last child is done; children are one level below or more.
             _forget(inverses, analysis.fronts, level)
         return blocks, border, corner
@@ -285,20 +284,8 @@ def factorize_blocks(
             factors[index], left[index] = FactoredFront(columns[:p], below), rest
 
     for level in analysis.levels():
-        _in_parallel(work, level, threads)
+        in_any_order(work, level, threads)
         if any(factors[index] is None for index in level):
             return None
     found = tuple(item for item in factors if item is not None)
     return HelmertFactor(analysis, found, scale_exposure, scale_border, threads)
-
-
-def _in_parallel(work: Callable[[int], None], indices: Iterable[int], threads: int) -> None:
-    """Call work for every index, on several threads where there are; their order does not matter."""
-    indices = list(indices)
-    if threads <= 1 or len(indices) == 1:
-        for index in indices:
-            work(index)
-        return
-    with ThreadPoolExecutor(max_workers=threads) as pool:
-        for _ in pool.map(work, indices):
-            pass

@@ -13,19 +13,18 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
-from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.errors import InconsistentBlockError
 from adjust.observations.base import Linearization, ObservationGroup
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import (
     EXTERIOR_ORIENTATION,
-    INTERIOR_ORIENTATION,
     OBJECT_POINT,
     ParameterLayout,
     State,
 )
-from adjust.solve import reduction_kernel
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.reduction import Sums, increments_of_points, reduce_image_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,76 +198,54 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
     InconsistentBlockError : if an object point lies behind a camera that sees it.
     """
     layout = system.layout
-    n, m, g = layout.images, layout.points, layout.border
-    blocks = np.zeros((len(system.pattern.column), 6, 6))
-    border, corner = np.zeros((n, 6, g)), np.zeros((g, g))
-    rhs_exposure, rhs_border = np.zeros((n, 6)), np.zeros(g)
+    m, g = layout.points, layout.border
+    sums = Sums.zero(len(system.pattern.column), layout.images, g)
     point_normal, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
     squares = 0.0
     for group in system.observations.others:
         equations = whiten(group, group.linearize(state))
         squares += float(np.sum(equations.misclosure**2))
-        of_exposure, of_border, of_point = _gathered(equations, layout)
-        if of_point is not None:
-            index, jacobian = of_point
-            np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
-            np.add.at(point_rhs, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
-        if of_exposure is not None:
-            index, jacobian = of_exposure
-            transposed = np.swapaxes(jacobian, 1, 2)
-            np.add.at(blocks, system.pattern.diagonal[index], transposed @ jacobian)
-            np.add.at(rhs_exposure, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
-            np.add.at(border, index, transposed @ of_border)
-        corner += np.einsum("nij,nik->jk", of_border, of_border)
-        rhs_border += np.einsum("nij,ni->j", of_border, equations.misclosure)
-    diagonal_exposure = np.diagonal(blocks[system.pattern.diagonal], axis1=1, axis2=2).copy()
-    diagonal_border = np.diagonal(corner).copy()
-
-    rays = system.observations.image_points
-    of_images, eliminated, behind, undetermined = reduction_kernel.reduce_points(
-        system.point_start,
-        rays.image,
-        rays.camera_of_image,
-        state.projection_centre,
-        state.local_from_camera,
-        state.object_point,
-        state.system[INTERIOR_ORIENTATION],
-        rays.xy,
-        rays.inverse_sigma,
-        system.active_point,
-        layout.columns[INTERIOR_ORIENTATION],
-        damping,
-        system.pattern.row_start,
-        system.pattern.column,
-        blocks,
-        border,
-        corner,
-        rhs_exposure,
-        rhs_border,
-        diagonal_exposure,
-        diagonal_border,
-        point_normal,
-        point_rhs,
-    )
-    _refuse(system.block, behind, undetermined)
+        _add_group(sums, equations, system, point_normal, point_rhs)
+    sums.diagonal_exposure[:] = np.diagonal(sums.blocks[system.pattern.diagonal], axis1=1, axis2=2)
+    sums.diagonal_border[:] = np.diagonal(sums.corner)
+    of_images, eliminated = reduce_image_points(system, state, damping, sums, point_normal, point_rhs)
     if damping > 0.0:
         diagonal = np.arange(6)
-        blocks[system.pattern.diagonal[:, None], diagonal, diagonal] += damping * diagonal_exposure
-        corner[np.arange(g), np.arange(g)] += damping * diagonal_border
+        sums.blocks[system.pattern.diagonal[:, None], diagonal, diagonal] += damping * sums.diagonal_exposure
+        sums.corner[np.arange(g), np.arange(g)] += damping * sums.diagonal_border
     return ReducedNormals(
         system.blocking,
-        blocks,
-        border,
-        corner,
-        rhs_exposure,
-        rhs_border,
-        diagonal_exposure,
-        diagonal_border,
+        sums.blocks,
+        sums.border,
+        sums.corner,
+        sums.rhs_exposure,
+        sums.rhs_border,
+        sums.diagonal_exposure,
+        sums.diagonal_border,
         point_normal,
         point_rhs,
         squares + of_images,
         eliminated,
     )
+
+
+def _add_group(
+    sums: Sums, equations: Linearization, system: System, point_normal: Floats, point_rhs: Floats
+) -> None:
+    """Add one group of whitened observation equations, whatever it is."""
+    of_exposure, of_border, of_point = _gathered(equations, system.layout)
+    if of_point is not None:
+        index, jacobian = of_point
+        np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
+        np.add.at(point_rhs, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
+    if of_exposure is not None:
+        index, jacobian = of_exposure
+        transposed = np.swapaxes(jacobian, 1, 2)
+        np.add.at(sums.blocks, system.pattern.diagonal[index], transposed @ jacobian)
+        np.add.at(sums.rhs_exposure, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
+        np.add.at(sums.border, index, transposed @ of_border)
+    sums.corner[:] += np.einsum("nij,nik->jk", of_border, of_border)
+    sums.rhs_border[:] += np.einsum("nij,ni->j", of_border, equations.misclosure)
 
 
 def weighted_squares(system: System, state: State) -> float:
@@ -285,25 +262,9 @@ def substitute_back(
     system: System, state: State, normals: ReducedNormals, of_exposures: Floats, of_border: Floats
 ) -> Floats:
     """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
-    rays = system.observations.image_points
-    increments: Floats = reduction_kernel.substitute_back(
-        system.point_start,
-        rays.image,
-        rays.camera_of_image,
-        state.projection_centre,
-        state.local_from_camera,
-        state.object_point,
-        state.system[INTERIOR_ORIENTATION],
-        rays.xy,
-        rays.inverse_sigma,
-        system.active_point,
-        system.layout.columns[INTERIOR_ORIENTATION],
-        normals.point_factor,
-        normals.point_rhs,
-        of_exposures,
-        of_border,
+    return increments_of_points(
+        system, state, normals.point_factor, normals.point_rhs, of_exposures, of_border
     )
-    return increments
 
 
 def whiten(group: ObservationGroup, equations: Linearization) -> Linearization:
@@ -340,16 +301,3 @@ def add_border_columns(of_border: Floats, columns: Ints, jacobian: Floats) -> No
     for component in range(columns.shape[1]):
         rows = np.flatnonzero(columns[:, component] >= 0)
         of_border[rows, :, columns[rows, component]] += jacobian[rows, :, component]
-
-
-def _refuse(block: Block, behind: int, undetermined: int) -> None:
-    if behind >= 0:
-        raise InconsistentBlockError(
-            f"Object point {block.points[behind]} lies behind a camera that sees it. Check the angle "
-            "convention, the mounting and the approximate heights."
-        )
-    if undetermined >= 0:
-        name = block.points[undetermined]
-        raise DatumDefectError(
-            1, (f"object point {name}",), (f"Object point {name}: its rays do not intersect.",)
-        )

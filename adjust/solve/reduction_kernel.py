@@ -79,12 +79,12 @@ def point_normals(
 
 @kernel
 def reduce_points(
-    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
+    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
     active_point, interior_columns, damping, row_start, column,
     blocks, border, corner, rhs_exposure, rhs_border, diagonal_exposure, diagonal_border,
     point_normal, point_rhs,
 ):  # fmt: skip
-    """Add all image points to the reduced normal equations.
+    """Add the image points of the object points first … last − 1 to the reduced normal equations.
 
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
@@ -95,7 +95,7 @@ def reduce_points(
     point or −1).
     """
     most = 1
-    for j in range(points.shape[0]):
+    for j in range(first, last):
         most = max(most, point_start[j + 1] - point_start[j])
     misclosure = np.zeros((most, 2))
     of_exterior = np.zeros((most, 2, 6))
@@ -115,7 +115,7 @@ def reduce_points(
     eliminated = 0.0
     behind = -1
     undetermined = -1
-    for j in range(points.shape[0]):
+    for j in range(first, last):
         if not active_point[j]:
             continue
         rays[0] = point_start[j]
@@ -227,18 +227,16 @@ def reduce_points(
 
 @kernel
 def substitute_back(
-    point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
-    active_point, interior_columns, point_factor, point_rhs, of_exposures, of_border,
+    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
+    active_point, interior_columns, point_factor, point_rhs, of_exposures, of_border, result,
 ):  # fmt: skip
-    """Increments (m, 3) of the object points: dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a)."""
-    m = points.shape[0]
-    result = np.zeros((m, 3))
+    """Increments dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a) of the object points first … last − 1, to result (m, 3)."""
     misclosure = np.zeros(2)
     of_exterior = np.zeros((2, 6))
     of_interior = np.zeros((2, 3))
     of_point = np.zeros((2, 3))
     rhs = np.zeros(3)
-    for j in range(m):
+    for j in range(first, last):
         if not active_point[j]:
             continue
         rhs[:] = point_rhs[j]
@@ -269,4 +267,3 @@ def substitute_back(
                 rhs[k] -= lower[q, k] * rhs[q]
             rhs[k] /= lower[k, k]
         result[j, :] = rhs
-    return result

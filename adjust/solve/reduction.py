@@ -1,0 +1,188 @@
+"""The image points' part of the reduced normal equations, lane by lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.block import Block
+from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.solve import reduction_kernel
+from adjust.solve.lanes import Lane, in_any_order, in_order, lanes
+
+if TYPE_CHECKING:
+    from adjust.solve.normal_equations import System
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums over observations that grow in place.
+
+    Attributes
+    ----------
+    blocks : (blocks, 6, 6) upper block triangle of the exposures.
+    border : (n, 6, g) exposures × system parameters.  corner : (g, g).
+    rhs_exposure : (n, 6).  rhs_border : (g,).
+    diagonal_exposure : (n, 6), diagonal_border : (g,) of the unreduced normal equations.
+    """
+
+    blocks: Floats
+    border: Floats
+    corner: Floats
+    rhs_exposure: Floats
+    rhs_border: Floats
+    diagonal_exposure: Floats
+    diagonal_border: Floats
+
+    @classmethod
+    def zero(cls, blocks: int, images: int, border: int) -> Sums:
+        """Nothing yet, for so many blocks, images and system parameters."""
+        return cls(
+            np.zeros((blocks, 6, 6)),
+            np.zeros((images, 6, border)),
+            np.zeros((border, border)),
+            np.zeros((images, 6)),
+            np.zeros(border),
+            np.zeros((images, 6)),
+            np.zeros(border),
+        )
+
+    def add(self, other: Sums, columns: Ints) -> None:
+        """Add the sums of other observations that know only the system parameters in these columns."""
+        for mine, its in (
+            (self.blocks, other.blocks),
+            (self.rhs_exposure, other.rhs_exposure),
+            (self.diagonal_exposure, other.diagonal_exposure),
+        ):
+            mine += its
+        self.border[:, :, columns] += other.border
+        self.corner[np.ix_(columns, columns)] += other.corner
+        self.rhs_border[columns] += other.rhs_border
+        self.diagonal_border[columns] += other.diagonal_border
+
+
+def reduce_image_points(
+    system: System, state: State, damping: float, sums: Sums, point_normal: Floats, point_rhs: Floats
+) -> tuple[float, float]:
+    """Add all image points to the sums and eliminate the object points.
+
+    Parameters
+    ----------
+    point_normal, point_rhs : (m, 3, 3) and (m, 3), what other groups add to the object points; on return
+        the lower Cholesky factors of N_pp and the full right-hand sides.
+
+    Returns
+    -------
+    weighted_squares, eliminated : vᵀPv of the image points and Σ b_pᵀ N_pp⁻¹ b_p.
+
+    Raises
+    ------
+    DatumDefectError : if an object point is not determined by its observations.
+    InconsistentBlockError : if an object point lies behind a camera that sees it.
+    """
+    rays, pattern = system.observations.image_points, system.pattern
+    columns, compact = _interior_columns(system)
+
+    def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
+        mine = Sums.zero(len(pattern.column), pattern.images, len(columns))
+        return mine, *reduction_kernel.reduce_points(
+            *lane,
+            system.point_start,
+            rays.image,
+            rays.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+            state.system[INTERIOR_ORIENTATION],
+            rays.xy,
+            rays.inverse_sigma,
+            system.active_point,
+            compact,
+            damping,
+            pattern.row_start,
+            pattern.column,
+            mine.blocks,
+            mine.border,
+            mine.corner,
+            mine.rhs_exposure,
+            mine.rhs_border,
+            mine.diagonal_exposure,
+            mine.diagonal_border,
+            point_normal,
+            point_rhs,
+        )
+
+    weighted_squares = eliminated = 0.0
+    for of_lane, squares, reduction, behind, undetermined in in_order(
+        work, lanes(system.point_start), system.threads
+    ):
+        _refuse(system.block, behind, undetermined)
+        sums.add(of_lane, columns)
+        weighted_squares += squares
+        eliminated += reduction
+    return weighted_squares, eliminated
+
+
+def increments_of_points(
+    system: System,
+    state: State,
+    point_factor: Floats,
+    point_rhs: Floats,
+    of_exposures: Floats,
+    of_border: Floats,
+) -> Floats:
+    """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
+    rays, increments = system.observations.image_points, np.zeros_like(state.object_point)
+
+    def work(lane: Lane) -> None:
+        reduction_kernel.substitute_back(
+            *lane,
+            system.point_start,
+            rays.image,
+            rays.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+            state.system[INTERIOR_ORIENTATION],
+            rays.xy,
+            rays.inverse_sigma,
+            system.active_point,
+            system.layout.columns[INTERIOR_ORIENTATION],
+            point_factor,
+            point_rhs,
+            of_exposures,
+            of_border,
+            increments,
+        )
+
+    in_any_order(work, lanes(system.point_start), system.threads)
+    return increments
+
+
+def _interior_columns(system: System) -> tuple[Ints, Ints]:
+    """Columns (k,) of the free interior orientations, and those of each camera counted among them alone.
+
+    The image points touch no other system parameter, and a lane need not keep room for the others.
+    """
+    columns = system.layout.columns[INTERIOR_ORIENTATION]
+    free = columns >= 0
+    compact = np.full_like(columns, -1)
+    compact[free] = np.arange(int(free.sum()))
+    return columns[free], compact
+
+
+def _refuse(block: Block, behind: int, undetermined: int) -> None:
+    if behind >= 0:
+        raise InconsistentBlockError(
+            f"Object point {block.points[behind]} lies behind a camera that sees it. Check the angle "
+            "convention, the mounting and the approximate heights."
+        )
+    if undetermined >= 0:
+        name = block.points[undetermined]
+        raise DatumDefectError(
+            1, (f"object point {name}",), (f"Object point {name}: its rays do not intersect.",)
+        )
