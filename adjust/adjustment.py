@@ -7,18 +7,18 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
-from adjust.errors import InconsistentBlockError
+from adjust.data_snooping import Search, snoop
+from adjust.least_squares import Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
-from adjust.parameters import State
-from adjust.quality.cofactor import Cofactor, cofactor
 from adjust.quality.global_test import global_test
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals, group_residuals
-from adjust.quality.rejection import Rejection, reject
+from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.variance_components import VarianceComponent, variance_components
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.solve.datum import datum_shares
-from adjust.solve.gauss_newton import Estimate, Iteration, Progress, Solution, converge, iterate
+from adjust.solve.gauss_newton import Estimate, Progress, converge
 from adjust.solve.normal_equations import Observations, System
+from adjust.weighting import Weighted, estimate_weights
 
 
 def adjust_block(
@@ -31,7 +31,8 @@ def adjust_block(
 
     Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
     pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
-    all statistics come. The linear algebra library runs on one thread, and what runs on several sums
+    all statistics come. Where variance components are asked for, the weights are estimated, too, in turn
+    with the rejection. The linear algebra library runs on one thread, and what runs on several sums
     in an order of its own, so that the result does not depend on their number.
 
     Parameters
@@ -45,43 +46,17 @@ def adjust_block(
     InconsistentBlockError : the block contradicts itself.
     """
     options = options or AdjustmentOptions()
-    history: list[tuple[Iteration, ...]] = []
-    rejected_per_pass: list[int] = []
-    rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in observations.groups)
-    state, remaining = block.approximate_state(), observations
+    adjuster = Adjuster(options, progress)
     with threadpool_limits(limits=1):
-        system = System.of(block, remaining, options.threads)
-        for _ in range(options.most_passes):
-            solution = iterate(system, state, options.most_iterations, progress)
-            state = solution.state
-            history.append(solution.iterations)
-            quality = cofactor(system, solution)
-            residuals = group_residuals(system, state, quality)
-            if options.critical_value is None:
-                break
-            rejection = reject(remaining, residuals, options.critical_value)
-            if rejection.count == 0:
-                break
-            rejected_per_pass.append(rejection.count)
-            rejected = tuple(a | b for a, b in zip(rejected, rejection.rejected, strict=True))
-            remaining = without(remaining, rejection)
-            system = system.remaining(remaining)
-        else:
-            raise InconsistentBlockError(
-                f"After {options.most_passes} passes of rejection there are still standardized residuals "
-                f"above {options.critical_value}. The critical value is too small for these weights."
-            )
-        return _result(
-            system,
-            solution,
-            quality,
-            residuals,
-            observations,
-            rejected,
-            options,
-            tuple(history),
-            tuple(rejected_per_pass),
-        )
+        system = System.of(block, observations, options.threads)
+        search = Search.start(observations, adjuster.adjust(system, block.approximate_state()))
+        weighted = None
+        if options.variance_components:
+            weighted = estimate_weights(adjuster, search, options.critical_value)
+            search = weighted.search
+        elif options.critical_value is not None:
+            search = snoop(adjuster, search, options.critical_value)
+        return _result(search, weighted, options)
 
 
 def estimate_block(
@@ -101,33 +76,10 @@ def estimate_block(
         return converge(system, block.approximate_state(), options.most_iterations, progress)
 
 
-def without(observations: Observations, rejection: Rejection) -> Observations:
-    """The observations that remain after a pass of rejection."""
-    of_rays = rejection.rejected[0].copy()
-    of_rays[rejection.dropped] = True
-    return Observations(
-        observations.image_points.without(of_rays),
-        tuple(
-            group.without(mask)
-            for group, mask in zip(observations.others, rejection.rejected[1:], strict=True)
-        ),
-    )
-
-
-def _result(
-    system: System,
-    solution: Solution,
-    quality: Cofactor,
-    residuals: tuple[GroupResiduals, ...],
-    given: Observations,
-    rejected: tuple[Bools, ...],
-    options: AdjustmentOptions,
-    history: tuple[tuple[Iteration, ...], ...],
-    rejected_per_pass: tuple[int, ...],
-) -> AdjustmentResult:
-    """Everything about the last pass."""
-    state: State = solution.state
-    squares = float(sum(item.weighted_squares for item in residuals))
+def _result(search: Search, weighted: Weighted | None, options: AdjustmentOptions) -> AdjustmentResult:
+    """Everything about the last adjustment."""
+    adjusted = search.adjusted
+    system, state = adjusted.system, adjusted.state
     groups = tuple(
         GroupResult(
             group,
@@ -140,19 +92,32 @@ def _result(
             item.weighted_squares,
         )
         for group, left, mask, item in zip(
-            given.groups, system.observations.groups, rejected, residuals, strict=True
+            search.given.groups, system.observations.groups, search.rejected, adjusted.residuals, strict=True
         )
     )
+    components: tuple[VarianceComponent, ...] = ()
+    if weighted is not None:
+        components = variance_components(
+            system,
+            adjusted.solution,
+            adjusted.residuals,
+            weighted.parts,
+            weighted.factors,
+            weighted.frozen,
+            options.confidence,
+        )
     return AdjustmentResult(
         state,
         system.layout,
-        quality,
-        global_test(squares, system.redundancy, options.confidence),
+        adjusted.quality,
+        global_test(adjusted.weighted_squares, system.redundancy, options.confidence),
         groups,
-        history,
-        rejected_per_pass,
+        adjusted.history,
+        search.per_pass,
         system.active_point,
         datum_shares(system, state),
+        components,
+        0 if weighted is None else weighted.rounds,
     )
 
 

@@ -21,6 +21,7 @@ class AdjustmentOptions:
     most_iterations : steps of one pass after which it is given up.
     most_passes : passes of rejection after which it is given up.
     confidence : of the global test.
+    variance_components : whether the weights of the groups are estimated from the residuals.
     threads : how many may work at once; never changes a result.
     """
 
@@ -28,4 +29,5 @@ class AdjustmentOptions:
     most_iterations: int = 20
     most_passes: int = 50
     confidence: float = 0.95
+    variance_components: bool = False
     threads: int = field(default_factory=available_threads)

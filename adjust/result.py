@@ -12,6 +12,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.parameters import ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.global_test import GlobalTest
+from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
 from adjust.solve.gauss_newton import Iteration
 
@@ -36,7 +37,7 @@ class GroupResult:
     ----------
     group : the observations as given (nothing rejected).
     residual : v = adjusted − observed, SI and radians.
-    sigma : a-priori standard deviations.
+    sigma : a-priori standard deviations; where variance components are estimated, those they give.
     redundancy : redundancy numbers; NaN for what takes no part.
     standardized : w for an a-priori σ0 of 1; NaN for what takes no part.
     detectable : minimal detectable bias, SI and radians; NaN for what takes no part.
@@ -85,6 +86,8 @@ class AdjustmentResult:
     rejected_per_pass : number of observations each pass rejected.
     active_point : (m,) whether the object point took part.
     datum : what fixes the block in space.
+    variance_components : of every part of the observations; empty where none were asked for.
+    reweighted : how often the block was adjusted with changed weights.
     """
 
     state: State
@@ -96,3 +99,5 @@ class AdjustmentResult:
     rejected_per_pass: tuple[int, ...]
     active_point: Bools
     datum: tuple[DatumShare, ...]
+    variance_components: tuple[VarianceComponent, ...] = ()
+    reweighted: int = 0

@@ -12,6 +12,7 @@ from tasks.json_text import JSON
 from tasks.parameter_tables import correlation_matrix
 from tasks.result_tables import AdjustedBlock, surveyed_differences
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.variance_figures import variance_figures, variance_sentences
 
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _GROUP_LIMITS = (0.7, 1.4)
@@ -70,6 +71,7 @@ def adjustment_figures(
             "passed": test.passed,
         },
         "groups": [_group_figures(group) for group in result.groups],
+        "variance_components": variance_figures(result),
         "datum": [
             {
                 "direction": share.direction,
@@ -150,6 +152,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
                 f"The {words} fit {verdict} than their σ say: σ0 of the group is {group.sigma0:.2f} "
                 f"(redundancy {group.redundancy_sum:,.0f})."
             )
+    problems += variance_sentences(result)
     problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
     return tuple(problems)
 

@@ -52,6 +52,7 @@ from tasks.settings.project import ProjectSettings
 from tasks.store import stored
 from tasks.strip_motion import require_motion
 from tasks.tables import read_table
+from tasks.variance_figures import with_estimated_sigmas
 
 _log = logging.getLogger("aerocal")
 
@@ -93,6 +94,7 @@ def adjust_bundle(
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False
     sigma0 = result.test.sigma0 if adjustment.sigma0 == "a_posteriori" and result.test.redundancy > 0 else 1.0
+    surveyed = with_estimated_sigmas(surveyed, result)
     adjusted = AdjustedBlock(block, result, map_frame, frame, sigma0, surveyed, measured[never_used])
     write_exterior_orientations(folder, adjusted)
     write_object_points(folder, adjusted)
@@ -131,6 +133,7 @@ def _adjusted(block: Block, observations: Observations, settings: AdjustmentSett
         critical_value=settings.rejection.critical_value,
         most_iterations=settings.max_iterations,
         confidence=settings.confidence,
+        variance_components=settings.variance_components,
     )
     _log.info(
         "bundle_adjustment: %d images, %d object points, %d observations, %d unknowns",

@@ -144,7 +144,7 @@ def write_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
 def _group_rows(block: Block, group: GroupResult) -> pd.DataFrame:
     """One row for each observed component of a group."""
     observations = group.group
-    unit, factor = _reported_unit(observations)
+    unit, factor = reported_unit_of(observations)
     row, component = np.nonzero(np.isfinite(group.sigma))
     image, point = observations.image[row], observations.point[row]
     names = np.array([STATUS_NAMES[status] for status in ObservationStatus], dtype=object)
@@ -171,7 +171,7 @@ def _group_rows(block: Block, group: GroupResult) -> pd.DataFrame:
     )
 
 
-def _reported_unit(observations: ObservationGroup) -> tuple[str, float]:
+def reported_unit_of(observations: ObservationGroup) -> tuple[str, float]:
     """Unit in the tables and the factor from SI and radians."""
     if isinstance(observations, ImagePoints):
         return "um", 1e6

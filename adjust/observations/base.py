@@ -104,6 +104,17 @@ class StochasticModel:
         whitener = np.where(rejected[:, None, None], 0.0, self.whitener)
         return replace(self, whitener=whitener, present=self.present & ~rejected[:, None])
 
+    def rescaled(self, factor: Floats) -> Self:
+        """The same model with its standard deviations multiplied by factors that broadcast to (n, m).
+
+        Correlations are kept: Σ becomes F Σ F with F = diag(factors), so W becomes W F⁻¹.
+        """
+        return replace(
+            self,
+            whitener=self.whitener / np.broadcast_to(factor, self.sigma.shape)[:, None, :],
+            sigma=self.sigma * factor,
+        )
+
 
 class ObservationGroup(Protocol):
     """A group of observations of one kind.
@@ -136,4 +147,8 @@ class ObservationGroup(Protocol):
 
     def without(self, rejected: Bools) -> Self:
         """The same group with the observations (n,) that are rejected taken out."""
+        ...
+
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
         ...

@@ -66,3 +66,7 @@ class DirectObservations:
     def without(self, rejected: Bools) -> Self:
         """The same group with the observations (n,) that are rejected taken out."""
         return replace(self, stochastic=self.stochastic.without(rejected))
+
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
+        return replace(self, stochastic=self.stochastic.rescaled(factor))

@@ -119,6 +119,10 @@ class GnssPositions:
         """The same group with the positions (n,) that are rejected taken out."""
         return replace(self, stochastic=self.stochastic.without(rejected))
 
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
+        return replace(self, stochastic=self.stochastic.rescaled(factor))
+
 
 def _along_track(motion: StripMotion, flight: Ints, state: State) -> Floats:
     """What strip bias, drift and time offset add to the positions (n, 3), metres, local frame."""

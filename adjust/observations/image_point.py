@@ -112,3 +112,7 @@ class ImagePoints:
     def without(self, rejected: Bools) -> Self:
         """The same group with the image points (n,) that are rejected taken out."""
         return replace(self, active=self.active & ~rejected)
+
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, 2)."""
+        return replace(self, sigma=self.sigma * factor)

@@ -76,3 +76,7 @@ class InsAttitudes:
     def without(self, rejected: Bools) -> Self:
         """The same group with the attitudes (n,) that are rejected taken out."""
         return replace(self, stochastic=self.stochastic.without(rejected))
+
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
+        return replace(self, stochastic=self.stochastic.rescaled(factor))

@@ -103,6 +103,13 @@ class AdjustmentSettings(Settings):
         "`a_priori` (1: "
         "the stated σ of the observations are trusted).",
     )
+    variance_components: bool = Field(
+        default=False,
+        description="Whether the σ of the groups are estimated from the residuals: one factor each for image "
+        "points, control in plan and in height, GNSS in plan and in height, INS roll and pitch, INS yaw, and "
+        "the priors of each kind of parameter; what has a redundancy below 10 keeps its stated σ. Systematic "
+        "errors that are not modelled end up in these factors.",
+    )
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         default=20,
         description="Iterations after which the adjustment counts as divergent; good starts need 2 to 5.",

@@ -1,0 +1,80 @@
+"""One ordinary least-squares adjustment with everything that is known about it.
+
+Searches for gross errors and for variance components are made of these, one after the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from adjust.options import AdjustmentOptions
+from adjust.parameters import State
+from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.redundancy import GroupResiduals, group_residuals
+from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
+from adjust.solve.normal_equations import Observations, System
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """A converged adjustment.
+
+    Attributes
+    ----------
+    system : unknowns and the observations that took part.
+    solution, quality, residuals : values, cofactors and residuals.
+    history : the iterations of this adjustment and of those before it, oldest first.
+    """
+
+    system: System
+    solution: Solution
+    quality: Cofactor
+    residuals: tuple[GroupResiduals, ...]
+    history: tuple[tuple[Iteration, ...], ...]
+
+    @property
+    def state(self) -> State:
+        """Adjusted values."""
+        return self.solution.state
+
+    @property
+    def observations(self) -> Observations:
+        """The observations that took part."""
+        return self.system.observations
+
+    @property
+    def weighted_squares(self) -> float:
+        """vᵀPv."""
+        return float(sum(item.weighted_squares for item in self.residuals))
+
+
+@dataclass(frozen=True, eq=False)
+class Adjuster:
+    """Carries out one adjustment after the other on the same block, each from the last one's values.
+
+    Attributes
+    ----------
+    options : limits of the iteration.
+    progress : called after every iteration.
+    """
+
+    options: AdjustmentOptions
+    progress: Progress | None = None
+
+    def adjust(self, system: System, state: State) -> Adjusted:
+        """Adjust from approximate values.
+
+        Raises
+        ------
+        DatumDefectError, DivergenceError, InconsistentBlockError : as of ``adjust_block``.
+        """
+        solution = iterate(system, state, self.options.most_iterations, self.progress)
+        quality = cofactor(system, solution)
+        residuals = group_residuals(system, solution.state, quality)
+        return Adjusted(system, solution, quality, residuals, (solution.iterations,))
+
+    def again(self, before: Adjusted, observations: Observations, state: State | None = None) -> Adjusted:
+        """Adjust other observations of the same block, from the values before or from a given state."""
+        system = before.system.remaining(observations)
+        found = self.adjust(system, before.state if state is None else state)
+        return replace(found, history=before.history + found.history)

@@ -1,0 +1,98 @@
+"""The residuals that given misclosures would have: R = I − A Q Aᵀ applied to whitened vectors.
+
+R is never formed. The vector takes the place of the misclosures, one right-hand side is accumulated
+and solved with the factors that are there, and v = A dx − z is read off the moved state. Vectors of
+unit size are taken as a hundredth of a standard deviation, for which the equations are linear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.observations.base import Linearization, ObservationGroup, StochasticModel
+from adjust.parameters import State, Unit
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.normal_equations import Observations, System, reduced_normals, substitute_back
+
+
+@dataclass(frozen=True, eq=False)
+class _WithMisclosure:
+    """A group of observations with other misclosures (n, m), SI and radians."""
+
+    group: ObservationGroup
+    misclosure: Floats
+
+    @property
+    def name(self) -> str:
+        return self.group.name
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return self.group.components
+
+    @property
+    def unit(self) -> Unit:
+        return self.group.unit
+
+    @property
+    def image(self) -> Ints:
+        return self.group.image
+
+    @property
+    def point(self) -> Ints:
+        return self.group.point
+
+    @property
+    def stochastic(self) -> StochasticModel:
+        return self.group.stochastic
+
+    def linearize(self, state: State) -> Linearization:
+        return Linearization(self.misclosure, self.group.linearize(state).terms)
+
+    def without(self, rejected: Bools) -> Self:
+        return replace(self, group=self.group.without(rejected))
+
+    def rescaled(self, factor: Floats) -> Self:
+        return replace(self, group=self.group.rescaled(factor))
+
+
+# Part of the standard deviations that stands for a vector of unit size.
+_STEP = 0.01
+
+
+def residuals_of(system: System, solution: Solution, whitened: tuple[Floats, ...]) -> tuple[Floats, ...]:
+    """Whitened residuals (n, m) of every group for whitened misclosures (n, m) of every group."""
+    state, given = solution.state, system.observations
+    steps = tuple(_STEP * vector for vector in whitened)
+    before = [group.linearize(state).misclosure for group in given.others]
+    rays = given.image_points
+    at_solution = rays.misclosure(state)
+    shifted = replace(rays, xy=rays.xy - np.nan_to_num(at_solution) + rays.sigma * steps[0])
+    others = tuple(
+        _WithMisclosure(group, _unwhitened(group.stochastic, vector))
+        for group, vector in zip(given.others, steps[1:], strict=True)
+    )
+    perturbed = replace(system, observations=Observations(shifted, others))
+    normals = reduced_normals(perturbed, state)
+    exposures, border = replace(solution.factorization, normals=normals).solve()
+    points = substitute_back(perturbed, state, normals, exposures, border)
+    moved = system.layout.update(state, exposures, border, points)
+    change = (at_solution - rays.misclosure(moved)) * rays.inverse_sigma
+    results = [np.where(rays.active[:, None], change / _STEP - whitened[0], 0.0)]
+    for group, old, vector in zip(given.others, before, whitened[1:], strict=True):
+        change = np.where(group.stochastic.present, old - group.linearize(moved).misclosure, 0.0)
+        results.append(np.einsum("nij,nj->ni", group.stochastic.whitener, change) / _STEP - vector)
+    return tuple(results)
+
+
+def _unwhitened(model: StochasticModel, vector: Floats) -> Floats:
+    """Misclosures (n, m) whose whitened values are given; zero for what takes no part."""
+    m = model.present.shape[1]
+    whitener = model.whitener.copy()
+    whitener[:, np.arange(m), np.arange(m)] += np.where(model.present, 0.0, 1.0)
+    solved = np.linalg.solve(whitener, np.where(model.present, vector, 0.0)[:, :, None])[:, :, 0]
+    return np.asarray(solved, dtype=np.float64)

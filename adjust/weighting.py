@@ -1,0 +1,148 @@
+"""The search for the weights: adjust, estimate the variance components, adjust again.
+
+With rejection the two searches hang together: wrong weights make good observations look like gross
+errors, and gross errors inflate a component. So the weights start from medians of |w|, which gross
+errors hardly move; then rejection and estimation take turns until neither changes anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats
+from adjust.data_snooping import Search, snoop
+from adjust.errors import InconsistentBlockError
+from adjust.least_squares import Adjuster
+from adjust.quality.variance_components import (
+    CONVERGED,
+    LEAST_REDUNDANCY,
+    Part,
+    helmert_step,
+    parts_of,
+    redundancy_of,
+    reweighted,
+    robust_factors,
+    variance_factors,
+)
+
+# Rounds of estimation within which factors settle; row sums of S/r are one, so it contracts.
+_MOST_ROUNDS = 30
+_MOST_TURNS = 10
+# The medians need only be good enough that nothing sound looks like a gross error.
+_ROUGHLY = 0.1
+_MOST_ROUGH_ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Weighted:
+    """A search for gross errors with estimated weights.
+
+    Attributes
+    ----------
+    search : with the observations reweighted.
+    parts : the parts of the observations.
+    factors : (parts,) estimated over stated standard deviation.
+    frozen : (parts,) those that had too little redundancy in any round; they keep what was stated.
+    rounds : number of adjustments with changed weights.
+    """
+
+    search: Search
+    parts: tuple[Part, ...]
+    factors: Floats
+    frozen: Bools
+    rounds: int
+
+    def moved(self, estimated: Floats) -> Floats:
+        """Estimated factors (parts,) of this round; what is weak stands still, what is frozen goes back."""
+        step = np.where(self._weak(), 1.0, estimated)
+        return np.where(self.frozen, 1.0 / self.factors, step)
+
+    def frozen_where_weak(self) -> Weighted:
+        """The same with the parts frozen whose redundancy is too small at settled weights.
+
+        For good: a part that swings between frozen and free would never settle.
+        """
+        return replace(self, frozen=self.frozen | self._weak())
+
+    def _weak(self) -> Bools:
+        residuals = self.search.adjusted.residuals
+        return np.array([redundancy_of(residuals, part) < LEAST_REDUNDANCY for part in self.parts])
+
+    def changed(self, adjuster: Adjuster, step: Floats) -> Weighted:
+        """Adjusted anew with the standard deviations of the parts multiplied by (parts,) factors."""
+        before = self.search.adjusted
+        adjusted = adjuster.again(before, reweighted(before.observations, self.parts, step))
+        given = reweighted(self.search.given, self.parts, step)
+        search = replace(self.search, given=given, adjusted=adjusted)
+        return replace(self, search=search, factors=self.factors * step, rounds=self.rounds + 1)
+
+
+def estimate_weights(adjuster: Adjuster, search: Search, critical_value: float | None) -> Weighted:
+    """Variance components, and with a critical value the gross errors, from an adjustment as stated.
+
+    Raises
+    ------
+    InconsistentBlockError : if the weights do not settle.
+    """
+    parts = parts_of(search.given)
+    found = Weighted(search, parts, np.ones(len(parts)), np.zeros(len(parts), dtype=bool), 0)
+    if critical_value is None:
+        return _settled(adjuster, found)
+    for _ in range(_MOST_ROUGH_ROUNDS):
+        step = found.moved(robust_factors(found.search.adjusted.residuals, parts))
+        if np.all(np.abs(step - 1.0) < _ROUGHLY):
+            break
+        found = found.changed(adjuster, step)
+    for _ in range(_MOST_TURNS):
+        before = found
+        found = replace(found, search=snoop(adjuster, found.search, critical_value))
+        found = _settled(adjuster, found)
+        if found.search.per_pass == before.search.per_pass:
+            return found
+    raise InconsistentBlockError(
+        f"After {_MOST_TURNS} turns variance components and rejection at {critical_value} still change each "
+        "other. The critical value is too small, or the residuals are far from normally distributed."
+    )
+
+
+def tolerances(found: Weighted) -> Floats:
+    """Changes (parts,) below which factors have settled: 1 %, and a fifth of their standard deviation.
+
+    σ̂_g has a relative standard deviation of about 1/√(2r); of many thousand image points that is below 1 %.
+    """
+    residuals = found.search.adjusted.residuals
+    redundancy = np.array([max(redundancy_of(residuals, part), 1.0) for part in found.parts])
+    return np.minimum(CONVERGED, 0.2 / np.sqrt(2.0 * redundancy))
+
+
+def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:
+    """Weights that hardly change when they are estimated again."""
+    for number in range(_MOST_ROUNDS):
+        step = found.moved(_estimated(found, accelerated=number > 0))
+        if np.all(np.abs(step - 1.0) < tolerances(found)):
+            settled = found.frozen_where_weak()
+            if np.array_equal(settled.frozen, found.frozen):
+                return found
+            found = settled
+            step = found.moved(np.ones(len(found.parts)))
+        found = found.changed(adjuster, step)
+    worst = found.parts[int(np.argmax(np.abs(np.log(step))))]
+    raise InconsistentBlockError(
+        f"The variance components do not settle within {_MOST_ROUNDS} rounds; that of {worst.name} still "
+        "changes. The block does not tell the errors of its groups apart: adjust it without them."
+    )
+
+
+def _estimated(found: Weighted, accelerated: bool) -> Floats:
+    """Factors (parts,) that this round estimates.
+
+    The first round may be far off and takes Förstner's step, which never overshoots.
+    """
+    adjusted, free = found.search.adjusted, ~found.frozen
+    step = variance_factors(adjusted.observations, adjusted.residuals, found.parts)
+    if accelerated:
+        parts = tuple(part for part, is_free in zip(found.parts, free, strict=True) if is_free)
+        step[free] = helmert_step(adjusted.system, adjusted.solution, adjusted.residuals, parts, step[free])
+    return step

@@ -1,0 +1,255 @@
+"""Variance components: that of every group is found, with an honest interval, from wrong weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from adjust.adjustment import adjust_block
+from adjust.arrays import Floats
+from adjust.block import Block
+from adjust.options import AdjustmentOptions
+from adjust.parameters import BORESIGHT, GNSS_SHIFT
+from adjust.quality.cofactor import cofactor
+from adjust.quality.redundancy import group_residuals
+from adjust.quality.residual_operator import residuals_of
+from adjust.quality.variance_components import (
+    parts_of,
+    redundancy_of,
+    reweighted,
+    trace_matrix,
+    variance_factors,
+)
+from adjust.result import AdjustmentResult
+from adjust.simulate.block import SimulatedBlock, simulate_block
+from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
+from adjust.simulate.object_points import PointSpecification
+from adjust.simulate.survey import SurveyLayout
+from adjust.solve.design_matrix import design_matrix, full_cofactor
+from adjust.solve.gauss_newton import iterate
+from adjust.solve.normal_equations import Observations, System
+from tests.adjust.scenes import two_strips
+from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
+
+WRONG: Mapping[str, float] = {"image_points": 2.0, "gnss_positions": 3.0, "ins_attitudes": 0.4}
+CONFIDENCE = 0.99
+FREE = (BORESIGHT, GNSS_SHIFT)
+
+
+def hundred_images() -> SimulatedBlock:
+    """Ten crossing lines of ten images, 42 control points."""
+    base, spacing = base_of(CAMERA, HEIGHT, 0.6), spacing_of(CAMERA, HEIGHT, 0.6)
+    return simulate_block(
+        small_specification(
+            flight=(
+                LineGroup("E", "1", 0, np.pi / 2, HEIGHT, (10,) * 6, base, spacing),
+                LineGroup("N", "1", 0, 0.0, HEIGHT, (10,) * 4, base, spacing),
+            ),
+            points=PointSpecification(count=700),
+            survey=(SurveyLayout("grid", columns=7, rows=6),),
+        )
+    )
+
+
+def wrongly_weighted(observations: Observations, wrong: Mapping[str, float] = WRONG) -> Observations:
+    return Observations(
+        observations.image_points.rescaled(np.array(wrong.get("image_points", 1.0))),
+        tuple(group.rescaled(np.array(wrong.get(group.name, 1.0))) for group in observations.others),
+    )
+
+
+def estimated(block: Block, observations: Observations, **options: Any) -> AdjustmentResult:
+    return adjust_block(
+        block,
+        observations,
+        AdjustmentOptions(variance_components=True, confidence=CONFIDENCE, **options),
+    )
+
+
+def found_over_true(result: AdjustmentResult) -> dict[str, tuple[float, float, float, float]]:
+    """Estimated over true σ with its limits, and the redundancy, of every estimated part."""
+    table = {}
+    for item in result.variance_components:
+        if item.estimated:
+            start = WRONG.get(result.groups[item.part.group].group.name, 1.0)
+            values = (item.factor * start, item.lower * start, item.upper * start)
+            table[item.part.name] = (*values, item.redundancy)
+    return table
+
+
+@pytest.fixture(scope="module")
+def large() -> SimulatedBlock:
+    return hundred_images()
+
+
+def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(large: SimulatedBlock) -> None:
+    misses = []
+    for seed in (1, 2, 3):
+        measured = large.measured_again(seed)
+        block = measured.block(FREE)
+        result = estimated(block, wrongly_weighted(measured.observations(block)))
+        assert result.reweighted <= 6
+        assert result.test.sigma0 == pytest.approx(1.0, abs=0.01)
+        table = {name: row for name, row in found_over_true(result).items() if row[3] >= 100.0}
+        assert set(table) >= {"image_points", "gnss_positions plan", "ins_attitudes roll and pitch"}
+        for name, (_, lower, upper, _) in table.items():
+            assert upper / lower < 1.8, f"the interval of {name} says something"
+            if not lower < 1.0 < upper:
+                misses.append((seed, name, lower, upper))
+    # Nine intervals of 99 %: two misses or more have a chance of 0.3 %. The slow test counts them.
+    assert len(misses) <= 1, misses
+
+
+def test_the_start_has_no_influence_on_what_is_found(large: SimulatedBlock) -> None:
+    block = large.block(FREE)
+    observations = large.observations(block)
+    from_truth, from_wrong = (
+        estimated(block, start) for start in (observations, wrongly_weighted(observations))
+    )
+    for a, b in zip(from_truth.variance_components, from_wrong.variance_components, strict=True):
+        assert b.sigma == pytest.approx(a.sigma, rel=0.02), a.part.name
+
+
+def test_adjusted_values_are_those_of_the_estimated_weights(large: SimulatedBlock) -> None:
+    block = large.block(FREE)
+    wrong = wrongly_weighted(large.observations(block))
+    result = estimated(block, wrong)
+    factors = np.array([item.factor for item in result.variance_components])
+    again = adjust_block(block, reweighted(wrong, parts_of(wrong), factors))
+    np.testing.assert_allclose(again.state.object_point, result.state.object_point, atol=1e-6)
+    assert again.test.weighted_squares == pytest.approx(result.test.weighted_squares, rel=1e-6)
+    np.testing.assert_allclose(result.groups[1].sigma, again.groups[1].sigma)
+
+
+def test_parts_with_little_redundancy_keep_their_stated_sigma() -> None:
+    scene = two_strips(noise_seed=3)
+    result = estimated(scene.block, scene.observations)
+    weak = [item for item in result.variance_components if not item.estimated]
+    assert "control_points plan" in {item.part.name for item in weak}
+    for item in weak:
+        assert item.factor == 1.0
+        assert np.isnan([item.lower, item.upper, item.degrees_of_freedom]).all()
+    assert any(item.estimated for item in result.variance_components)
+
+
+def test_gross_errors_and_wrong_weights_are_told_apart(large: SimulatedBlock) -> None:
+    block = large.block(FREE)
+    observations = large.observations(block)
+    rays = observations.image_points
+    many = np.bincount(rays.point)[rays.point] >= 5
+    wrong_rays = np.flatnonzero(many)[::97]
+    xy = rays.xy.copy()
+    xy[wrong_rays] += [60e-6, -40e-6]
+    damaged = Observations(
+        type(rays)(rays.image, rays.point, rays.camera_of_image, xy, rays.sigma, rays.active),
+        observations.others,
+    )
+    result = estimated(block, wrongly_weighted(damaged), critical_value=4.13)
+    rejected = np.flatnonzero(np.isnan(result.groups[0].redundancy).all(axis=1))
+    assert set(wrong_rays) <= set(rejected)
+    assert len(rejected) <= len(wrong_rays) + 0.001 * len(rays.image)
+    # With INS σ far too small at the start, no attitude may fall victim to them.
+    assert result.groups[3].rejected == 0
+    for name, (_, lower, upper, redundancy) in found_over_true(result).items():
+        if redundancy >= 100.0:
+            assert lower < 1.0 < upper, name
+
+
+@pytest.fixture(scope="module")
+def dense() -> Callable[..., tuple[System, Any, Floats, list[Floats]]]:
+    """A small block with its full residual operator R and the rows of every part."""
+
+    def build(factors: Floats | None = None) -> tuple[System, Any, Floats, list[Floats]]:
+        scene = two_strips(noise_seed=4, points_along=7, points_across=4, images_per_strip=6)
+        observations = scene.observations
+        if factors is not None:
+            observations = reweighted(observations, parts_of(observations), factors)
+        system = System.of(scene.block, observations)
+        solution = iterate(system, scene.block.approximate_state(), 20)
+        design = design_matrix(system, solution.state)
+        matrix = design.matrix.toarray()
+        remainder = np.eye(len(matrix)) - matrix @ full_cofactor(design) @ matrix.T
+        rows = []
+        for part in parts_of(observations):
+            model = observations.groups[part.group].stochastic
+            mask = np.zeros(model.present.shape, dtype=bool)
+            mask[:, list(part.components)] = model.present[:, list(part.components)]
+            rows.append(design.row_start[part.group] + np.flatnonzero(mask.ravel()))
+        return system, solution, remainder, rows
+
+    return build
+
+
+def test_the_residual_operator_is_that_of_the_full_equations(dense: Callable[..., Any]) -> None:
+    system, solution, remainder, _ = dense()
+    random = np.random.default_rng(5)
+    present = [group.stochastic.present for group in system.observations.groups]
+    vectors = tuple(np.where(mask, random.normal(size=mask.shape), 0.0) for mask in present)
+    found = np.concatenate([part.ravel() for part in residuals_of(system, solution, vectors)])
+    expected = -remainder @ np.concatenate([vector.ravel() for vector in vectors])
+    used = np.concatenate([mask.ravel() for mask in present])
+    np.testing.assert_allclose(found[used], expected[used], atol=2e-3)
+
+
+def test_probed_traces_are_those_of_the_full_equations(dense: Callable[..., Any]) -> None:
+    system, solution, remainder, rows = dense()
+    parts = parts_of(system.observations)
+    exact = np.array([[np.sum(remainder[np.ix_(g, h)] ** 2) for h in rows] for g in rows])
+    residuals = group_residuals(system, solution.state, cofactor(system, solution))
+    redundancy = np.array([redundancy_of(residuals, part) for part in parts])
+    probed = trace_matrix(system, solution, parts, np.maximum(redundancy, 1.0))
+    size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))
+    assert np.abs((probed - exact) / size).max() < 0.1
+    # R is idempotent, so a whole row is the redundancy: Förstner's and Helmert's estimates agree where
+    # all factors are one. Only correlated control shares its rows between plan and height.
+    apart = [k for k, part in enumerate(parts) if not part.name.startswith("control_points")]
+    np.testing.assert_allclose(exact.sum(axis=1)[apart], redundancy[apart], rtol=1e-5)
+
+
+def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[..., Any]) -> None:
+    """Iterated by the simplified step alone until it stands still; then S σ² = q must give σ² = 1."""
+    factors, free = np.ones(7), np.array([True, False, False, False, False, True, True])
+    for _ in range(60):
+        system, solution, remainder, rows = dense(factors)
+        residuals = group_residuals(system, solution.state, cofactor(system, solution))
+        parts = parts_of(system.observations)
+        step = np.where(free, variance_factors(system.observations, residuals, parts), 1.0)
+        factors = factors * step
+        if np.abs(step - 1.0).max() < 1e-7:
+            break
+    assert np.abs(factors[free] - 1.0).max() > 0.02
+    v = remainder @ design_matrix(system, solution.state).misclosure
+    exact = np.array([[np.sum(remainder[np.ix_(g, h)] ** 2) for h in rows] for g in rows])
+    q = np.array([np.sum(v[g] ** 2) for g in rows])
+    # The parts that keep their weights contribute a known share to every q.
+    components = np.linalg.solve(exact[np.ix_(free, free)], (q - exact[:, ~free].sum(axis=1))[free])
+    np.testing.assert_allclose(components, 1.0, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say(large: SimulatedBlock) -> None:
+    """150 blocks from wrong weights: coverage of the 99 % intervals, spread of the estimates, rounds."""
+    trials = 150
+    inside: dict[str, list[bool]] = {}
+    normalized: dict[str, list[float]] = {}
+    rounds = []
+    for seed in range(trials):
+        measured = large.measured_again(seed)
+        block = measured.block(FREE)
+        result = estimated(block, wrongly_weighted(measured.observations(block)))
+        rounds.append(result.reweighted)
+        degrees = {item.part.name: item.degrees_of_freedom for item in result.variance_components}
+        for name, (value, lower, upper, redundancy) in found_over_true(result).items():
+            if redundancy >= 50.0:
+                inside.setdefault(name, []).append(lower < 1.0 < upper)
+                normalized.setdefault(name, []).append((value**2 - 1.0) * np.sqrt(0.5 * degrees[name]))
+    assert np.mean(np.array(rounds) <= 6) >= 0.95
+    for name, hits in inside.items():
+        # Two-sided 0.1 % would allow at most six misses of 150 at 1 %.
+        assert len(hits) - sum(hits) <= stats.binom.isf(1e-3, trials, 1.0 - CONFIDENCE), name
+        spread = float(np.std(normalized[name]))
+        assert spread == pytest.approx(1.0, abs=3.3 / np.sqrt(2.0 * trials) + 0.05), name
