@@ -58,3 +58,11 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of arrays and numbers on its first call; cached, no fastmath, GIL released."""
     compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
     return compiled
+
+
+def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The same for a few lines that become a part of their callers: the call would cost more than they do."""
+    compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True, inline="always")(
+        function
+    )
+    return compiled

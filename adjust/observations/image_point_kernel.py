@@ -11,10 +11,10 @@ Jp = [[−c/p3, 0, c p1/p3²], [0, −c/p3, c p2/p3²]].
 
 import numpy as np
 
-from adjust.compiled import kernel
+from adjust.compiled import kernel, small_kernel
 
 
-@kernel
+@small_kernel
 def project(centre, local_from_camera, x_in_local, interior, predicted):
     """Image coordinates (2,) of an object point; False if it lies behind the camera."""
     dx = x_in_local[0] - centre[0]

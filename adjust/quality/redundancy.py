@@ -15,6 +15,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.solve.normal_equations import System, add_border_columns, whiten
@@ -51,11 +52,7 @@ NON_CENTRALITY = 4.132
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
     """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
     rays = system.observations.image_points
-    hat = np.zeros((len(rays.image), 2, 2))
-    hat[:, 0, 0] = cofactor.hat_of_rays[:, 0]
-    hat[:, 0, 1] = hat[:, 1, 0] = cofactor.hat_of_rays[:, 1]
-    hat[:, 1, 1] = cofactor.hat_of_rays[:, 2]
-    results = [_residuals(rays, -rays.misclosure(state), hat)]
+    results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays)]
     for group in system.observations.others:
         equations = group.linearize(state)
         hat = _hat(whiten(group, equations), system.layout, cofactor)
@@ -85,6 +82,27 @@ def _hat(equations: Linearization, layout: ParameterLayout, cofactor: Cofactor) 
         own = of_exposure @ cofactor.reduced.of_exposures[image] @ np.swapaxes(of_exposure, 1, 2)
         hat = hat + mixed + np.swapaxes(mixed, 1, 2) + own
     return hat
+
+
+def _residuals_of_rays(rays: ImagePoints, residual: Floats, hat: Floats) -> GroupResiduals:
+    """The same as :func:`_residuals` for image points: uncorrelated components need no matrices.
+
+    Parameters
+    ----------
+    hat : (n, 3) elements xx, xy, yy of the hat matrices.
+    """
+    active = rays.active[:, None]
+    redundancy = np.where(active, 1.0 - hat[:, ::2], np.nan)
+    with np.errstate(invalid="ignore"):
+        root = np.where(redundancy > _NO_REDUNDANCY, np.sqrt(redundancy), np.nan)
+    whitened = np.where(active, np.nan_to_num(residual), 0.0) * rays.inverse_sigma
+    return GroupResiduals(
+        residual,
+        redundancy,
+        whitened / root,
+        NON_CENTRALITY * rays.sigma / root,
+        float(np.sum(whitened**2)),
+    )
 
 
 def _residuals(group: ObservationGroup, residual: Floats, hat: Floats) -> GroupResiduals:

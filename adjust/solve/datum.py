@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.geometry.rotation import cross_matrix
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.normal_equations import System, whiten
@@ -39,30 +39,37 @@ class DatumShare:
     shares: tuple[tuple[str, float], ...]
 
 
-def datum_basis(state: State) -> tuple[Floats, Floats]:
-    """The seven similarity movements of the block: (n, 6, 7) on exposures, (m, 3, 7) on points.
+def datum_basis(state: State) -> Floats:
+    """The seven similarity movements of the exposures, (n, 6, 7).
 
     Shifts by 1 m along x, y, z; rotations by 1 rad about x, y, z and scale by 1 about the centroid of
-    the projection centres. Image points do not notice them (as long as c is held).
+    the projection centres. Image points do not notice them (as long as c is held) if the object points
+    move likewise, see :func:`movements_of_points`.
     """
-    centre = state.projection_centre.mean(axis=0)
-    exposures = state.projection_centre - centre
-    points = state.object_point - centre
-    n, m = len(exposures), len(points)
-    of_exposures, of_points = np.zeros((n, 6, 7)), np.zeros((m, 3, 7))
-    of_exposures[:, :3, :3] = np.eye(3)
-    of_exposures[:, :3, 3:6] = -cross_matrix(exposures)
-    of_exposures[:, 3:, 3:6] = np.swapaxes(state.local_from_camera, 1, 2)
-    of_exposures[:, :3, 6] = exposures
-    of_points[:, :, :3] = np.eye(3)
-    of_points[:, :, 3:6] = -cross_matrix(points)
-    of_points[:, :, 6] = points
-    return of_exposures, of_points
+    exposures = state.projection_centre - state.projection_centre.mean(axis=0)
+    movements = np.zeros((len(exposures), 6, 7))
+    movements[:, :3] = _similarity(exposures)
+    movements[:, 3:, 3:6] = np.swapaxes(state.local_from_camera, 1, 2)
+    return movements
+
+
+def movements_of_points(state: State, point: Ints) -> Floats:
+    """The same movements of some object points (k,), (k, 3, 7)."""
+    return _similarity(state.object_point[point] - state.projection_centre.mean(axis=0))
+
+
+def _similarity(x: Floats) -> Floats:
+    """Movements (n, 3, 7) of points (n, 3) that count from the fixed point of rotation and scale."""
+    movements = np.zeros((len(x), 3, 7))
+    movements[:, :, :3] = np.eye(3)
+    movements[:, :, 3:6] = -cross_matrix(x)
+    movements[:, :, 6] = x
+    return movements
 
 
 def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:
     """Which groups of observations fix which direction of the datum, and how well."""
-    of_exposures, of_points = datum_basis(state)
+    of_exposures = datum_basis(state)
     names: list[str] = []
     information: list[Floats] = []
     for group in system.observations.others:
@@ -72,7 +79,7 @@ def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:
             if term.block == EXTERIOR_ORIENTATION:
                 moved += term.jacobian @ of_exposures[term.index]
             elif term.block == OBJECT_POINT:
-                moved += term.jacobian @ of_points[term.index]
+                moved += term.jacobian @ movements_of_points(state, term.index)
         names.append(group.name)
         information.append(np.sum(moved**2, axis=(0, 1)))
     shares = []

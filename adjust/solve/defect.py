@@ -52,7 +52,7 @@ def explain_defect(system: System, state: State, singular: SingularNormalsError)
     scaled = singular.null_space / singular.scale[:, None]
     names = tuple(f"{parameter} of {entity}" for parameter, entity, _ in system.layout.border_names())
     null = _NullSpace(scaled[: 6 * n], scaled[6 * n :], names)
-    of_exposures, _ = datum_basis(state)
+    of_exposures = datum_basis(state)
     movements = of_exposures.reshape(6 * n, 7) / singular.scale[: 6 * n, None]
 
     parameters: list[str] = []

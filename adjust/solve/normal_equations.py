@@ -251,8 +251,8 @@ def _add_group(
 def weighted_squares(system: System, state: State) -> float:
     """vᵀPv at a state; NaN if an object point lies behind a camera that sees it."""
     rays = system.observations.image_points
-    used = rays.active
-    squares = float(np.sum((rays.misclosure(state)[used] * rays.inverse_sigma[used]) ** 2))
+    whitened = rays.misclosure(state) * rays.inverse_sigma
+    squares = float(np.sum(np.where(rays.active[:, None], whitened, 0.0) ** 2))
     for group in system.observations.others:
         squares += float(np.sum(whiten(group, group.linearize(state)).misclosure ** 2))
     return squares

@@ -49,6 +49,17 @@ def times_inverse_transpose(rows, lower, result, count):
 
 
 @kernel
+def subtract_product(block, left, right):
+    """Block (6, 6) −= left rightᵀ, both (6, 3)."""
+    for q in range(6):
+        r0 = right[q, 0]
+        r1 = right[q, 1]
+        r2 = right[q, 2]
+        for k in range(6):
+            block[k, q] -= left[k, 0] * r0 + left[k, 1] * r1 + left[k, 2] * r2
+
+
+@kernel
 def point_normals(
     rays, image, camera_of_image, centres, rotations, x_in_local, interior, xy, inverse_sigma,
     misclosure, of_exterior, of_interior, of_point, normal, rhs,
@@ -194,18 +205,11 @@ def reduce_points(
                 zb = reduced[b]
                 if e <= f:
                     block = blocks[find_block(row_start, column, e, f)]
-                    for k in range(6):
-                        for q in range(6):
-                            block[k, q] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+                    subtract_product(block, za, zb)
                     if e == f and a != b:  # measured twice in one image: the diagonal block gets both
-                        for k in range(6):
-                            for q in range(6):
-                                block[q, k] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+                        subtract_product(block, zb, za)
                 else:
-                    block = blocks[find_block(row_start, column, f, e)]
-                    for k in range(6):
-                        for q in range(6):
-                            block[q, k] -= za[k, 0] * zb[q, 0] + za[k, 1] * zb[q, 1] + za[k, 2] * zb[q, 2]
+                    subtract_product(blocks[find_block(row_start, column, f, e)], zb, za)
         if touched > 0:
             times_inverse_transpose(mixed_border, lower, reduced_border, touched)
             for u in range(touched):

@@ -9,7 +9,7 @@ from adjust.adjustment import adjust_block
 from adjust.errors import DatumDefectError
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, GNSS_STRIP_BIAS, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.result import AdjustmentResult
-from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis, datum_shares
+from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis, datum_shares, movements_of_points
 from adjust.solve.design_matrix import design_matrix
 from adjust.solve.normal_equations import System
 from tests.adjust.scenes import two_strips
@@ -40,7 +40,8 @@ def test_image_points_do_not_notice_a_similarity_movement() -> None:
     system = System.of(scene.block, scene.observations)
     state = scene.block.approximate_state()
     design = design_matrix(system, state)
-    of_exposures, of_points = datum_basis(state)
+    of_exposures = datum_basis(state)
+    of_points = movements_of_points(state, np.arange(len(state.object_point)))
     movement = np.concatenate([of_exposures.reshape(-1, 7), of_points.reshape(-1, 7)])
     noticed = np.linalg.norm(design.matrix @ movement, axis=0)
     entries = np.linalg.norm(abs(design.matrix) @ np.abs(movement), axis=0)
