@@ -17,7 +17,7 @@ from adjust.simulate.block import simulate_block
 from adjust.solve.normal_equations import Observations
 from benchmarks.problem import Problem
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulation_input import block_specification
+from tasks.simulation.simulation_input import block_specification
 
 # Object points of the operational block: 188,000 of 2,448 images; other sizes keep this density.
 _POINTS_PER_IMAGE = 188_000 / 2_448

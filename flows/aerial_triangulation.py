@@ -9,7 +9,7 @@ from tasks import publish as publishing
 from tasks.report import stage as report
 from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
-from tasks.store import Store
+from tasks.storage.store import Store
 from tasks.summary import Summary
 
 adjust_bundle = stage(estimate.adjust_bundle)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from flows.stage import stage
 from tasks import approximate, ingest
 from tasks.settings.project import Project
-from tasks.store import Outputs, Store
+from tasks.storage.store import Outputs, Store
 
 import_exposures = stage(ingest.import_exposures)
 import_image_points = stage(ingest.import_image_points)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flows.block_preparation import prepare_block
-from tasks.json_text import JSON
-from tasks.notes import read_notes
 from tasks.settings.project import Project
-from tasks.store import Store
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import read_notes
+from tasks.storage.store import Store
 
 _NAMES = ("exposures and cameras", "control", "image points", "approximate values")
 

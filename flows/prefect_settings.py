@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
-from tasks.installation import InstallationError
+from tasks.storage.installation import InstallationError
 
 
 def prepare_prefect(server: str | None = None) -> None:

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
-from tasks.installation import writing_into
-from tasks.run_lock import run_lock
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.stage_record import read_records, timings_s
-from tasks.store import Store
+from tasks.storage.installation import writing_into
+from tasks.storage.run_lock import run_lock
+from tasks.storage.stage_record import read_records, timings_s
+from tasks.storage.store import Store
 from tasks.summary import Summary, failed_summary, write_summary
 
 Story: TypeAlias = Callable[[Project, Store], Summary]

@@ -16,19 +16,16 @@ from adjust.approximate.intersection import Intersection, IntersectionStatus, in
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
-from tasks import schemas
-from tasks.artifact import Artifact
-from tasks.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
-from tasks.control_plausibility import ControlDifferences, check_control, control_differences
-from tasks.crs import MapFrame
+from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
+from tasks.block.given_orientations import GivenOrientations, Mountings
+from tasks.block.track_attitudes import with_track_attitudes
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_frame, map_from_local
 from tasks.errors import InputError
 from tasks.first_run import announce_compilation
-from tasks.flight_plausibility import check_flight_direction
-from tasks.given_orientations import GivenOrientations, Mountings
-from tasks.json_text import JSON
-from tasks.local_frame import AdjustmentFrame, local_frame, map_from_local
-from tasks.notes import Notes, write_notes
-from tasks.orientation_plausibility import (
+from tasks.plausibility.control import ControlDifferences, check_control, control_differences
+from tasks.plausibility.flight_direction import check_flight_direction
+from tasks.plausibility.orientations import (
     check_orientations,
     control_limit_m,
     ray_residuals,
@@ -37,9 +34,12 @@ from tasks.orientation_plausibility import (
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
-from tasks.store import stored
-from tasks.tables import read_table, write_table
-from tasks.track_attitudes import with_track_attitudes
+from tasks.storage.artifact import Artifact
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import stored
+from tasks.tables import schemas
+from tasks.tables.parquet import read_table, write_table
 
 USED = "used"
 _STATUS = {

@@ -17,10 +17,9 @@ from adjust.options import AdjustmentOptions
 from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
-from tasks.adjustment_figures import adjustment_figures, adjustment_problems
 from tasks.approximate import USED, oriented_images
-from tasks.artifact import Artifact
-from tasks.block_input import (
+from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
+from tasks.block.block_input import (
     SurveyedPoints,
     block_of,
     gnss_positions,
@@ -29,30 +28,31 @@ from tasks.block_input import (
     priors,
     surveyed_points,
 )
-from tasks.block_input import (
+from tasks.block.block_input import (
     control_points as control_observations,
 )
-from tasks.crs import MapFrame
-from tasks.errors import NotComputableError
-from tasks.first_run import announce_compilation
-from tasks.given_orientations import GivenOrientations
-from tasks.local_frame import local_from_map
-from tasks.notes import Notes, write_notes
-from tasks.parameter_tables import write_parameters
-from tasks.refracted_rays import without_refraction
-from tasks.result_tables import (
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.parameter_tables import write_parameters
+from tasks.block.refracted_rays import without_refraction
+from tasks.block.result_tables import (
     AdjustedBlock,
     write_control_residuals,
     write_exterior_orientations,
     write_object_points,
     write_residuals,
 )
+from tasks.block.strip_motion import require_motion
+from tasks.block.variance_figures import with_estimated_sigmas
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import local_from_map
+from tasks.errors import NotComputableError
+from tasks.first_run import announce_compilation
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
-from tasks.store import stored
-from tasks.strip_motion import require_motion
-from tasks.tables import read_table
-from tasks.variance_figures import with_estimated_sigmas
+from tasks.storage.artifact import Artifact
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import stored
+from tasks.tables.parquet import read_table
 
 _log = logging.getLogger("aerocal")
 

@@ -8,21 +8,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.artifact import Artifact
-from tasks.camera_table import write_cameras
-from tasks.conformality import refuse_distorted_angles
-from tasks.control_import import control_columns
-from tasks.crs import MapFrame
+from tasks.coordinates.conformality import refuse_distorted_angles
+from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
-from tasks.exposure_import import exposure_columns
-from tasks.image_point_import import usable_image_points
-from tasks.notes import Notes, write_notes
-from tasks.schemas import CONTROL_POINTS, EXPOSURES, IMAGE_POINTS
+from tasks.importing.cameras import write_cameras
+from tasks.importing.control import control_columns
+from tasks.importing.exposures import exposure_columns
+from tasks.importing.image_points import usable_image_points
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
 from tasks.settings.project import ProjectSettings
-from tasks.store import stored
-from tasks.tables import read_table, write_table
+from tasks.storage.artifact import Artifact
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import stored
+from tasks.tables.parquet import read_table, write_table
+from tasks.tables.schemas import CONTROL_POINTS, EXPOSURES, IMAGE_POINTS
 
 
 def project_frame(project: ProjectSettings) -> MapFrame:
@@ -57,7 +57,7 @@ def import_exposures(
     Raises
     ------
     InputError
-        See `tasks.exposure_import` and `tasks.camera_table`.
+        See `tasks.importing.exposures` and `tasks.importing.cameras`.
     """
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
@@ -83,7 +83,7 @@ def import_image_points(
     Raises
     ------
     InputError
-        See `tasks.image_point_import`.
+        See `tasks.importing.image_points`.
     """
     surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
     columns, extra, notes = usable_image_points(sources, read_table(exposures), read_table(cameras), surveyed)
@@ -98,7 +98,7 @@ def import_control(folder: Path, *, sources: tuple[ControlInput, ...], project: 
     Raises
     ------
     InputError
-        See `tasks.control_import`.
+        See `tasks.importing.control`.
     """
     frame = project_frame(project)
     if sources:

@@ -11,13 +11,13 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tasks.artifact import Artifact, digest_of_file, verified
-from tasks.installation import writing_into
-from tasks.manifest import Manifest, manifest_of, read_manifest, write_manifest
-from tasks.notes import read_notes
 from tasks.settings.project import Project
-from tasks.stage_record import read_records, timings_s
-from tasks.store import Store
+from tasks.storage.artifact import Artifact, digest_of_file, verified
+from tasks.storage.installation import writing_into
+from tasks.storage.manifest import Manifest, manifest_of, read_manifest, write_manifest
+from tasks.storage.notes import read_notes
+from tasks.storage.stage_record import read_records, timings_s
+from tasks.storage.store import Store
 from tasks.summary import Summary, summary_of, write_summary
 
 PUBLISHED = (

@@ -11,8 +11,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from tasks.json_text import JSON
 from tasks.settings.quality import AxisGate, Gate, Gates
+from tasks.storage.json_text import JSON
 
 _AXES = ("x", "y", "z")
 

@@ -20,13 +20,13 @@ from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.trajectory import ENU_FROM_NED
-from tasks.crs import MapFrame
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.errors import InputError
-from tasks.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.settings.simulation import Simulation
-from tasks.simulated_project import project_text
-from tasks.simulation_input import block_specification, simulated_frame, simulated_map_frame
-from tasks.simulation_truth import SPECIFICATION, TRUTH, write_truth
+from tasks.simulation.simulated_project import project_text
+from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
+from tasks.simulation.simulation_truth import SPECIFICATION, TRUTH, write_truth
 
 # Digits after the point: enough that a project without noise gives the truth back.
 _COORDINATE_DIGITS, _ANGLE_DIGITS, _IMAGE_DIGITS, _TIME_DIGITS = 9, 12, 9, 6

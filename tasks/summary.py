@@ -13,10 +13,10 @@ from typing import Literal, TypeAlias, cast
 
 from pydantic import BaseModel, ConfigDict
 
-from tasks.json_text import JSON, finite, read_json, replace_json
-from tasks.notes import Notes
 from tasks.quality_gates import GateResult, tested_gates
 from tasks.settings.quality import Gates
+from tasks.storage.json_text import JSON, finite, read_json, replace_json
+from tasks.storage.notes import Notes
 
 CONTRACT_VERSION = 1
 SUMMARY = "summary.json"

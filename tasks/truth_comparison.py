@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
-from tasks.simulation_truth import TRUTH
+from tasks.simulation.simulation_truth import TRUTH
 
 # A single block is one draw: its unknowns are correlated, so the pooled ratio scatters about 1.
 _POOLED_LIMITS = (0.8, 1.2)

@@ -14,9 +14,9 @@ from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
 from flows.examination import Finding, examine_project
 from flows.project_run import RunRequest
-from tasks.json_text import JSON, json_text
-from tasks.run_lock import run_lock
-from tasks.store import Store
+from tasks.storage.json_text import JSON, json_text
+from tasks.storage.run_lock import run_lock
+from tasks.storage.store import Store
 
 
 def examine(

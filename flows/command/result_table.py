@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.project_run import RunOutcome
-from tasks.json_text import json_text
+from tasks.storage.json_text import json_text
 from tasks.summary import Summary
 
 _WORDS = {

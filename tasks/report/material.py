@@ -11,13 +11,13 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
-from tasks.artifact import Artifact
-from tasks.camera_table import frame_cameras
-from tasks.notes import read_notes
+from tasks.importing.cameras import frame_cameras
 from tasks.report.figures import AdjustmentFigures
 from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
+from tasks.storage.notes import read_notes
 from tasks.summary import Summary, summary_of
-from tasks.tables import read_table
+from tasks.tables.parquet import read_table
 
 IMAGE_POINTS = "image_points"
 #: Status of residuals that took part in the adjustment.

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 
-from tasks.artifact import digest_of_file
-from tasks.json_text import JSON, json_text
 from tasks.report.table import Row, Table, text_column
 from tasks.settings.project import Project
-from tasks.stage_key import library_versions
+from tasks.storage.artifact import digest_of_file
+from tasks.storage.json_text import JSON, json_text
+from tasks.storage.stage_key import library_versions
 
 #: Versions that decide how the report looks, besides those of the numerical libraries.
 SOFTWARE: Mapping[str, str] = {name: version(name) for name in ("aerocal", "jinja2", "markupsafe")}

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tasks.artifact import Artifact
 from tasks.report.material import read_material
 from tasks.report.page import render
 from tasks.report.provenance import SOFTWARE
 from tasks.settings.project import Project
-from tasks.store import stored
+from tasks.storage.artifact import Artifact
+from tasks.storage.store import stored
 
 REPORT = "report.html"
 

@@ -17,10 +17,10 @@ from typing import Annotated, ClassVar, TypeAlias
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from tasks.artifact import digest_of_file
 from tasks.errors import InputError
-from tasks.json_text import JSON
 from tasks.nearest_name import did_you_mean
+from tasks.storage.artifact import digest_of_file
+from tasks.storage.json_text import JSON
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 

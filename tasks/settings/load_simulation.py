@@ -45,7 +45,7 @@ def preset_text(name: str) -> str:
 
 
 def _folder() -> Traversable:
-    return resources.files("tasks") / "presets"
+    return resources.files("tasks.simulation") / "presets"
 
 
 def load_simulation(source: str, overrides: Sequence[str] = (), seed: int | None = None) -> Simulation:

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from flows.command import exit_code
-from tasks.artifacts_document import MARKER, with_tables
-from tasks.manifest import Manifest
 from tasks.publish import PUBLISHED
-from tasks.schemas import SCHEMAS
+from tasks.storage.manifest import Manifest
 from tasks.summary import Counts, Summary
+from tasks.tables.document import MARKER, with_tables
+from tasks.tables.schemas import SCHEMAS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = REPOSITORY / "docs" / "artifacts.md"
@@ -34,14 +34,14 @@ def named_fields(chapter: str) -> set[str]:
 
 
 def test_the_committed_tables_are_up_to_date() -> None:
-    message = "run `python -m tasks.artifacts_document` and commit docs/artifacts.md"
+    message = "run `python -m tasks.tables.document` and commit docs/artifacts.md"
     assert with_tables(TEXT) == TEXT, message
 
 
 def test_the_command_writes_the_same_page_from_its_head_alone(tmp_path: Path) -> None:
     page = tmp_path / "artifacts.md"
     page.write_text(TEXT.partition(MARKER)[0] + MARKER + "\n", encoding="utf-8")
-    command = [sys.executable, "-m", "tasks.artifacts_document", str(page)]
+    command = [sys.executable, "-m", "tasks.tables.document", str(page)]
     subprocess.run(command, cwd=REPOSITORY, check=True)
     assert page.read_text(encoding="utf-8") == TEXT
 

@@ -169,7 +169,7 @@ def test_a_run_that_is_stopped_says_so_by_its_exit_code(
     block: Path, tmp_path: Path, sent: signal.Signals, code: int
 ) -> None:
     # The lock of the output folder is held, so the run waits and can be stopped for certain.
-    from tasks.run_lock import run_lock
+    from tasks.storage.run_lock import run_lock
 
     out = tmp_path / "out"
     with (

@@ -10,10 +10,10 @@ import pytest
 
 from flows.project_run import RunRequest, carry_out
 from tasks.errors import InputError, NotComputableError
-from tasks.notes import Notes, write_notes
 from tasks.publish import publish
 from tasks.settings.project import Project
-from tasks.store import Store, stored
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import Store, stored
 from tasks.summary import Summary
 
 Write = Callable[..., Path]

@@ -14,7 +14,7 @@ import pytest
 
 from flows.aerial_triangulation import aerial_triangulation as story
 from flows.project_run import RunRequest, carry_out
-from tasks.run_lock import run_lock
+from tasks.storage.run_lock import run_lock
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import State

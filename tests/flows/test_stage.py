@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from flows.stage import flow_run_is_active, stage
-from tasks.artifact import Artifact, verified
 from tasks.errors import InputError
-from tasks.store import Outputs, Store, stored
+from tasks.storage.artifact import Artifact, verified
+from tasks.storage.store import Outputs, Store, stored
 
 
 @stored("write_text")
@@ -63,7 +63,7 @@ def test_outside_a_flow_run_a_stage_is_a_plain_call(tmp_path: Path) -> None:
 def test_a_story_in_process_never_imports_prefect(tmp_path: Path) -> None:
     program = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from pathlib import Path; from test_stage import story; from tasks.store import Store\n"
+        "from pathlib import Path; from test_stage import story; from tasks.storage.store import Store\n"
         f"story(Store.of(Path({str(tmp_path)!r})))\n"
         "sys.exit(any(name.split('.')[0] == 'prefect' for name in sys.modules))"
     )

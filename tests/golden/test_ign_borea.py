@@ -11,7 +11,7 @@ import pytest
 
 from flows.examination import examine_project
 from tasks.settings.load import load_project
-from tasks.store import Store
+from tasks.storage.store import Store
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_borea" / "project.toml"
 

@@ -16,8 +16,8 @@ import pytest
 from adjust.geometry import rotation
 from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunOutcome, RunRequest, carry_out
-from tasks.crs import MapFrame
-from tasks.local_frame import local_frame, local_from_grid, local_from_map
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
 from tasks.settings.coordinates import Heights
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

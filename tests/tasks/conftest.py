@@ -10,11 +10,11 @@ import pandas as pd
 import pytest
 
 from tasks.ingest import import_control, import_exposures, import_image_points
-from tasks.notes import Notes, read_notes
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.store import Outputs, Store
-from tasks.tables import read_table
+from tasks.storage.notes import Notes, read_notes
+from tasks.storage.store import Outputs, Store
+from tasks.tables.parquet import read_table
 
 PROJECT = """\
 version = 1

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tasks.crs import MapFrame
+from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
 from tasks.settings.coordinates import ELLIPSOIDAL, Heights
 

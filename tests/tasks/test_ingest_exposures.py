@@ -9,7 +9,7 @@ from adjust.geometry.rotation import (
     omega_phi_kappa_jacobian,
     phi_omega_kappa_jacobian,
 )
-from tasks.crs import MapFrame
+from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
 from tasks.settings.coordinates import ELLIPSOIDAL
 

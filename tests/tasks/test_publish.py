@@ -10,12 +10,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tasks.installation import InstallationError
-from tasks.notes import Notes, write_notes
 from tasks.publish import publish
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.store import Store, stored
+from tasks.storage.installation import InstallationError
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import Store, stored
 from tasks.summary import Summary
 
 

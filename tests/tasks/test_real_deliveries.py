@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.camera_table import frame_cameras
+from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
+from tasks.importing.cameras import frame_cameras
 from tasks.ingest import import_control, import_exposures, import_image_points, project_frame
-from tasks.local_frame import local_frame, local_from_grid, local_from_map
-from tasks.notes import read_notes
 from tasks.settings.load import load_project
-from tasks.store import Store
-from tasks.tables import read_table
+from tasks.storage.notes import read_notes
+from tasks.storage.store import Store
+from tasks.tables.parquet import read_table
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

@@ -11,7 +11,7 @@ import pytest
 from adjust.simulate.flight_plan import flight_plan
 from adjust.simulate.truth import block_truth
 from tasks.settings.load_simulation import load_simulation, preset_names
-from tasks.simulation_input import block_specification
+from tasks.simulation.simulation_input import block_specification
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tasks.notes import Notes
 from tasks.settings.quality import AxisGate, Gate, Gates
+from tasks.storage.notes import Notes
 from tasks.summary import failed_summary, read_summary, summary_of, write_summary
 
 #: The fields of the contract, version 1.

@@ -17,7 +17,7 @@ from adjust.parameters import BORESIGHT, GNSS_SHIFT
 from adjust.simulate.block import simulate_block
 from adjust.simulate.truth import BlockSpecification
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulation_input import block_specification
+from tasks.simulation.simulation_input import block_specification
 from tests.adjust.simulate.specifications import errors_of, small_specification, without_noise
 
 

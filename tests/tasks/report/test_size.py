@@ -9,17 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tasks import schemas
-from tasks.artifact import Artifact, artifact_of
-from tasks.camera_table import write_cameras
-from tasks.crs import MapFrame
-from tasks.notes import Notes, write_notes
+from tasks.coordinates.crs import MapFrame
+from tasks.importing.cameras import write_cameras
 from tasks.report.material import read_material
 from tasks.report.page import render
 from tasks.settings.coordinates import Heights
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.tables import write_table
+from tasks.storage.artifact import Artifact, artifact_of
+from tasks.storage.notes import Notes, write_notes
+from tasks.tables import schemas
+from tasks.tables.parquet import write_table
 from tests.conftest import PROJECT
 from tests.tasks.report.page_reader import Page
 

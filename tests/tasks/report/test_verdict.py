@@ -5,13 +5,13 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from tasks.json_text import JSON
-from tasks.notes import Notes
 from tasks.report.figures import gate_words, group_words
 from tasks.report.key_figures import Verdict, verdict
 from tasks.report.material import Material
 from tasks.settings.project import Project
 from tasks.settings.quality import Gates
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import Notes
 from tasks.summary import summary_of
 
 NOTHING = pd.DataFrame()

@@ -1,0 +1,1 @@
+"""Between tables and the mathematics: the block that goes in, the results that come out."""

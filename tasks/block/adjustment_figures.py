@@ -1,0 +1,196 @@
+"""The adjustment in figures for summary.json and in sentences for people."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats
+from adjust.quality.redundancy import UNCONTROLLED
+from adjust.result import GroupResult, ObservationStatus
+from tasks.block.parameter_tables import correlation_matrix
+from tasks.block.result_tables import AdjustedBlock, surveyed_differences
+from tasks.block.variance_figures import variance_figures, variance_sentences
+from tasks.settings.adjustment import AdjustmentSettings
+from tasks.storage.json_text import JSON
+
+# σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
+_GROUP_LIMITS = (0.7, 1.4)
+_GROUP_REDUNDANCY = 10.0
+# Two parameters correlated by more than this are hardly separated.
+_CORRELATED = 0.98
+_MOST_PAIRS = 5
+_IN_WORDS = {
+    "image_points": "image points",
+    "control_points": "control points",
+    "gnss_positions": "GNSS positions",
+    "ins_attitudes": "INS attitudes",
+}
+
+
+def adjustment_figures(
+    adjusted: AdjustedBlock, settings: AdjustmentSettings, parameters: pd.DataFrame
+) -> dict[str, JSON]:
+    """Figures of summary.json that the adjustment knows."""
+    result = adjusted.result
+    rays = result.groups[0]
+    sigma_image = float(np.median(rays.sigma))
+    pixel = adjusted.block.cameras[0].pixel_size
+    control, check = (surveyed_differences(adjusted, is_check) for is_check in (False, True))
+    test = result.test
+    return {
+        "sigma0": test.sigma0,
+        "sigma0_um": test.sigma0 * sigma_image * 1e6,
+        "sigma0_px": test.sigma0 * sigma_image / pixel,
+        "redundancy": test.redundancy,
+        "iterations": sum(len(item) for item in result.iterations),
+        "counts": {
+            "images": len(adjusted.block.images),
+            "object_points": int(result.active_point.sum()),
+            "image_points": int((rays.status[:, 0] % 2 == 0).sum()),
+            "rejected": sum(group.rejected for group in result.groups),
+            "rejected_image_points": rays.rejected,
+            "uncontrolled": sum(uncontrolled(group) for group in result.groups),
+            "control": len(control),
+            "check": len(check),
+        },
+        "rmse_control_m": _rmse(control),
+        "rmse_check_m": _rmse(check),
+        "max_check_m": _largest(check),
+        "parameters": [
+            {str(name): value for name, value in row.items()} for row in parameters.to_dict("records")
+        ],
+        "image_rms_px": _image_rms_px(adjusted),
+        "critical_value": settings.rejection.critical_value,
+        "rejected_per_pass": list(result.rejected_per_pass),
+        "sigma_scaled_by": adjusted.sigma0,
+        "global_test": {
+            "lower": test.lower,
+            "upper": test.upper,
+            "confidence": test.confidence,
+            "passed": test.passed,
+        },
+        "groups": [_group_figures(group) for group in result.groups],
+        "variance_components": variance_figures(result),
+        "datum": [
+            {
+                "direction": share.direction,
+                "sigma": share.sigma,
+                "held_by": dict(share.shares),
+            }
+            for share in result.datum
+        ],
+        "frame": adjusted.map_frame.description,
+    }
+
+
+def _group_figures(group: GroupResult) -> dict[str, JSON]:
+    present = np.isfinite(group.redundancy)
+    return {
+        "group": group.group.name,
+        "observations": int(present.sum()),
+        "redundancy": group.redundancy_sum,
+        "sigma0": group.sigma0,
+        "rejected": group.rejected,
+        "uncontrolled": uncontrolled(group),
+    }
+
+
+def uncontrolled(group: GroupResult) -> int:
+    """Number of components whose redundancy number is too small to test them."""
+    return int((group.status == ObservationStatus.UNCONTROLLED).sum())
+
+
+def _image_rms_px(adjusted: AdjustedBlock) -> list[JSON]:
+    """RMS of the residuals of the image points that were used, in pixels, x and y."""
+    group = adjusted.result.groups[0]
+    cameras = adjusted.block.cameras
+    pixel = np.array([camera.pixel_size for camera in cameras])[adjusted.block.camera_of_image]
+    used = np.isin(group.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED)).all(axis=1)
+    residual = group.residual[used] / pixel[group.group.image[used]][:, None]
+    return [float(value) for value in np.sqrt(np.mean(residual**2, axis=0))]
+
+
+def _rmse(table: pd.DataFrame) -> list[JSON] | None:
+    """√(Σd²/n) of x, y, z, not centred; null without points."""
+    return _each_axis(table, lambda d: float(np.sqrt(np.mean(d**2))))
+
+
+def _largest(table: pd.DataFrame) -> list[JSON] | None:
+    return _each_axis(table, lambda d: float(np.max(np.abs(d))))
+
+
+def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignore[no-untyped-def]
+    if len(table) == 0:
+        return None
+    values: list[JSON] = []
+    for column in ("dx_m", "dy_m", "dz_m"):
+        known: Floats = table[column].dropna().to_numpy(np.float64)
+        values.append(figure(known) if len(known) else None)
+    return values
+
+
+def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> tuple[str, ...]:
+    """What the user should know about the result, gravest first."""
+    result = adjusted.result
+    problems = []
+    test = result.test
+    if test.redundancy <= 0:
+        problems.append("The block has no redundancy: nothing controls the observations.")
+    elif not test.passed:
+        problems.append(
+            f"The global test fails: σ0 is {test.sigma0:.3f}, the stated σ allow {test.lower:.3f} to "
+            f"{test.upper:.3f} ({100 * test.confidence:g} %)."
+        )
+    for group in result.groups:
+        if group.redundancy_sum >= _GROUP_REDUNDANCY and not (
+            _GROUP_LIMITS[0] <= group.sigma0 <= _GROUP_LIMITS[1]
+        ):
+            words = _IN_WORDS.get(group.group.name, group.group.name)
+            verdict = "worse" if group.sigma0 > 1.0 else "better"
+            problems.append(
+                f"The {words} fit {verdict} than their σ say: σ0 of the group is {group.sigma0:.2f} "
+                f"(redundancy {group.redundancy_sum:,.0f})."
+            )
+    problems += variance_sentences(result)
+    problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
+    return tuple(problems)
+
+
+def _correlated(adjusted: AdjustedBlock) -> list[str]:
+    """Sentences about the pairs of system parameters that the block separates least."""
+    names = adjusted.result.layout.border_names()
+    correlation = correlation_matrix(adjusted.result)
+    first, second = np.triu_indices(len(names), 1)
+    worst = np.argsort(-np.abs(correlation[first, second]), kind="stable")[:_MOST_PAIRS]
+    return [
+        f"{names[a][0]} of {names[a][1]} and {names[b][0]} of {names[b][1]} are correlated by "
+        f"{correlation[a, b]:+.3f}: this block hardly separates them, their values must not be used apart."
+        for a, b in zip(first[worst], second[worst], strict=True)
+        if abs(correlation[a, b]) > _CORRELATED
+    ]
+
+
+def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
+    counts = [
+        f"{group.rejected:,} {_IN_WORDS.get(group.group.name, group.group.name)}"
+        for group in adjusted.result.groups
+        if group.rejected
+    ]
+    if not counts:
+        return []
+    return [
+        f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
+        f"{settings.rejection.critical_value:g})."
+    ]
+
+
+def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:
+    count = uncontrolled(adjusted.result.groups[0])
+    if count == 0:
+        return []
+    return [
+        f"{count:,} image coordinates are uncontrolled (redundancy number below {UNCONTROLLED:g}, such as "
+        "points with two rays along the base): a gross error in them would not be found; they were not "
+        "tested."
+    ]

@@ -1,0 +1,280 @@
+"""From tables to a block: the only place, with ``result_tables``, that knows both.
+
+Text keys become indices here; degrees, millimetres and map coordinates become radians, metres and
+the local frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.block import Block
+from adjust.observations.base import StochasticModel
+from adjust.observations.control_point import ControlPoints
+from adjust.observations.direct import DirectObservations
+from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.image_point import ImagePoints
+from adjust.observations.ins_attitude import InsAttitudes
+from adjust.parameters import (
+    BORESIGHT,
+    FAMILIES,
+    GNSS_DRIFT,
+    GNSS_SHIFT,
+    GNSS_STRIP_BIAS,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    TIME_OFFSET,
+    SystemParameters,
+)
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.strip_motion import strip_motion
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.settings.adjustment import AdjustmentSettings
+
+_FREE_FAMILIES = {
+    "boresight": (BORESIGHT, (0, 1, 2)),
+    "lever_arm": (LEVER_ARM, (0, 1, 2)),
+    "gnss_shift": (GNSS_SHIFT, (0, 1, 2)),
+    "gnss_strip_bias": (GNSS_STRIP_BIAS, (0, 1, 2)),
+    "gnss_drift": (GNSS_DRIFT, (0, 1, 2)),
+    "time_offset": (TIME_OFFSET, (0,)),
+    "focal_length": (INTERIOR_ORIENTATION, (0,)),
+    "principal_point": (INTERIOR_ORIENTATION, (1, 2)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyedPoints:
+    """Control and check points in local terms.
+
+    Attributes
+    ----------
+    name : names of the k points.
+    is_check : (k,) whether the coordinates stay out of the adjustment.
+    x_in_local : (k, 3) metres, NaN for a point whose plan position is not known.
+    height : (k,) height above the ellipsoid (or the z of a local project), NaN if not known.
+    covariance : (k, 3, 3) along east, north, up at the point, m².
+    present : (k, 3) which of the three are known.
+    """
+
+    name: tuple[str, ...]
+    is_check: Bools
+    x_in_local: Floats
+    height: Floats
+    covariance: Floats
+    present: Bools
+
+    @property
+    def complete(self) -> Bools:
+        """(k,) whether all three coordinates are known."""
+        return np.asarray(self.present.all(axis=1))
+
+
+def surveyed_points(
+    table: pd.DataFrame, map_frame: MapFrame, frame: AdjustmentFrame, near: pd.DataFrame | None = None
+) -> SurveyedPoints:
+    """Control and check points of control_points.parquet.
+
+    Parameters
+    ----------
+    near : approximate_points.parquet; gives the plan position at which the geoid undulation of a point
+        known in height only is taken (its slope of 5e-5 makes metres of it irrelevant).
+    """
+    given = table[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+    present = np.isfinite(given)
+    place = given.copy()
+    if near is not None and len(near):
+        row = pd.Index(near["point"]).get_indexer(table["point"])
+        intersected = near[["x_m", "y_m", "z_m"]].to_numpy(np.float64)[row]
+        known = (row >= 0)[:, None]
+        place = np.where(np.isfinite(place) | ~known, place, intersected)
+    usable = np.isfinite(place[:, :2]).all(axis=1)
+    # A point without height gets any: its vertical is what counts.
+    place[:, 2] = np.where(np.isfinite(place[:, 2]), place[:, 2], 0.0)
+    x_in_local = np.full_like(place, np.nan)
+    height = np.full(len(place), np.nan)
+    covariance = np.zeros((len(place), 3, 3))
+    sigma = table[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+    if usable.any():
+        x_in_local[usable] = local_from_map(map_frame, frame, place[usable])
+        height[usable] = frame.height(x_in_local[usable])
+        convergence = np.zeros(len(place))
+        convergence[usable] = map_frame.convergence(place[usable])
+        covariance = _turned(np.where(present, sigma, 1.0), convergence)
+    height[~present[:, 2]] = np.nan
+    x_in_local[~present[:, :2].all(axis=1)] = np.nan
+    return SurveyedPoints(
+        tuple(table["point"]),
+        (table["role"] == "check").to_numpy(),
+        x_in_local,
+        height,
+        covariance,
+        present,
+    )
+
+
+def _turned(sigma: Floats, convergence: Floats) -> Floats:
+    """Covariances (k, 3, 3) in true east, north, up of standard deviations along the grid axes.
+
+    Grid axes are turned by the convergence γ: east_true = cos γ east_grid + sin γ north_grid.
+    """
+    variance = sigma**2
+    covariance = np.zeros((len(sigma), 3, 3))
+    cosine, sine = np.cos(convergence), np.sin(convergence)
+    covariance[:, 0, 0] = cosine**2 * variance[:, 0] + sine**2 * variance[:, 1]
+    covariance[:, 1, 1] = sine**2 * variance[:, 0] + cosine**2 * variance[:, 1]
+    covariance[:, 0, 1] = covariance[:, 1, 0] = cosine * sine * (variance[:, 1] - variance[:, 0])
+    covariance[:, 2, 2] = variance[:, 2]
+    return covariance
+
+
+def image_point_observations(
+    table: pd.DataFrame, images: tuple[str, ...], points: tuple[str, ...], camera_of_image: Ints
+) -> tuple[ImagePoints, Ints]:
+    """Image points of the given images and points, sorted by point, and their rows in the table."""
+    image = pd.Index(images).get_indexer(pd.Index(table["image"])).astype(np.int64)
+    point = pd.Index(points).get_indexer(pd.Index(table["point"])).astype(np.int64)
+    rows = np.flatnonzero((image >= 0) & (point >= 0))
+    rows = rows[np.lexsort((image[rows], point[rows]))]
+    observations = ImagePoints(
+        image[rows],
+        point[rows],
+        camera_of_image,
+        table[["x_mm", "y_mm"]].to_numpy(np.float64)[rows] * 1e-3,
+        table[["sigma_x_mm", "sigma_y_mm"]].to_numpy(np.float64)[rows] * 1e-3,
+        np.ones(len(rows), dtype=bool),
+    )
+    return observations, rows
+
+
+def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) -> tuple[SystemParameters, ...]:
+    """All families with their given values; free are those the settings name.
+
+    The families of strips and times are there only when they are free: nothing is known of them.
+    """
+    flights, strips = given.flights, given.strips
+    mountings = given.mountings
+    interior = np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras])
+    values = {
+        INTERIOR_ORIENTATION: (mountings.names, interior),
+        BORESIGHT: (mountings.names, mountings.boresight),
+        LEVER_ARM: (mountings.names, mountings.lever_arm),
+        GNSS_SHIFT: (flights, np.zeros((len(flights), 3))),
+    }
+    if "gnss_strip_bias" in settings.free:
+        values[GNSS_STRIP_BIAS] = (strips, np.zeros((len(strips), 3)))
+    if "gnss_drift" in settings.free:
+        values[GNSS_DRIFT] = (strips, np.zeros((len(strips), 3)))
+    if "time_offset" in settings.free:
+        values[TIME_OFFSET] = (flights, np.zeros((len(flights), 1)))
+    free = {name: np.zeros(entry[1].shape, dtype=bool) for name, entry in values.items()}
+    for parameter in settings.free:
+        family, components = _FREE_FAMILIES[parameter]
+        free[family][:, components] = True
+    return tuple(
+        SystemParameters(FAMILIES[name], entities, array, free[name])
+        for name, (entities, array) in values.items()
+    )
+
+
+def block_of(
+    frame: AdjustmentFrame,
+    given: GivenOrientations,
+    points: tuple[str, ...],
+    object_point: Floats,
+    settings: AdjustmentSettings,
+) -> Block:
+    """The block of the given images and object points (m, 3) with their approximate values."""
+    centre, local_from_camera = given.orientations()
+    return Block(
+        frame,
+        given.mountings.cameras,
+        given.image,
+        given.camera,
+        given.flights,
+        given.flight_of_image,
+        points,
+        system_parameters(given, settings),
+        centre,
+        local_from_camera,
+        object_point,
+    )
+
+
+def gnss_positions(block: Block, given: GivenOrientations) -> GnssPositions:
+    """GNSS positions of all images, weighted along grid east, grid north, up."""
+    return GnssPositions(
+        np.arange(len(given.image), dtype=np.int64),
+        given.camera,
+        block.flight_of_image,
+        given.observed,
+        given.local_from_grid,
+        given.body_from_camera,
+        StochasticModel.from_sigma(given.position_sigma),
+        strip_motion(given),
+    )
+
+
+def ins_attitudes(given: GivenOrientations) -> InsAttitudes:
+    """INS attitudes of the images that have one, weighted in body axes."""
+    observed = np.flatnonzero(given.attitude_observed)
+    return InsAttitudes(
+        observed.astype(np.int64),
+        given.camera[observed],
+        given.local_from_body()[observed],
+        given.body_from_camera[observed],
+        StochasticModel.from_covariance(
+            given.attitude_covariance()[observed], np.ones((len(observed), 3), dtype=bool)
+        ),
+    )
+
+
+def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | None:
+    """Control points that are object points of the block; None if there is none."""
+    index = pd.Index(block.points).get_indexer(pd.Index(surveyed.name)).astype(np.int64)
+    kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1))
+    if len(kept) == 0:
+        return None
+    return ControlPoints(
+        index[kept],
+        surveyed.x_in_local[kept],
+        surveyed.height[kept],
+        block.frame,
+        StochasticModel.from_covariance(surveyed.covariance[kept], surveyed.present[kept]),
+    )
+
+
+def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservations, ...]:
+    """Direct observations of the free parameters whose given value has a standard deviation."""
+    given = settings.priors
+    degree, millimetre = np.deg2rad(1.0), 1e-3
+    nothing = (np.nan, np.nan, np.nan)
+    focal = np.nan if given.focal_length_mm is None else given.focal_length_mm * millimetre
+    point = given.principal_point_mm or (np.nan, np.nan)
+    sigmas = {
+        INTERIOR_ORIENTATION: np.array([focal, point[0] * millimetre, point[1] * millimetre]),
+        BORESIGHT: np.array(given.boresight_deg or nothing) * degree,
+        LEVER_ARM: np.array(given.lever_arm_m or nothing),
+        GNSS_SHIFT: np.array(given.gnss_shift_m or nothing),
+        GNSS_STRIP_BIAS: np.array(given.gnss_strip_bias_m),
+        GNSS_DRIFT: np.array(given.gnss_drift_m_s or nothing),
+        TIME_OFFSET: np.array([np.nan if given.time_offset_s is None else given.time_offset_s]),
+    }
+    groups = []
+    for parameters in block.system:
+        sigma = np.where(parameters.free, sigmas[parameters.family.name], np.nan)
+        if np.isfinite(sigma).any():
+            groups.append(
+                DirectObservations(
+                    parameters.family.name,
+                    np.arange(len(parameters.entities), dtype=np.int64),
+                    parameters.values,
+                    StochasticModel.from_sigma(sigma),
+                )
+            )
+    return tuple(groups)

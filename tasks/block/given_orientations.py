@@ -1,0 +1,205 @@
+"""Given orientations: exposures as positions and rotations in the local frame of the adjustment.
+
+A delivery of ω, φ, κ describes the camera with its nominal mounting T, so R_INS = R_ωφκ Tᵀ; a delivery of
+heading, pitch, roll describes the body itself. In both cases R_camera = R_INS R_B(b) T with the boresight b
+that is known beforehand, and the projection centre lies at A − R_INS l with the known lever arm l.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.camera.interior import FrameCamera
+from adjust.geometry import rotation
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
+from tasks.importing.cameras import frame_cameras
+
+_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+AngleOrder = Literal["omega-phi-kappa", "phi-omega-kappa"]
+
+
+@dataclass(frozen=True, eq=False)
+class Mountings:
+    """How the cameras sit in the aircraft, as known beforehand; one row for each camera.
+
+    Attributes
+    ----------
+    cameras : the cameras.
+    lever_arm : (c, 3) metres, body axes.
+    boresight : (c, 3) roll, pitch, yaw, radians.
+    """
+
+    cameras: tuple[FrameCamera, ...]
+    lever_arm: Floats
+    boresight: Floats
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame) -> Self:
+        """From cameras.parquet; only the cameras that are used need to be in it."""
+        cameras = tuple(frame_cameras(table).values())
+        lever_arm = table[[f"lever_arm_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)
+        boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
+        return cls(cameras, lever_arm, np.deg2rad(boresight))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the cameras."""
+        return tuple(camera.name for camera in self.cameras)
+
+    @property
+    def body_from_camera(self) -> Floats:
+        """Nominal mountings T, (c, 3, 3)."""
+        return np.stack([camera.body_from_camera for camera in self.cameras])
+
+
+@dataclass(frozen=True, eq=False)
+class GivenOrientations:
+    """Positions and attitudes of n images as delivered, in the local frame.
+
+    Attributes
+    ----------
+    image : names, ascending.
+    camera : (n,) index into ``mountings``.
+    flight, strip : names, empty where not known.
+    time_s : (n,) NaN where not known.
+    x_in_map : (n, 3) position as delivered, in the project's CRS.
+    observed : (n, 3) the same in the local frame.
+    position_sigma : (n, 3) along grid east, grid north, up, metres.
+    local_from_grid : (n, 3, 3) at each position.
+    local_from_enu : (n, 3, 3) likewise, true north.
+    angles : (n, 3) radians: ω, φ, κ of the camera against the grid, or heading, pitch, roll of the body.
+    angle_sigma : (n, 3) radians.
+    is_heading : (n,) which of the two.
+    attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
+    """
+
+    mountings: Mountings
+    image: tuple[str, ...]
+    camera: Ints
+    flight: tuple[str, ...]
+    strip: tuple[str, ...]
+    time_s: Floats
+    x_in_map: Floats
+    observed: Floats
+    position_sigma: Floats
+    local_from_grid: Floats
+    local_from_enu: Floats
+    angles: Floats
+    angle_sigma: Floats
+    is_heading: Bools
+    attitude_observed: Bools
+
+    @classmethod
+    def from_tables(
+        cls, exposures: pd.DataFrame, mountings: Mountings, map_frame: MapFrame, frame: AdjustmentFrame
+    ) -> Self:
+        """From exposures.parquet; the rows must be the images wanted."""
+        x_in_map = exposures[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+        observed = local_from_map(map_frame, frame, x_in_map)
+        heading_columns = ["heading_deg", "pitch_deg", "roll_deg"]
+        heading = exposures[heading_columns].to_numpy(np.float64)
+        grid = exposures[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy(np.float64)
+        is_heading = np.isfinite(heading).all(axis=1)
+        choose = is_heading[:, None]
+        sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
+        sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
+        return cls(
+            mountings,
+            tuple(exposures["image"]),
+            pd.Index(mountings.names).get_indexer(pd.Index(exposures["camera"])).astype(np.int64),
+            tuple(exposures["flight"].fillna("")),
+            tuple(exposures["strip"].fillna("")),
+            exposures["time_s"].to_numpy(np.float64),
+            x_in_map,
+            observed,
+            exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64),
+            local_from_grid(map_frame, frame, x_in_map),
+            np.array(frame.local_from_enu(observed)),
+            np.deg2rad(np.where(choose, heading, grid)),
+            np.deg2rad(np.where(choose, sigma_heading, sigma_grid)),
+            is_heading,
+            np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
+        )
+
+    @property
+    def flights(self) -> tuple[str, ...]:
+        """Names of the flights, ascending; one without a name if none is known."""
+        return tuple(sorted(set(self.flight)))
+
+    @property
+    def flight_of_image(self) -> Ints:
+        """(n,) index into ``flights``."""
+        return pd.Index(self.flights).get_indexer(pd.Index(self.flight)).astype(np.int64)
+
+    @property
+    def strips(self) -> tuple[str, ...]:
+        """Names of the strips, ascending; one without a name if none is known."""
+        return tuple(sorted(set(self.strip)))
+
+    @property
+    def strip_of_image(self) -> Ints:
+        """(n,) index into ``strips``."""
+        return pd.Index(self.strips).get_indexer(pd.Index(self.strip)).astype(np.int64)
+
+    @property
+    def has_attitude(self) -> Bools:
+        """(n,) whether all three angles are known."""
+        return np.asarray(np.isfinite(self.angles).all(axis=1))
+
+    @property
+    def body_from_camera(self) -> Floats:
+        """Nominal mounting T of each image, (n, 3, 3)."""
+        return np.asarray(self.mountings.body_from_camera[self.camera])
+
+    def local_from_body(self, order: AngleOrder = "omega-phi-kappa") -> Floats:
+        """Attitude of the body, R_INS (n, 3, 3); ``order`` is how ω, φ, κ are read."""
+        read = rotation.from_omega_phi_kappa if order == "omega-phi-kappa" else rotation.from_phi_omega_kappa
+        of_camera = self.local_from_grid @ read(self.angles) @ np.swapaxes(self.body_from_camera, 1, 2)
+        of_body = self.local_from_enu @ _ENU_FROM_NED @ rotation.ned_from_body(self.angles)
+        return np.where(self.is_heading[:, None, None], of_body, of_camera)
+
+    def attitude_covariance(self) -> Floats:
+        """Covariance (n, 3, 3) of a small rotation of the body, in body axes, rad²."""
+        camera = self.body_from_camera @ rotation.omega_phi_kappa_jacobian(self.angles)
+        body = rotation.heading_pitch_roll_jacobian(self.angles)
+        spread = np.where(self.is_heading[:, None, None], body, camera) * self.angle_sigma[:, None, :]
+        return spread @ np.swapaxes(spread, 1, 2)
+
+    def orientations(self, order: AngleOrder = "omega-phi-kappa") -> tuple[Floats, Floats]:
+        """Projection centres (n, 3) and rotations local from camera (n, 3, 3) with the known mounting."""
+        local_from_body = self.local_from_body(order)
+        boresight = rotation.from_roll_pitch_yaw(self.mountings.boresight)[self.camera]
+        arm = np.einsum("nij,nj->ni", local_from_body, self.mountings.lever_arm[self.camera])
+        return self.observed - arm, local_from_body @ boresight @ self.body_from_camera
+
+    def headings(self) -> Floats:
+        """Heading of the body (n,), radians clockwise from true north."""
+        forward = np.einsum("nji,nj->ni", self.local_from_enu, self.local_from_body()[:, :, 0])
+        return np.asarray(np.arctan2(forward[:, 0], forward[:, 1]))
+
+    def only(self, kept: Bools) -> Self:
+        """The images (n,) that are kept."""
+        index = np.flatnonzero(kept)
+        return replace(
+            self,
+            image=tuple(self.image[i] for i in index),
+            camera=self.camera[index],
+            flight=tuple(self.flight[i] for i in index),
+            strip=tuple(self.strip[i] for i in index),
+            time_s=self.time_s[index],
+            x_in_map=self.x_in_map[index],
+            observed=self.observed[index],
+            position_sigma=self.position_sigma[index],
+            local_from_grid=self.local_from_grid[index],
+            local_from_enu=self.local_from_enu[index],
+            angles=self.angles[index],
+            angle_sigma=self.angle_sigma[index],
+            is_heading=self.is_heading[index],
+            attitude_observed=self.attitude_observed[index],
+        )

@@ -1,0 +1,1 @@
+"""Map projections, heights, datums, and the local frame of the adjustment."""

@@ -1,0 +1,1 @@
+"""From delivered files to tables in the frame and units of the project."""

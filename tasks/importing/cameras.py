@@ -1,0 +1,91 @@
+"""Cameras between the project file, their table and the mathematics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
+
+import pandas as pd
+
+from adjust.camera.interior import FrameCamera, PixelOrigin
+from tasks.formats.records import CameraRecord
+from tasks.formats.register import CAMERA_FORMATS
+from tasks.settings.cameras import CameraInput
+from tasks.tables.parquet import write_table
+from tasks.tables.schemas import CAMERAS
+
+_MM = 1e-3
+_UM = 1e-6
+
+
+def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
+    """Write the table of cameras, reading the camera files the project names.
+
+    Raises
+    ------
+    InputError
+        If a camera file cannot be read.
+    """
+    rows = [_row(name, camera) for name, camera in cameras.items()]
+    write_table(
+        path, CAMERAS, {column.name: [row[column.name] for row in rows] for column in CAMERAS.columns}
+    )
+
+
+def camera_record(camera: CameraInput) -> CameraRecord:
+    """A camera of the project file, read from its file if it has one.
+
+    Raises
+    ------
+    InputError
+        If the camera file cannot be read.
+    """
+    if camera.file is not None and camera.format is not None:
+        return CAMERA_FORMATS[camera.format](camera.file)
+    # The settings have made sure that all values are there when there is no file.
+    return CameraRecord(
+        columns=cast(int, camera.columns),
+        rows=cast(int, camera.rows),
+        pixel_um=cast(float, camera.pixel_um),
+        focal_length_mm=cast(float, camera.focal_length_mm),
+        principal_point_mm=cast(tuple[float, float], camera.principal_point_mm),
+    )
+
+
+def _row(name: str, camera: CameraInput) -> dict[str, str | int | float]:
+    record = camera_record(camera)
+    row: dict[str, str | int | float] = {
+        "camera": name,
+        "columns": record.columns,
+        "rows": record.rows,
+        "pixel_um": record.pixel_um,
+        "focal_length_mm": record.focal_length_mm,
+        "principal_point_x_mm": record.principal_point_mm[0],
+        "principal_point_y_mm": record.principal_point_mm[1],
+        "pixel_origin": camera.pixel_origin,
+        "mount_deg": camera.mount_deg,
+    }
+    row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
+    names = ("roll", "pitch", "yaw")
+    return row | {f"boresight_{axis}_deg": v for axis, v in zip(names, camera.boresight_deg, strict=True)}
+
+
+def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:
+    """The cameras of the table ``cameras`` as the mathematics knows them, by name, in its order."""
+    return {
+        str(row["camera"]): FrameCamera(
+            name=str(row["camera"]),
+            columns=int(row["columns"]),
+            rows=int(row["rows"]),
+            pixel_size=float(row["pixel_um"]) * _UM,
+            focal_length=float(row["focal_length_mm"]) * _MM,
+            principal_point=(
+                float(row["principal_point_x_mm"]) * _MM,
+                float(row["principal_point_y_mm"]) * _MM,
+            ),
+            pixel_origin=cast(PixelOrigin, str(row["pixel_origin"])),
+            mount_deg=int(row["mount_deg"]),
+        )
+        for row in table.to_dict("records")
+    }

@@ -1,0 +1,153 @@
+"""Whether the control points fit the given orientations, and which slip would explain it if not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats
+from tasks.block.block_input import SurveyedPoints
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.errors import InputError
+
+# A common height difference is a matter of the datum when it exceeds this many times its own scatter.
+_COMMON_HEIGHT = 5.0
+_COMMON_HEIGHT_M = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class ControlDifferences:
+    """Intersections from the given orientations minus given coordinates.
+
+    Attributes
+    ----------
+    point : names of the points that were intersected.
+    enu : (k, 3) differences along east, north, up, metres; NaN where a coordinate is not known.
+    rays : (k,) number of image points.
+    """
+
+    point: tuple[str, ...]
+    enu: Floats
+    rays: Floats
+
+
+def control_differences(
+    surveyed: SurveyedPoints, frame: AdjustmentFrame, intersected: pd.DataFrame, x_in_local: Floats
+) -> ControlDifferences:
+    """Differences at control and check points.
+
+    Parameters
+    ----------
+    intersected : approximate points (point, rays) of all object points.
+    x_in_local : (m, 3) their intersections, NaN where there is none.
+    """
+    row = pd.Index(intersected["point"]).get_indexer(pd.Index(surveyed.name))
+    found = (row >= 0) & np.isfinite(x_in_local[row]).all(axis=1)
+    index = np.flatnonzero(found)
+    computed = x_in_local[row[index]]
+    given = surveyed.x_in_local[index]
+    anchor = np.where(np.isfinite(given), given, computed)
+    enu = np.einsum("nji,nj->ni", frame.local_from_enu(anchor), computed - anchor)
+    enu[~surveyed.present[index][:, :2].all(axis=1), :2] = np.nan
+    enu[:, 2] = np.nan
+    if len(index):
+        enu[:, 2] = frame.height(computed) - surveyed.height[index]
+    rays = intersected["rays"].to_numpy(np.float64)[row[index]]
+    return ControlDifferences(tuple(surveyed.name[i] for i in index), enu, rays)
+
+
+def check_control(
+    differences: ControlDifferences,
+    table: pd.DataFrame,
+    map_frame: MapFrame,
+    frame: AdjustmentFrame,
+    limit_m: float,
+) -> list[str]:
+    """Refuse control points that cannot be where they are said to be; name what looks suspicious.
+
+    Parameters
+    ----------
+    limit_m : distance from the intersection above which a point is called wrong, metres.
+
+    Returns
+    -------
+    problems : sentences about height systems and points that stand out.
+
+    Raises
+    ------
+    InputError
+        If points lie further from their intersections than the limit.
+    """
+    distance = np.linalg.norm(np.nan_to_num(differences.enu), axis=1)
+    far = distance > limit_m
+    if not far.any():
+        return _common_height(differences)
+    plan = np.linalg.norm(np.nan_to_num(differences.enu[:, :2]), axis=1)
+    if (plan <= limit_m).all() and far.sum() > 0.5 * len(far):
+        height = float(np.nanmedian(differences.enu[:, 2]))
+        raise InputError(
+            f"The heights of {int(far.sum())} control points differ from the intersections of their rays "
+            f"by {height:+.1f} m (median), their plan positions agree.",
+            "Check `heights` of the control and of the exposures: ellipsoidal heights and altitudes above "
+            "the geoid differ by the undulation.",
+        )
+    if _swapped(differences, far, table, map_frame, frame, limit_m):
+        raise InputError(
+            f"x and y of {int(far.sum())} control points look swapped: with x and y exchanged they lie "
+            "where their rays intersect.",
+            "x is east and y is north in every input, whatever the axis order of the CRS.",
+        )
+    names = [differences.point[i] for i in np.argsort(-distance, kind="stable") if far[i]]
+    worst = differences.point.index(names[0])
+    east, north, up = differences.enu[worst]
+    listed = f" ({len(names)} such points: {', '.join(names[:5])}{', …' if len(names) > 5 else ''})"
+    raise InputError(
+        f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "
+        f"(east {east:+,.1f} m, north {north:+,.1f} m, up {up:+,.1f} m)"
+        f"{listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error.",
+        "Check its coordinates, its CRS and heights, and whether its image points are of this point; or "
+        "raise checks.control_distance_m.",
+        entity=f"control point {names[0]}",
+    )
+
+
+def _swapped(
+    differences: ControlDifferences,
+    far: Bools,
+    table: pd.DataFrame,
+    map_frame: MapFrame,
+    frame: AdjustmentFrame,
+    limit_m: float,
+) -> bool:
+    """Whether exchanging x and y brings the far points to their intersections."""
+    names = [differences.point[i] for i in np.flatnonzero(far)]
+    rows = table.set_index("point").loc[names]
+    given = rows[["x_m", "y_m", "z_m"]].fillna(0.0).to_numpy(np.float64)
+    exchanged = given[:, [1, 0, 2]]
+    if not np.asarray(map_frame.inside_area_of_use(exchanged)).all():
+        return False
+    as_given = local_from_map(map_frame, frame, given)
+    axes = frame.local_from_enu(as_given)
+    intersected = as_given + np.einsum("nij,nj->ni", axes, np.nan_to_num(differences.enu[far]))
+    distance = np.linalg.norm((local_from_map(map_frame, frame, exchanged) - intersected)[:, :2], axis=1)
+    return bool((distance <= limit_m).all())
+
+
+def _common_height(differences: ControlDifferences) -> list[str]:
+    """A sentence if all heights differ by the same amount, as between two height systems."""
+    up = differences.enu[:, 2]
+    up = up[np.isfinite(up)]
+    if len(up) < 2:
+        return []
+    median = float(np.median(up))
+    scatter = float(np.median(np.abs(up - median))) * 1.4826
+    if abs(median) < max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter):
+        return []
+    return [
+        f"All control heights differ from the given orientations by {median:+.1f} m "
+        f"(scatter {scatter:.1f} m): as if the control and the exposures had different height systems. "
+        "Check `heights` of both."
+    ]

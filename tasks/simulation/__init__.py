@@ -1,0 +1,1 @@
+"""Simulated blocks as ordinary projects with their truth, and the presets."""

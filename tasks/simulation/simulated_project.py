@@ -1,0 +1,102 @@
+"""The project file of a simulated block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from adjust.simulate.block import SimulatedBlock
+from tasks.settings.adjustment import FreeParameter
+from tasks.settings.simulation import Simulation
+from tasks.simulation.toml_text import TomlValue, toml_text
+
+
+def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
+    """The text of project.toml: what a client would declare, and what the adjustment estimates."""
+    opening = f"# A simulated block ({simulation.preset or 'own specification'}); its truth is in truth/.\n"
+    content: dict[str, TomlValue] = {
+        "version": 1,
+        "project": {
+            "name": simulation.project.name,
+            "crs": simulation.project.crs,
+            "heights": "ellipsoidal",
+        },
+        "cameras": {simulation.camera.name: _camera(simulation)},
+        "inputs": _inputs(simulation, block),
+        "adjustment": _adjustment(simulation, block),
+    }
+    return opening + toml_text(content)
+
+
+def _camera(simulation: Simulation) -> Mapping[str, TomlValue]:
+    camera = simulation.camera
+    return {
+        "columns": camera.columns,
+        "rows": camera.rows,
+        "pixel_um": camera.pixel_um,
+        "focal_length_mm": camera.focal_length_mm,
+        "principal_point_mm": camera.principal_point_mm,
+        "pixel_origin": "corner",
+        "mount_deg": camera.mount_deg,
+    }
+
+
+def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlValue]:
+    noise = simulation.noise
+    place: dict[str, TomlValue] = {"crs": simulation.project.crs, "heights": "ellipsoidal"}
+    order = simulation.project.angles
+    reference = "true-north" if order == "heading-pitch-roll" else "grid"
+    inputs: dict[str, TomlValue] = {
+        "image_points": {
+            "file": "image_points.csv",
+            "format": "csv",
+            "unit": "mm",
+            "sigma": round(noise.image_um * 1e-3, 9),
+        },
+        "exposures": {
+            "file": "exposures.csv",
+            "format": "csv",
+            **place,
+            "position": "antenna",
+            "angles": {"order": order, "unit": "deg", "reference": reference},
+            "sigma": {
+                "position_m": [float(sigma) for sigma in block.specification.noise.stated_gnss],
+                "attitude_deg": noise.ins_deg,
+            },
+        },
+    }
+    if len(block.truth.surveyed):
+        inputs["control"] = {"file": "control.csv", "format": "csv", **place, "sigma_m": noise.control_m}
+    return inputs
+
+
+def _adjustment(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlValue]:
+    wrong, truth = block.measured.gross_errors, simulation.truth
+    has_gross_errors = bool(len(wrong.image_points) or len(wrong.swapped) or len(wrong.strips))
+    free = simulation.project.free if simulation.project.free is not None else free_parameters(simulation)
+    adjustment: dict[str, TomlValue] = {
+        "free": free,
+        "refraction": "standard" if truth.refraction else "none",
+        "rejection": {"critical_value": 4.13} if has_gross_errors else "none",
+    }
+    priors: dict[str, TomlValue] = {}
+    if "gnss_strip_bias" in free and min(truth.strip_bias_m) > 0.0:
+        priors["gnss_strip_bias_m"] = truth.strip_bias_m
+    if "gnss_drift" in free and min(truth.strip_drift_m_s) > 0.0:
+        priors["gnss_drift_m_s"] = truth.strip_drift_m_s
+    return {**adjustment, "priors": priors} if priors else adjustment
+
+
+def free_parameters(simulation: Simulation) -> tuple[FreeParameter, ...]:
+    """The system parameters whose truth differs from what the project states."""
+    truth = simulation.truth
+    differs: dict[FreeParameter, bool] = {
+        "boresight": any(truth.boresight_deg),
+        "lever_arm": any(truth.lever_arm_m),
+        "gnss_shift": any(truth.gnss_shift_m) or any(map(any, truth.gnss_shift_of_flight_m.values())),
+        "gnss_strip_bias": any(truth.strip_bias_m),
+        "gnss_drift": any(truth.strip_drift_m_s),
+        "time_offset": truth.time_offset_s != 0.0,
+        "focal_length": truth.focal_length_change_mm != 0.0,
+        "principal_point": any(truth.principal_point_change_mm),
+    }
+    return tuple(name for name, is_different in differs.items() if is_different)

@@ -1,0 +1,140 @@
+"""Digest of the source a function can reach: its module and, through imports, ours behind it.
+
+A stored result may only be served while the code that made it is unchanged. Which code that is
+follows from the import statements, so nobody has to declare it and nobody can forget to: the
+statements are read (not executed) from the module of the function, then from every module of
+this application they name, lazy imports inside functions included.
+
+A package's ``__init__.py`` runs whenever one of its modules is imported, so its text counts; its
+own imports are followed only when a name is taken from the package itself. Otherwise a register
+of formats would tie every stage to every format.
+
+Templates are source as well: the files in a folder ``templates`` count with every module beside it.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+PACKAGES = ("flows", "tasks", "adjust")
+#: Folder beside a module whose files are part of the source: texts that the modules fill in.
+TEMPLATES = "templates"
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+def digest_of_sources(function: Callable[..., object]) -> str:
+    """SHA-256 over the sorted (name, content) of all source files that `function` reaches."""
+    module = sys.modules[function.__module__]
+    if module.__file__ is None:
+        raise TypeError(f"{function.__module__} has no source file to take a digest of")
+    return _digest(Path(module.__file__).resolve())
+
+
+def sources_reached(start: Path) -> dict[str, Path]:
+    """All source files reached from the module file `start`.
+
+    Returns
+    -------
+    name → file : paths relative to the folder of our packages; a file outside of it (a test's own
+        stage) has its bare name.
+    """
+    reached: dict[str, Path] = {}
+    followed: set[Path] = set()
+    ahead = [start]
+    while ahead:
+        file = ahead.pop()
+        if file in followed:
+            continue
+        followed.add(file)
+        reached[_name(file)] = file
+        reached.update({_name(template): template for template in _templates(file.parent)})
+        for imported in _imports(file):
+            reached.update({_name(parent): parent for parent in _parents(imported)})
+            ahead.append(imported)
+    return reached
+
+
+@cache
+def _digest(start: Path) -> str:
+    # Kept for the life of the process: the code that runs is the code that was imported.
+    digest = hashlib.sha256()
+    for name, file in sorted(sources_reached(start).items()):
+        content = file.read_bytes()
+        digest.update(f"{name}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def _templates(folder: Path) -> Iterator[Path]:
+    """The template files of one of our packages."""
+    if folder.is_relative_to(_ROOT) and folder.relative_to(_ROOT).parts[:1] in {(name,) for name in PACKAGES}:
+        yield from (path for path in folder.joinpath(TEMPLATES).rglob("*") if path.is_file())
+
+
+def _name(file: Path) -> str:
+    return file.relative_to(_ROOT).as_posix() if file.is_relative_to(_ROOT) else file.name
+
+
+def _parents(file: Path) -> Iterator[Path]:
+    """The ``__init__.py`` files that run before `file` is imported."""
+    folder = file.parent
+    while folder != _ROOT and folder.is_relative_to(_ROOT):
+        if (folder / "__init__.py").is_file():
+            yield folder / "__init__.py"
+        folder = folder.parent
+
+
+def _imports(file: Path) -> Iterator[Path]:
+    """Files of ours that the import statements of `file` name."""
+    for node in ast.walk(ast.parse(file.read_bytes(), filename=str(file))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield from _module(alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            package = _absolute(file, node)
+            for alias in node.names:
+                yield from _module(f"{package}.{alias.name}") or _module(package)
+        elif isinstance(node, ast.Call) and _is_import_call(node):
+            yield from _dynamic(node)
+
+
+def _module(name: str) -> tuple[Path, ...]:
+    """The file of the module `name`, empty if it is not one of ours."""
+    if name.split(".", 1)[0] not in PACKAGES:
+        return ()
+    path = _ROOT.joinpath(*name.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file():
+            return (file,)
+    return ()
+
+
+def _absolute(file: Path, node: ast.ImportFrom) -> str:
+    """The absolute name of the package or module an import takes names from."""
+    if node.level == 0:
+        return node.module or ""
+    if not file.is_relative_to(_ROOT):
+        return ""
+    package = file.relative_to(_ROOT).parts[: -node.level]
+    return ".".join((*package, node.module) if node.module else package)
+
+
+def _is_import_call(node: ast.Call) -> bool:
+    called = node.func
+    name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
+    return name in ("import_module", "__import__")
+
+
+def _dynamic(node: ast.Call) -> Iterator[Path]:
+    """Files behind ``import_module(...)``: the one named, or all of ours if the name is computed."""
+    name = node.args[0] if node.args else None
+    if isinstance(name, ast.Constant) and isinstance(name.value, str):
+        yield from _module(name.value)
+        return
+    for package in PACKAGES:
+        yield from sorted((_ROOT / package).rglob("*.py"))

@@ -1,0 +1,249 @@
+"""The stage store: every stage's finished output, found again by its content-true key.
+
+``DIR/.store/STAGE/KEY/`` holds what one stage wrote for one key (`tasks.storage.stage_key`). An output is
+written into a temporary folder beside it, flushed to the disk and renamed, so a folder with a key
+for a name is complete; it is never changed afterwards. ``stage.json`` in it lists the files with
+their digests and says what the key was made of. A stored output is served only after all its
+files were checked against their digests; a damaged one is computed again.
+
+    @stored("import_control")
+    def import_control(folder: Path, *, sources: tuple[ControlInput, ...]) -> None: ...
+
+    import_control(store, sources=...)      # {"control_points": Artifact(...), "notes": Artifact(...)}
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Concatenate, ParamSpec, cast
+
+from tasks.storage.artifact import Artifact, artifact_of, digest_of_file
+from tasks.storage.installation import writing_into
+from tasks.storage.json_text import JSON, read_json, replace_json
+from tasks.storage.stage_key import InputFile, StageKey, differences, input_files, stage_key
+from tasks.storage.stage_record import StageRecord, append_record, clear_records, utc_now
+
+P = ParamSpec("P")
+Outputs = dict[str, Artifact]
+
+STAGE_FILE = "stage.json"
+_UNFINISHED = ".unfinished-"
+_DISCARDED = ".discarded-"
+_log = logging.getLogger("aerocal")
+
+
+@dataclass(frozen=True)
+class Store:
+    """The finished stage outputs below one output folder.
+
+    Attributes
+    ----------
+    folder : ``DIR/.store``.
+    """
+
+    folder: Path
+
+    @classmethod
+    def of(cls, directory: Path) -> Store:
+        """The store of the output folder `directory`."""
+        return cls(directory.absolute() / ".store")
+
+    def begin_run(self) -> None:
+        """Remove what killed runs left behind and forget the last run's records.
+
+        Only for the holder of the run lock: a stage in work would lose its folder.
+        """
+        with writing_into(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for leftover in [*self.folder.glob(f"*/{_UNFINISHED}*"), *self.folder.glob(f"*/{_DISCARDED}*")]:
+                shutil.rmtree(leftover, ignore_errors=True)
+            for leftover in self.folder.parent.glob(".*.[0-9]*.tmp"):
+                # A published file that did not get its name any more.
+                leftover.unlink(missing_ok=True)
+            clear_records(self.folder)
+
+    def outputs(self, key: StageKey) -> Outputs | None:
+        """The stored output of `key`, every file checked; None if there is none or it is damaged."""
+        place = self._place(key)
+        if not place.is_dir():
+            return None
+        try:
+            return _checked_outputs(place)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
+            return None
+
+    def reason_to_compute(self, key: StageKey) -> str:
+        """In words, what is new against the newest stored output of the same stage."""
+        folders = [path for path in (self.folder / key.stage).glob("[0-9a-f]*") if path.name != key.digest]
+        newest = max(folders, key=lambda path: path.stat().st_mtime_ns, default=None)
+        try:
+            if newest is None:
+                return "no earlier result"
+            old = cast(Mapping[str, JSON], read_json(newest / STAGE_FILE))["key_parts"]
+            changed = differences(cast(Mapping[str, JSON], old), key.parts)
+            return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
+        except (OSError, ValueError, KeyError, TypeError):
+            return "no usable earlier result"
+
+    def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
+        """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it."""
+        artifacts = sorted((artifact_of(path) for path in folder.iterdir()), key=lambda a: a.path.name)
+        files: list[JSON] = [
+            {"file": a.path.name, "sha256": a.sha256, "rows": a.rows, "bytes": a.path.stat().st_size}
+            for a in artifacts
+        ]
+        if len({a.name for a in artifacts}) != len(artifacts):
+            names = ", ".join(artifact.path.name for artifact in artifacts)
+            raise ValueError(f"stage {key.stage} wrote two files with the same stem: {names}")
+        record: dict[str, JSON] = {
+            "stage": key.stage,
+            "key": key.digest,
+            "key_parts": key.parts,
+            "files": files,
+            "seconds": round(seconds, 3),
+        }
+        replace_json(folder / STAGE_FILE, record)
+        _flush(folder)
+        place = self._place(key)
+        _move_aside(place)
+        folder.rename(place)
+        _flush_folder(place.parent)
+        return {a.name: Artifact(a.name, place / a.path.name, a.sha256, a.rows) for a in artifacts}
+
+    def _place(self, key: StageKey) -> Path:
+        return self.folder / key.stage / key.digest
+
+
+def stored(
+    stage: str,
+) -> Callable[[Callable[Concatenate[Path, P], None]], Callable[Concatenate[Store, P], Outputs]]:
+    """Make a function that writes files into a folder a stage whose output is kept in a store.
+
+    The decorated function takes a `Store` in place of the folder and keyword arguments only
+    (artifacts, settings, tuples, lists and dicts of these, plain values) and returns the artifacts it
+    wrote by file stem. It computes nothing when the store has the output already.
+
+    Raises
+    ------
+    TypeError
+        When called with an argument whose content cannot be put into a key.
+    InputError
+        If an input file changed while the stage was reading it.
+    InstallationError
+        If the disk is full or the folder cannot be written.
+    """
+
+    def decorate(function: Callable[Concatenate[Path, P], None]) -> Callable[Concatenate[Store, P], Outputs]:
+        signature = inspect.signature(function)
+
+        @wraps(function)
+        def run_stage(store: Store, /, *args: P.args, **kwargs: P.kwargs) -> Outputs:
+            arguments = _bound(signature, args, kwargs)
+            began, started = utc_now(), time.perf_counter()
+            inputs = tuple(InputFile.of(path) for path in sorted(set(input_files(arguments))))
+            key = stage_key(stage, function, arguments)
+            outputs = store.outputs(key)
+            reused = outputs is not None
+            if outputs is None:
+                _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
+                with writing_into(store.folder):
+                    outputs = _compute(store, key, function, arguments, inputs)
+            seconds = time.perf_counter() - started
+            _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
+            with writing_into(store.folder):
+                append_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
+            return outputs
+
+        first, *others = signature.parameters.values()
+        shown = [first.replace(name="store", annotation=Store), *others]
+        vars(run_stage)["__signature__"] = signature.replace(parameters=shown, return_annotation=Outputs)
+        return run_stage
+
+    return decorate
+
+
+def _bound(
+    signature: inspect.Signature, args: tuple[object, ...], kwargs: Mapping[str, object]
+) -> dict[str, object]:
+    """All arguments of a stage by name, defaults included: what is not passed decides the result, too."""
+    if args:
+        raise TypeError("a stage takes the store and keyword arguments only")
+    bound = signature.bind(None, **kwargs)
+    bound.apply_defaults()
+    return dict(list(bound.arguments.items())[1:])
+
+
+def _compute(
+    store: Store,
+    key: StageKey,
+    function: Callable[..., None],
+    arguments: Mapping[str, object],
+    inputs: tuple[InputFile, ...],
+) -> Outputs:
+    """Run the stage in a folder of its own and keep what it wrote; on any error nothing is left."""
+    parent = store.folder / key.stage
+    parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
+    started = time.perf_counter()
+    try:
+        function(folder, **arguments)
+        for file in inputs:
+            file.require_unchanged()
+        return store.keep(key, folder, time.perf_counter() - started)
+    finally:
+        # After keep() the folder has its final name and there is nothing to remove.
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _checked_outputs(place: Path) -> Outputs:
+    """Read ``stage.json`` and check every file it lists.
+
+    Raises
+    ------
+    ValueError
+        If a file's bytes are not the ones that were written; OSError or KeyError if it is missing.
+    """
+    content = cast(Mapping[str, JSON], read_json(place / STAGE_FILE))
+    outputs: Outputs = {}
+    for entry in cast(list[Mapping[str, JSON]], content["files"]):
+        path = place / str(entry["file"])
+        sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
+        if digest_of_file(path) != sha256:
+            raise ValueError(f"{path.name} was changed after it had been written")
+        outputs[path.stem] = Artifact(path.stem, path, sha256, rows)
+    return outputs
+
+
+def _move_aside(place: Path) -> None:
+    """Make room for a fresh output where a damaged one lies (or one another process just finished)."""
+    if place.exists():
+        aside = Path(tempfile.mkdtemp(prefix=_DISCARDED, dir=place.parent))
+        place.rename(aside / "output")
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _flush(folder: Path) -> None:
+    """Force the folder's files onto the disk and make them read-only: from now on they do not change."""
+    for path in folder.iterdir():
+        with path.open("rb") as stream:
+            os.fsync(stream.fileno())
+        path.chmod(0o444)
+    _flush_folder(folder)
+
+
+def _flush_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,1 @@
+"""The Parquet contracts, and reading and writing tables that keep them."""
