@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.installed-bench
 
-.PHONY: venv test slow-test lint demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test lint demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -18,6 +18,15 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -m "not slow and not service"
+
+# Debian's packages that the service tests need; as root.
+service-deps:
+	apt-get update -q
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium
+
+# A missing service is a failure here, never a skip.
+service-test: $(STAMP)
+	$(BIN)/python -m pytest -m service
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow
