@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-TRIALS = 6
+TRIALS = 12
 
 
 def start_run(block: Path, out: Path) -> subprocess.Popen[bytes]:
