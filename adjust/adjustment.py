@@ -13,6 +13,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
 from adjust.quality.global_test import global_test
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.rejection import SnoopingRule
 from adjust.quality.variance_components import VarianceComponent, variance_components
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.solve.datum import datum_shares
@@ -50,13 +51,19 @@ def adjust_block(
     with threadpool_limits(limits=1):
         system = System.of(block, observations, options.threads)
         search = Search.start(observations, adjuster.adjust(system, block.approximate_state()))
-        weighted = None
+        rule, weighted = _rule(options), None
         if options.variance_components:
-            weighted = estimate_weights(adjuster, search, options.critical_value)
+            weighted = estimate_weights(adjuster, search, rule)
             search = weighted.search
-        elif options.critical_value is not None:
-            search = snoop(adjuster, search, options.critical_value)
+        elif rule is not None:
+            search = snoop(adjuster, search, rule)
         return _result(search, weighted, options)
+
+
+def _rule(options: AdjustmentOptions) -> SnoopingRule | None:
+    if options.critical_value is None:
+        return None
+    return SnoopingRule(options.critical_value, options.test, options.reference_variance)
 
 
 def estimate_block(
@@ -118,6 +125,8 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         datum_shares(system, state),
         components,
         0 if weighted is None else weighted.rounds,
+        np.flatnonzero(search.given_up),
+        search.taken_back,
     )
 
 

@@ -1,4 +1,8 @@
-"""The search for gross errors: adjust, reject the largest, adjust again, until none is left."""
+"""The search for gross errors: adjust, reject the largest, adjust again, until none is left.
+
+In the end all that was rejected is tested against what remains, and what fits comes back, each
+observation once: gross errors in its neighbourhood had made it look bad.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,9 @@ import numpy as np
 from adjust.arrays import Bools
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjusted, Adjuster
-from adjust.quality.rejection import Rejection, reject
+from adjust.quality.readmission import Return, fitting_again
+from adjust.quality.rejection import Rejection, SnoopingRule, reject
+from adjust.quality.robust import robust_rejection
 from adjust.solve.normal_equations import Observations
 
 
@@ -21,53 +27,104 @@ class Search:
     ----------
     given : all observations with their present weights, whatever became of them.
     adjusted : the last adjustment, of those that are left.
-    rejected : for each group (n,) the observations that were rejected.
-    per_pass : how many each pass rejected.
+    rejected : for each group (n,) the observations that are rejected.
+    given_up : (m,) object points that are, with all that belongs to them.
+    returned : for each group (n,), and (m,), what has come back once.
+    per_pass : how many observations each pass rejected.
     """
 
     given: Observations
     adjusted: Adjusted
     rejected: tuple[Bools, ...]
-    per_pass: tuple[int, ...]
+    given_up: Bools
+    returned: tuple[Bools, ...]
+    returned_points: Bools
+    per_pass: tuple[int, ...] = ()
 
     @classmethod
     def start(cls, given: Observations, adjusted: Adjusted) -> Search:
         """Nothing rejected yet."""
         nothing = tuple(np.zeros(len(group.image), dtype=bool) for group in given.groups)
-        return cls(given, adjusted, nothing, ())
+        no_point = np.zeros(len(adjusted.state.object_point), dtype=bool)
+        return cls(given, adjusted, nothing, no_point, nothing, no_point)
+
+    @property
+    def taken_back(self) -> int:
+        """Observations that were rejected, came back and stayed."""
+        points = self.given.image_points.point
+        of_points = self.returned_points[points] & ~self.given_up[points]
+        stayed = [a & ~b for a, b in zip(self.returned, self.rejected, strict=True)]
+        stayed[0] |= of_points & ~self.rejected[0]
+        return int(sum(int(mask.sum()) for mask in stayed))
+
+    def less(self, adjuster: Adjuster, found: Rejection) -> Search:
+        """Adjusted without what a pass rejects."""
+        left = replace(
+            self,
+            rejected=tuple(a | b for a, b in zip(self.rejected, found.rejected, strict=True)),
+            given_up=self.given_up | found.given_up,
+            per_pass=(*self.per_pass, found.count),
+        )
+        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining()))
+
+    def more(self, adjuster: Adjuster, back: Return) -> Search:
+        """Adjusted with what fits again."""
+        of_points = back.points[self.given.image_points.point]
+        came = (back.observations[0] | (of_points & self.rejected[0]), *back.observations[1:])
+        left = replace(
+            self,
+            rejected=tuple(a & ~b for a, b in zip(self.rejected, came, strict=True)),
+            given_up=self.given_up & ~back.points,
+            returned=tuple(a | b for a, b in zip(self.returned, came, strict=True)),
+            returned_points=self.returned_points | back.points,
+        )
+        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining(), back.state))
+
+    def fitting_again(self, rule: SnoopingRule) -> Return:
+        """What was rejected, has not come back before, and fits."""
+        once = tuple(a & ~b for a, b in zip(self.rejected, self.returned, strict=True))
+        points = self.given_up & ~self.returned_points
+        return fitting_again(self.adjusted, self.given, once, points, rule)
+
+    def remaining(self) -> Observations:
+        """The observations that are left."""
+        rays = self.given.image_points
+        return Observations(
+            rays.without(self.rejected[0] | self.given_up[rays.point]),
+            tuple(
+                group.without(mask) for group, mask in zip(self.given.others, self.rejected[1:], strict=True)
+            ),
+        )
 
 
-def snoop(adjuster: Adjuster, search: Search, critical_value: float) -> Search:
-    """Reject until no controlled standardized residual exceeds the critical value.
+def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:
+    """Reject until no controlled observation exceeds the critical value, then take back what fits.
 
     Raises
     ------
     InconsistentBlockError : if the most passes that are allowed do not suffice.
     """
+    robust = adjuster.options.robust
     for _ in range(adjuster.options.most_passes):
-        found = reject(search.adjusted.observations, search.adjusted.residuals, critical_value)
-        if found.count == 0:
-            return search
-        search = replace(
-            search,
-            adjusted=adjuster.again(search.adjusted, without(search.adjusted.observations, found)),
-            rejected=tuple(a | b for a, b in zip(search.rejected, found.rejected, strict=True)),
-            per_pass=(*search.per_pass, found.count),
+        found = (
+            reject(search.adjusted, rule)
+            if robust is None
+            else robust_rejection(adjuster, search.adjusted, robust, rule)
         )
+        if found.count == 0 and robust is not None:
+            robust = None  # from here on nothing is weighted down any more
+            continue
+        if found.count:
+            search = search.less(adjuster, found)
+            continue
+        if search.adjusted.solution.stalled:
+            search = replace(search, adjusted=adjuster.to_the_end(search.adjusted))
+            continue
+        back = search.fitting_again(rule)
+        if back.count == 0:
+            return search
+        search = search.more(adjuster, back)
     raise InconsistentBlockError(
         f"After {adjuster.options.most_passes} passes of rejection there are still standardized residuals "
-        f"above {critical_value}. The critical value is too small for these weights."
-    )
-
-
-def without(observations: Observations, rejection: Rejection) -> Observations:
-    """The observations that remain after a pass of rejection."""
-    of_rays = rejection.rejected[0].copy()
-    of_rays[rejection.dropped] = True
-    return Observations(
-        observations.image_points.without(of_rays),
-        tuple(
-            group.without(mask)
-            for group, mask in zip(observations.others, rejection.rejected[1:], strict=True)
-        ),
+        f"above {rule.critical_value}. The critical value is too small for these weights."
     )

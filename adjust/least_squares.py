@@ -61,14 +61,22 @@ class Adjuster:
     options: AdjustmentOptions
     progress: Progress | None = None
 
-    def adjust(self, system: System, state: State) -> Adjusted:
+    def adjust(self, system: System, state: State, may_stall: bool | None = None) -> Adjusted:
         """Adjust from approximate values.
+
+        With a critical value it may stall: the gross errors in its way are found from where it stands.
+
+        Parameters
+        ----------
+        may_stall : otherwise than that.
 
         Raises
         ------
         DatumDefectError, DivergenceError, InconsistentBlockError : as of ``adjust_block``.
         """
-        solution = iterate(system, state, self.options.most_iterations, self.progress)
+        if may_stall is None:
+            may_stall = self.options.critical_value is not None
+        solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall)
         quality = cofactor(system, solution)
         residuals = group_residuals(system, solution.state, quality)
         return Adjusted(system, solution, quality, residuals, (solution.iterations,))
@@ -77,4 +85,14 @@ class Adjuster:
         """Adjust other observations of the same block, from the values before or from a given state."""
         system = before.system.remaining(observations)
         found = self.adjust(system, before.state if state is None else state)
+        return replace(found, history=before.history + found.history)
+
+    def to_the_end(self, before: Adjusted) -> Adjusted:
+        """The same adjustment, stalled before, until it converges or fails.
+
+        Raises
+        ------
+        DivergenceError : it does not converge.
+        """
+        found = self.adjust(before.system, before.state, may_stall=False)
         return replace(found, history=before.history + found.history)

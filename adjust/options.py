@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from typing import Literal
 
 
 def available_threads() -> int:
@@ -17,7 +18,12 @@ class AdjustmentOptions:
 
     Attributes
     ----------
-    critical_value : |w| above which an observation is rejected; None for no rejection.
+    critical_value : |w|, of a standard normal variable, above which an observation is rejected; None for
+        no rejection.
+    test : what is compared with it: the largest |w| of the components of an observation, or all of
+        them together, by a statistic with as many degrees of freedom.
+    reference_variance : whether σ0 is 1 in these tests or comes from the residuals (τ-test).
+    robust : weight function of a robust estimation that looks for gross errors first; None for none.
     most_iterations : steps of one pass after which it is given up.
     most_passes : passes of rejection after which it is given up.
     confidence : of the global test.
@@ -26,6 +32,9 @@ class AdjustmentOptions:
     """
 
     critical_value: float | None = None
+    test: Literal["components", "observations"] = "components"
+    reference_variance: Literal["a_priori", "a_posteriori"] = "a_priori"
+    robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = None
     most_iterations: int = 20
     most_passes: int = 50
     confidence: float = 0.95

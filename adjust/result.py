@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -12,6 +12,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.parameters import ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.global_test import GlobalTest
+from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
 from adjust.solve.gauss_newton import Iteration
@@ -60,6 +61,16 @@ class GroupResult:
         return int((self.status == ObservationStatus.REJECTED).any(axis=1).sum())
 
     @property
+    def external(self) -> Floats:
+        """External reliability δ̄ (n, m): what an undetected error of the detectable size does to the results.
+
+        δ̄² = ∇₀² P_ii − δ0², for uncorrelated components δ0² (1 − r)/r: no function of the unknowns moves by
+        more than δ̄ of its own standard deviation (Baarda 1968). NaN where ∇₀ is.
+        """
+        weight = np.sum(self.group.stochastic.whitener**2, axis=1)
+        return np.asarray(np.sqrt(np.maximum(self.detectable**2 * weight - NON_CENTRALITY**2, 0.0)))
+
+    @property
     def redundancy_sum(self) -> float:
         """Redundancy of the group."""
         return float(np.nansum(self.redundancy))
@@ -88,6 +99,9 @@ class AdjustmentResult:
     datum : what fixes the block in space.
     variance_components : of every part of the observations; empty where none were asked for.
     reweighted : how often the block was adjusted with changed weights.
+    given_up : indices of object points that were taken out because the wrong one of their observations
+        cannot be told, or because too few are left.
+    taken_back : number of observations that had been rejected and fit in the end.
     """
 
     state: State
@@ -101,3 +115,5 @@ class AdjustmentResult:
     datum: tuple[DatumShare, ...]
     variance_components: tuple[VarianceComponent, ...] = ()
     reweighted: int = 0
+    given_up: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    taken_back: int = 0

@@ -15,6 +15,7 @@ from adjust.arrays import Bools, Floats
 from adjust.data_snooping import Search, snoop
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjuster
+from adjust.quality.rejection import SnoopingRule
 from adjust.quality.variance_components import (
     CONVERGED,
     LEAST_REDUNDANCY,
@@ -79,8 +80,8 @@ class Weighted:
         return replace(self, search=search, factors=self.factors * step, rounds=self.rounds + 1)
 
 
-def estimate_weights(adjuster: Adjuster, search: Search, critical_value: float | None) -> Weighted:
-    """Variance components, and with a critical value the gross errors, from an adjustment as stated.
+def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | None) -> Weighted:
+    """Variance components, and with a rule the gross errors, from an adjustment as stated.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def estimate_weights(adjuster: Adjuster, search: Search, critical_value: float |
     """
     parts = parts_of(search.given)
     found = Weighted(search, parts, np.ones(len(parts)), np.zeros(len(parts), dtype=bool), 0)
-    if critical_value is None:
+    if rule is None:
         return _settled(adjuster, found)
     for _ in range(_MOST_ROUGH_ROUNDS):
         step = found.moved(robust_factors(found.search.adjusted.residuals, parts))
@@ -97,13 +98,13 @@ def estimate_weights(adjuster: Adjuster, search: Search, critical_value: float |
         found = found.changed(adjuster, step)
     for _ in range(_MOST_TURNS):
         before = found
-        found = replace(found, search=snoop(adjuster, found.search, critical_value))
+        found = replace(found, search=snoop(adjuster, found.search, rule))
         found = _settled(adjuster, found)
         if found.search.per_pass == before.search.per_pass:
             return found
     raise InconsistentBlockError(
-        f"After {_MOST_TURNS} turns variance components and rejection at {critical_value} still change each "
-        "other. The critical value is too small, or the residuals are far from normally distributed."
+        f"After {_MOST_TURNS} turns variance components and rejection at {rule.critical_value} still change "
+        "each other. The critical value is too small, or the residuals are far from normally distributed."
     )
 
 

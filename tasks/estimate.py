@@ -131,6 +131,9 @@ def _adjusted(block: Block, observations: Observations, settings: AdjustmentSett
     """Run the adjustment and report its progress."""
     options = AdjustmentOptions(
         critical_value=settings.rejection.critical_value,
+        test=settings.rejection.test,
+        reference_variance=settings.rejection.reference_variance,
+        robust=settings.rejection.robust,
         most_iterations=settings.max_iterations,
         confidence=settings.confidence,
         variance_components=settings.variance_components,

@@ -55,12 +55,12 @@ def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[G
     results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays)]
     for group in system.observations.others:
         equations = group.linearize(state)
-        hat = _hat(whiten(group, equations), system.layout, cofactor)
+        hat = hat_of_group(whiten(group, equations), system.layout, cofactor)
         results.append(_residuals(group, -equations.misclosure, hat))
     return tuple(results)
 
 
-def _hat(equations: Linearization, layout: ParameterLayout, cofactor: Cofactor) -> Floats:
+def hat_of_group(equations: Linearization, layout: ParameterLayout, cofactor: Cofactor) -> Floats:
     """Hat matrix (n, m, m) of the whitened observations of one group."""
     n, m = equations.misclosure.shape
     of_border = np.zeros((n, m, layout.border))

@@ -1,23 +1,55 @@
-"""Rejection of gross errors by data snooping (Baarda 1968), largest first.
+"""Which observations one pass of data snooping rejects (Baarda 1968), largest first.
 
-An observation is a candidate when it is controlled (redundancy number ≥ 0.1) and its standardized
-residual exceeds the critical value. One gross error raises the residuals around it: in one pass
-only the largest observation of each object point is rejected, and none below seven tenths of the
-largest standardized residual of the block. The others are judged again when these are gone.
+An observation is a candidate when its test statistic exceeds the critical value; only what is
+controlled (redundancy number ≥ 0.1) is tested. One gross error raises the residuals around it: in one
+pass only the largest observation of each object point is rejected, and none below seven tenths of the
+largest statistic of the block. The others are judged again when these are gone. An object point is given
+up when it is left with too little to determine it, or when it cannot be told which of its rays is wrong.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
-from adjust.solve.normal_equations import Observations
+from adjust.least_squares import Adjusted
+from adjust.parameters import OBJECT_POINT, State
+from adjust.quality.locatability import explanations
+from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals, hat_of_group
+from adjust.quality.snooping_statistic import (
+    EstimatedVariance,
+    directional_statistic,
+    normal_equivalent,
+    remainder_of,
+    whitened_residuals,
+)
+from adjust.solve.normal_equations import Observations, whiten
+
+Test = Literal["components", "observations"]
+ReferenceVariance = Literal["a_priori", "a_posteriori"]
 
 # Part of the largest |w| below which an observation may be swamped by another one's gross error.
 _SWAMPED = 0.7
+
+
+@dataclass(frozen=True)
+class SnoopingRule:
+    """How observations are tested.
+
+    Attributes
+    ----------
+    critical_value : two-sided, of a standard normal variable.
+    test : "components": largest |w| of the components of an observation; "observations": all of them
+        together, with two degrees of freedom for image points and three for control points.
+    reference_variance : "a_priori": σ0 is 1; "a_posteriori": it is unknown (τ-test).
+    """
+
+    critical_value: float
+    test: Test = "components"
+    reference_variance: ReferenceVariance = "a_priori"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,39 +59,77 @@ class Rejection:
     Attributes
     ----------
     rejected : for each group (n,) true for its rejected observations.
-    dropped : (k,) indices of image points taken out with them: the last ray of a point cannot
-        determine it, and of two rays the wrong one cannot be told.
+    given_up : (m,) object points taken out with all that belongs to them.
     """
 
     rejected: tuple[Bools, ...]
-    dropped: Ints
+    given_up: Bools
 
     @property
     def count(self) -> int:
-        """Number of rejected observations, dropped rays not counted."""
+        """Number of rejected observations, what is given up with them not counted."""
         return int(sum(int(mask.sum()) for mask in self.rejected))
 
 
-def snooping_statistic(residuals: GroupResiduals) -> Floats:
-    """Largest controlled |w| over the components of each observation (n,); 0 where none is controlled."""
+def estimated_variance(adjusted: Adjusted, rule: SnoopingRule) -> EstimatedVariance | None:
+    """σ0² from the residuals where it is not trusted."""
+    if rule.reference_variance == "a_priori":
+        return None
+    return EstimatedVariance(adjusted.weighted_squares, adjusted.system.redundancy)
+
+
+def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats, ...]:
+    """Test statistic (n,) of every observation of every group, as |w|; 0 for what is not controlled."""
+    variance = estimated_variance(adjusted, rule)
+    if rule.test == "components":
+        return tuple(_of_components(item, variance) for item in adjusted.residuals)
+    hats = [_hat_of_rays(adjusted.quality.hat_of_rays)]
+    for group in adjusted.observations.others:
+        equations = whiten(group, group.linearize(adjusted.state))
+        hats.append(hat_of_group(equations, adjusted.system.layout, adjusted.quality))
+    results = []
+    for group, item, hat in zip(adjusted.observations.groups, adjusted.residuals, hats, strict=True):
+        model = group.stochastic
+        statistic, dimension = directional_statistic(
+            whitened_residuals(model, item.residual), remainder_of(model, hat)
+        )
+        results.append(normal_equivalent(statistic, dimension, variance))
+    return tuple(results)
+
+
+def _of_components(residuals: GroupResiduals, variance: EstimatedVariance | None) -> Floats:
+    """Largest controlled |w| over the components of each observation (n,)."""
     controlled = np.nan_to_num(residuals.redundancy) >= UNCONTROLLED
     size = np.where(controlled, np.abs(np.nan_to_num(residuals.standardized)), 0.0)
     largest: Floats = size.max(axis=1)
-    return largest
+    if variance is None:
+        return largest
+    return normal_equivalent(largest**2, (largest > 0.0).astype(np.int64), variance)
 
 
-def reject(
-    observations: Observations, residuals: tuple[GroupResiduals, ...], critical_value: float
-) -> Rejection:
+def _hat_of_rays(elements: Floats) -> Floats:
+    """Hat matrices (n, 2, 2) from their elements (n, 3) xx, xy, yy."""
+    return elements[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def reject(adjusted: Adjusted, rule: SnoopingRule) -> Rejection:
     """The observations that one pass of data snooping rejects."""
+    statistics = snooping_statistics(adjusted, rule)
+    largest = max((float(item.max(initial=0.0)) for item in statistics), default=0.0)
+    return choose(
+        adjusted.observations, adjusted.state, statistics, max(rule.critical_value, _SWAMPED * largest)
+    )
+
+
+def choose(
+    observations: Observations, state: State, statistics: tuple[Floats, ...], least: float
+) -> Rejection:
+    """The largest observation of every object point and image whose statistic exceeds a value."""
     groups = observations.groups
-    statistic = [snooping_statistic(item) for item in residuals]
-    largest = max((float(item.max(initial=0.0)) for item in statistic), default=0.0)
-    least = max(critical_value, _SWAMPED * largest)
     candidates = [
-        (-float(statistic[g][i]), g, int(i))
+        (-float(statistics[g][i]), g, int(i))
         for g in range(len(groups))
-        for i in np.flatnonzero(statistic[g] > least)
+        for i in np.flatnonzero(statistics[g] > least)
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)
     touched: set[tuple[str, int]] = set()
@@ -70,16 +140,43 @@ def reject(
             continue
         rejected[g][i] = True
         touched.update(own)
-    return Rejection(rejected, _left_alone(observations, rejected))
+    given_up = _undetermined(observations, rejected, len(state.object_point))
+    chosen = np.unique(observations.image_points.point[rejected[0]])
+    given_up[_not_located(observations, state, chosen)] = True
+    return Rejection(rejected, given_up)
 
 
-def _left_alone(observations: Observations, rejected: tuple[Bools, ...]) -> Ints:
-    """Rays of points that keep fewer than two rays and no survey after a rejection."""
+def _undetermined(observations: Observations, rejected: tuple[Bools, ...], points: int) -> Bools:
+    """Object points (m,) that keep fewer than two rays and no survey after a rejection."""
     rays = observations.image_points
-    active = rays.active & ~rejected[0]
-    points = int(rays.point.max()) + 1 if len(rays.point) else 0
-    support = 2.0 * np.bincount(rays.point, weights=active, minlength=points)
+    support = 2.0 * np.bincount(rays.point, weights=rays.active & ~rejected[0], minlength=points)
+    touched = np.zeros(points, dtype=bool)
+    touched[rays.point[rejected[0]]] = True
     for group, mask in zip(observations.others, rejected[1:], strict=True):
         touching = (group.point >= 0) & ~mask
         np.add.at(support, group.point[touching], group.stochastic.present[touching].sum(axis=1))
-    return np.flatnonzero(active & (support[rays.point] < 3.0))
+        touched[group.point[(group.point >= 0) & mask]] = True
+    return touched & (support < 3.0)
+
+
+def _not_located(observations: Observations, state: State, points: Ints) -> Ints:
+    """Those of some object points whose wrong ray cannot be told; a survey is there to tell."""
+    surveyed = survey_information(observations, state)
+    unsurveyed = np.array([point for point in points if int(point) not in surveyed], dtype=np.int64)
+    found = explanations(observations.image_points, state, unsurveyed, surveyed)
+    return np.array([point for point, item in found.items() if not item.is_located], dtype=np.int64)
+
+
+def survey_information(observations: Observations, state: State) -> dict[int, Floats]:
+    """Normal matrices (3, 3) of the object points that other observations than rays belong to."""
+    information: dict[int, Floats] = {}
+    for group in observations.others:
+        if not (group.point >= 0).any():
+            continue
+        equations = whiten(group, group.linearize(state))
+        jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
+        used = group.stochastic.present.any(axis=1)
+        for i in np.flatnonzero(used & (group.point >= 0)):
+            matrix = information.setdefault(int(group.point[i]), np.zeros((3, 3)))
+            matrix += jacobian[i].T @ jacobian[i]
+    return information

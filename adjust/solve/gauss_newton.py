@@ -27,6 +27,8 @@ from adjust.solve.normal_equations import (
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3
 _FIRST_DAMPING = 1e-4
+# Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
+_LONG, _STALLED = 30.0, 1e-3
 
 
 @dataclass(frozen=True)
@@ -56,43 +58,53 @@ class Estimate:
     state : adjusted values.
     weighted_squares : vᵀPv at that state.
     iterations : the steps that led there.
+    stalled : it is not converged: long steps hardly lower vᵀPv any more, or there were too few.
     """
 
     state: State
     weighted_squares: float
     iterations: tuple[Iteration, ...]
+    stalled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A converged state with its last normal equations, linearised at that state."""
+    """A converged (or stalled) state with its last normal equations, linearised at that state."""
 
     state: State
     normals: ReducedNormals
     factorization: Factorization
     iterations: tuple[Iteration, ...]
+    stalled: bool = False
 
 
 Progress = Callable[[Iteration], None]
 
 
-def iterate(system: System, start: State, most: int, progress: Progress | None = None) -> Solution:
+def iterate(
+    system: System, start: State, most: int, progress: Progress | None = None, may_stall: bool = False
+) -> Solution:
     """Iterate to convergence and factorise the normal equations of the adjusted state.
 
     Parameters and errors are those of :func:`converge`.
     """
-    estimate = converge(system, start, most, progress)
+    estimate = converge(system, start, most, progress, may_stall)
     normals = reduced_normals(system, estimate.state)
     factorization = _factorize(system, estimate.state, normals)
-    return Solution(estimate.state, normals, factorization, estimate.iterations)
+    return Solution(estimate.state, normals, factorization, estimate.iterations, estimate.stalled)
 
 
-def converge(system: System, start: State, most: int, progress: Progress | None = None) -> Estimate:
+def converge(
+    system: System, start: State, most: int, progress: Progress | None = None, may_stall: bool = False
+) -> Estimate:
     """Iterate from approximate values to convergence.
 
     Parameters
     ----------
     most : number of steps after which it is given up.
+    may_stall : return a stalled state in place of going on or giving up. With gross errors of many thousand
+        σ in it Gauss–Newton creeps (the neglected second derivatives are multiplied by the residuals), and
+        they are plain to see long before it arrives.
 
     Raises
     ------
@@ -124,10 +136,15 @@ def converge(system: System, start: State, most: int, progress: Progress | None 
             damping = max(10.0 * damping, _FIRST_DAMPING)
             normals = reduced_normals(system, state, damping)
             continue
+        lowered = following.weighted_squares <= (1.0 - _STALLED) * normals.weighted_squares
+        if may_stall and step.largest_move > _LONG and not lowered:
+            return Estimate(moved, following.weighted_squares, tuple(history), stalled=True)
         state, normals = moved, following
         damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
         if damping > 0.0:
             normals = reduced_normals(system, state, damping)
+    if may_stall:
+        return Estimate(state, normals.weighted_squares, tuple(history), stalled=True)
     raise DivergenceError(
         most, tuple(item.weighted_squares for item in history), _largest(system, of_exposures, of_border)
     )

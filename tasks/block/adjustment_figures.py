@@ -20,6 +20,7 @@ _GROUP_REDUNDANCY = 10.0
 # Two parameters correlated by more than this are hardly separated.
 _CORRELATED = 0.98
 _MOST_PAIRS = 5
+_MOST_NAMES = 5
 _IN_WORDS = {
     "image_points": "image points",
     "control_points": "control points",
@@ -63,6 +64,8 @@ def adjustment_figures(
         "image_rms_px": _image_rms_px(adjusted),
         "critical_value": settings.rejection.critical_value,
         "rejected_per_pass": list(result.rejected_per_pass),
+        "taken_back": result.taken_back,
+        "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
         "global_test": {
             "lower": test.lower,
@@ -172,17 +175,27 @@ def _correlated(adjusted: AdjustedBlock) -> list[str]:
 
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
+    result = adjusted.result
     counts = [
         f"{group.rejected:,} {_IN_WORDS.get(group.group.name, group.group.name)}"
-        for group in adjusted.result.groups
+        for group in result.groups
         if group.rejected
     ]
     if not counts:
         return []
-    return [
+    back = f"; {result.taken_back:,} that had looked wrong fit in the end" if result.taken_back else ""
+    sentences = [
         f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
-        f"{settings.rejection.critical_value:g})."
+        f"{settings.rejection.critical_value:g}){back}."
     ]
+    if len(result.given_up):
+        names = ", ".join(adjusted.block.points[point] for point in result.given_up[:_MOST_NAMES])
+        more = len(result.given_up) - _MOST_NAMES
+        sentences.append(
+            f"{len(result.given_up):,} object points were given up, because it cannot be told which of their "
+            f"image points is wrong: {names}{f' and {more:,} more' if more > 0 else ''}."
+        )
+    return sentences
 
 
 def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:

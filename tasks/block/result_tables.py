@@ -129,6 +129,7 @@ def write_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
                     "redundancy": np.nan,
                     "standardized": np.nan,
                     "mdb": np.nan,
+                    "external": np.nan,
                     "status": "not_used",
                 }
             )
@@ -166,6 +167,7 @@ def _group_rows(block: Block, group: GroupResult) -> pd.DataFrame:
             "redundancy": group.redundancy[row, component],
             "standardized": group.standardized[row, component],
             "mdb": group.detectable[row, component] * factor,
+            "external": group.external[row, component],
             "status": names[group.status[row, component]],
         }
     )

@@ -33,6 +33,25 @@ class Rejection(Settings):
         "blocks of 1,500 observations; 3.29 means one in 1,000 observations. Too small a value makes the "
         "results look better than they are.",
     )
+    test: Literal["components", "observations"] = Field(
+        default="components",
+        description="What is compared with it: `components` (the largest standardized residual of an "
+        "observation) or `observations` (both coordinates of an image point, all three of a control point "
+        "together, by the value of a normal variable that is exceeded as rarely). With `observations` the "
+        "false alarms are as many as the critical value says; with `components` up to twice or three times "
+        "as many.",
+    )
+    reference_variance: Literal["a_priori", "a_posteriori"] = Field(
+        default="a_priori",
+        description="The σ0 of the tests: `a_priori` (1) or `a_posteriori` (from the residuals; the τ-test), "
+        "for deliveries whose σ are not to be trusted.",
+    )
+    robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = Field(
+        default=None,
+        description="Weight function of a robust estimation that looks for gross errors before the tests; "
+        "for blocks in which very many observations are wrong. It only finds; nothing is weighted down "
+        "in the results.",
+    )
 
     @model_validator(mode="before")
     @classmethod

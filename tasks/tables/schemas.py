@@ -265,6 +265,13 @@ RESIDUALS = TableSchema(
         _number("redundancy", "", "redundancy number, 0 to 1", nullable=True),
         _number("standardized", "", "residual over its own standard deviation", nullable=True),
         _number("mdb", "see unit", "minimal detectable bias", nullable=True),
+        _number(
+            "external",
+            "",
+            "external reliability: by how many of its standard deviations an undetected error of that size "
+            "moves any result at most",
+            nullable=True,
+        ),
         _text("status", "what became of it", values=("used", "rejected", "uncontrolled", "not_used")),
     ),
     ("group", "image", "point", "component"),

@@ -147,6 +147,7 @@ def _write_rays(folder: Path, random: np.random.Generator, images: np.ndarray, p
             "redundancy": np.full(2 * RAYS, 0.5),
             "standardized": residual / 0.7,
             "mdb": np.full(2 * RAYS, 6.0),
+            "external": np.full(2 * RAYS, 3.0),
             "status": np.concatenate([status, status]),
         },
     )

@@ -1,0 +1,157 @@
+"""Which rejected observations fit after all, once the gross errors around them are gone.
+
+The residual of an observation that takes no part is a prediction error with the cofactor Σ + A Q Aᵀ, so
+its statistic has I + H in place of I − H. A lone rejected observation has the same statistic as
+before it was rejected; what another one's gross error had spoilt has a smaller one. An object point that
+was given up is intersected anew with the present orientations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.approximate.intersection import intersect
+from adjust.arrays import Bools, Floats
+from adjust.least_squares import Adjusted
+from adjust.parameters import State
+from adjust.quality.cofactor import with_points
+from adjust.quality.locatability import explanations
+from adjust.quality.redundancy import hat_of_group
+from adjust.quality.rejection import SnoopingRule, estimated_variance
+from adjust.quality.snooping_statistic import (
+    EstimatedVariance,
+    directional_statistic,
+    normal_equivalent,
+)
+from adjust.solve.normal_equations import Observations, whiten
+
+# Weight with which rejected rays enter the prediction of their own cofactors: it spoils nothing else by
+# more than its square and leaves eight digits.
+_ROOT_OF_WEIGHT = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Return:
+    """What may come back.
+
+    Attributes
+    ----------
+    observations : for each group (n,).
+    points : (m,) object points with all their rays.
+    state : to continue from: the points that come back where they intersect.
+    """
+
+    observations: tuple[Bools, ...]
+    points: Bools
+    state: State
+
+    @property
+    def count(self) -> int:
+        """Number of observations and points that come back."""
+        return int(sum(int(mask.sum()) for mask in self.observations) + self.points.sum())
+
+
+def fitting_again(
+    adjusted: Adjusted,
+    given: Observations,
+    rejected: tuple[Bools, ...],
+    given_up: Bools,
+    rule: SnoopingRule,
+) -> Return:
+    """Test what was rejected against an adjustment without it.
+
+    Parameters
+    ----------
+    given : all observations, with the weights of the adjustment.
+    rejected : for each group (n,) what is to be tested.
+    given_up : (m,) object points to be tested.
+    """
+    variance = estimated_variance(adjusted, rule)
+    alone = rejected[0] & adjusted.system.active_point[given.image_points.point]
+    back = [np.zeros(len(group.image), dtype=bool) for group in given.groups]
+    if alone.any():
+        residual = np.nan_to_num(adjusted.residuals[0].residual, nan=np.inf)[alone]
+        whitened = residual / given.image_points.sigma[alone]
+        hat = _predicted_hat(adjusted, given, alone)
+        statistic = _predicted(whitened, np.eye(2) + hat, rule, variance)
+        back[0][alone] = statistic <= rule.critical_value
+    for k, (group, mask) in enumerate(zip(given.others, rejected[1:], strict=True), start=1):
+        rows = np.flatnonzero(mask)
+        if len(rows) == 0:
+            continue
+        equations = whiten(group, group.linearize(adjusted.state))
+        hat = hat_of_group(equations, adjusted.system.layout, adjusted.quality)[rows]
+        present = group.stochastic.present[rows]
+        spread = np.where(present[:, :, None] & present[:, None, :], np.eye(hat.shape[1]) + hat, 0.0)
+        # The cofactor of an object point that takes no part is not known: it does not come back alone.
+        known = np.isfinite(spread).all(axis=(1, 2))
+        statistic = np.full(len(rows), np.inf)
+        statistic[known] = _predicted(-equations.misclosure[rows][known], spread[known], rule, variance)
+        back[k][rows] = statistic <= rule.critical_value
+    points, state = _closing_points(adjusted, given, given_up, rule, variance)
+    return Return(tuple(back), points, state)
+
+
+def _predicted(
+    whitened: Floats, spread: Floats, rule: SnoopingRule, variance: EstimatedVariance | None
+) -> Floats:
+    """Statistic (n,) of predicted, whitened residuals (n, m) with cofactors I + H (n, m, m)."""
+    if rule.test == "components":
+        diagonal = np.diagonal(spread, axis1=1, axis2=2)
+        size = np.abs(whitened) / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        squares, dimension = size.max(axis=1) ** 2, np.ones(len(size), dtype=np.int64)
+    else:
+        squares, dimension = directional_statistic(whitened, spread)
+    if variance is None:
+        return normal_equivalent(squares, dimension)
+    statistics = np.zeros(len(squares))
+    for i in range(len(squares)):
+        # With the observation back, vᵀPv would be larger by just this.
+        with_it = EstimatedVariance(
+            variance.weighted_squares + float(squares[i]), variance.redundancy + int(dimension[i])
+        )
+        statistics[[i]] = normal_equivalent(squares[[i]], dimension[[i]], with_it)
+    return statistics
+
+
+def _predicted_hat(adjusted: Adjusted, given: Observations, alone: Bools) -> Floats:
+    """A Q Aᵀ P (k, 2, 2) of rejected rays (n,) of points that are there."""
+    system, rays = adjusted.system, given.image_points
+    light = replace(
+        adjusted.observations.image_points,
+        sigma=np.where(alone[:, None], rays.sigma / _ROOT_OF_WEIGHT, rays.sigma),
+        active=adjusted.observations.image_points.active | alone,
+    )
+    concerned = np.zeros_like(system.active_point)
+    concerned[rays.point[alone]] = True
+    predicted = replace(
+        system,
+        observations=replace(adjusted.observations, image_points=light),
+        active_point=system.active_point & concerned,
+    )
+    quality = with_points(predicted, adjusted.solution, adjusted.quality.reduced)
+    hat = quality.hat_of_rays[alone] / _ROOT_OF_WEIGHT**2
+    return hat[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def _closing_points(
+    adjusted: Adjusted,
+    given: Observations,
+    given_up: Bools,
+    rule: SnoopingRule,
+    variance: EstimatedVariance | None,
+) -> tuple[Bools, State]:
+    """Object points (m,) given up whose rays all fit together now, and the state with them in place."""
+    state, back = adjusted.state, np.zeros_like(given_up)
+    if not given_up.any():
+        return back, state
+    rays = replace(given.image_points, active=given.image_points.active & given_up[given.image_points.point])
+    found = intersect(rays, state, len(given_up))
+    usable = given_up & found.usable
+    state = replace(state, object_point=np.where(usable[:, None], found.object_point, state.object_point))
+    factor = 1.0 if variance is None else np.sqrt(variance.weighted_squares / max(variance.redundancy, 1))
+    for point, item in explanations(rays, state, np.flatnonzero(usable), {}).items():
+        back[point] = bool(item.equivalent.max() <= factor * rule.critical_value)
+    return back, state

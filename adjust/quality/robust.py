@@ -1,0 +1,131 @@
+"""Robust estimation for the detection of gross errors, before data snooping.
+
+Every observation is weighted down by a factor f(|w|) of its weight, w = v/(σ √r) studentized with the
+redundancy number of the ordinary adjustment, and the block is adjusted again until the factors stand
+still: many gross errors at once then no longer hide each other. Both coordinates of an image point
+share the factor of the larger |w|. Robust estimates are used to find gross errors and for nothing else:
+what they find is taken out, all statistics come from ordinary adjustments, and what was found wrongly
+comes back when it is tested again in the end.
+
+| function | f(|w|) |
+|---|---|
+| huber | min(1, k/|w|), k = 1.5 |
+| cauchy | 1/(1 + (w/c)²), c = 2.385 |
+| tukey | (1 − (w/c)²)² up to c = 4.685, then 0; the first three rounds are Huber's, for it is not convex |
+| biber | min(1, k/|w|), k = 3: only what is suspicious loses weight (Wicki 1999) |
+| danish | 1 up to 3, then exp(−0.05 |w|^4.4) for two rounds, then exp(−0.05 |w|³) |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.least_squares import Adjusted, Adjuster
+from adjust.observations.base import ObservationGroup
+from adjust.parameters import State
+from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.rejection import Rejection, SnoopingRule, choose
+from adjust.solve.gauss_newton import converge
+from adjust.solve.normal_equations import Observations
+
+RobustFunction = Literal["huber", "cauchy", "tukey", "biber", "danish"]
+
+_MOST_ROUNDS = 12
+# Weights and values are found together: there is no use in converging with weights of one round.
+_STEPS = 2
+# Factors that change by less than this no longer move what is found.
+_SETTLED = 0.05
+# Even a robust estimate bends under errors of many hundred σ: what is below this part of the largest |w| is
+# judged again when those are gone.
+_SWAMPED = 0.2
+# A factor of zero would leave an object point without any rays.
+_LEAST = 1e-4
+
+
+def _huber(w: Floats, _: int) -> Floats:
+    return np.minimum(1.0, 1.5 / np.maximum(w, 1.5))
+
+
+def _cauchy(w: Floats, _: int) -> Floats:
+    return np.asarray(1.0 / (1.0 + (w / 2.385) ** 2))
+
+
+def _tukey(w: Floats, number: int) -> Floats:
+    if number < 3:
+        return _huber(w, number)
+    return np.asarray(np.where(w < 4.685, (1.0 - np.minimum(w / 4.685, 1.0) ** 2) ** 2, 0.0))
+
+
+def _biber(w: Floats, _: int) -> Floats:
+    return np.minimum(1.0, 3.0 / np.maximum(w, 3.0))
+
+
+def _danish(w: Floats, number: int) -> Floats:
+    power = 4.4 if number < 2 else 3.0
+    return np.asarray(np.where(w > 3.0, np.exp(-0.05 * np.minimum(w, 1e3) ** power), 1.0))
+
+
+WEIGHT_FUNCTIONS: Mapping[RobustFunction, Callable[[Floats, int], Floats]] = {
+    "huber": _huber,
+    "cauchy": _cauchy,
+    "tukey": _tukey,
+    "biber": _biber,
+    "danish": _danish,
+}
+
+
+def robust_rejection(
+    adjuster: Adjuster, adjusted: Adjusted, function: RobustFunction, rule: SnoopingRule
+) -> Rejection:
+    """What stands out of a robust adjustment: the largest observation of every object point and image."""
+    state, observations = adjusted.state, adjusted.observations
+    studentized = _studentized(observations, state, adjusted.residuals)
+    factors = tuple(np.ones(len(w)) for w in studentized)
+    for number in range(_MOST_ROUNDS):
+        weigh = WEIGHT_FUNCTIONS[function]
+        following = tuple(np.maximum(weigh(w, number), _LEAST) for w in studentized)
+        change = max(
+            (float(np.max(np.abs(a - b), initial=0.0)) for a, b in zip(factors, following, strict=True))
+        )
+        factors = following
+        if change < _SETTLED:
+            break
+        system = adjusted.system.remaining(_weighted_down(observations, factors))
+        state = converge(system, state, _STEPS, adjuster.progress, may_stall=True).state
+        studentized = _studentized(observations, state, adjusted.residuals)
+    largest = max((float(w.max(initial=0.0)) for w in studentized), default=0.0)
+    return choose(observations, state, studentized, max(rule.critical_value, _SWAMPED * largest))
+
+
+def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> Observations:
+    """The observations with weights multiplied by factors (n,)."""
+    of_sigma = [1.0 / np.sqrt(factor)[:, None] for factor in factors]
+    return Observations(
+        observations.image_points.rescaled(of_sigma[0]),
+        tuple(
+            group.rescaled(factor) for group, factor in zip(observations.others, of_sigma[1:], strict=True)
+        ),
+    )
+
+
+def _studentized(
+    observations: Observations, state: State, ordinary: tuple[GroupResiduals, ...]
+) -> tuple[Floats, ...]:
+    """Largest controlled |v|/(σ √r) of every observation (n,), r of the ordinary adjustment."""
+    return tuple(
+        _of_group(group, state, item) for group, item in zip(observations.groups, ordinary, strict=True)
+    )
+
+
+def _of_group(group: ObservationGroup, state: State, ordinary: GroupResiduals) -> Floats:
+    misclosure = group.linearize(state).misclosure
+    redundancy = np.nan_to_num(ordinary.redundancy)
+    controlled = (redundancy >= UNCONTROLLED) & group.stochastic.present
+    spread = np.where(controlled, group.stochastic.sigma * np.sqrt(np.maximum(redundancy, UNCONTROLLED)), 1.0)
+    size = np.where(controlled, np.abs(np.nan_to_num(misclosure)) / spread, 0.0)
+    largest: Floats = size.max(axis=1)
+    return largest

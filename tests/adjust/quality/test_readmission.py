@@ -1,0 +1,104 @@
+"""What was rejected wrongly comes back; what was rejected rightly does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.data_snooping import Search
+from adjust.least_squares import Adjuster
+from adjust.options import AdjustmentOptions
+from adjust.quality.rejection import SnoopingRule, snooping_statistics
+from adjust.solve.normal_equations import System
+from tests.adjust.scenes import MICROMETRE, Scene, two_strips
+
+RULE = SnoopingRule(4.13)
+
+
+def search_without(scene: Scene, rays: list[int], positions: list[int], given_up: list[int]) -> Search:
+    """A search that has rejected some observations and given up some points."""
+    adjuster = Adjuster(AdjustmentOptions(critical_value=4.13))
+    system = System.of(scene.block, scene.observations)
+    search = Search.start(scene.observations, adjuster.adjust(system, scene.block.approximate_state()))
+    rejected = tuple(mask.copy() for mask in search.rejected)
+    rejected[0][rays] = True
+    rejected[2][positions] = True
+    points = search.given_up.copy()
+    points[given_up] = True
+    search = replace(search, rejected=rejected, given_up=points)
+    return replace(search, adjusted=adjuster.again(search.adjusted, search.remaining()))
+
+
+def rays_of_many(scene: Scene) -> list[int]:
+    """Two rays of unsurveyed points with five rays."""
+    rays = scene.observations.image_points
+    counts = np.bincount(rays.point)
+    chosen = np.setdiff1d(np.flatnonzero(counts == 5), scene.observations.others[0].point)
+    return [int(ray) for ray in np.searchsorted(rays.point, chosen[[0, -1]])]
+
+
+def two_ray_point(scene: Scene) -> int:
+    counts = np.bincount(scene.observations.image_points.point)
+    return int(np.setdiff1d(np.flatnonzero(counts == 2), scene.observations.others[0].point)[0])
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
+def test_sound_observations_come_back_once(test: Any) -> None:
+    scene = two_strips(noise_seed=8)
+    point = two_ray_point(scene)
+    rays = rays_of_many(scene)
+    search = search_without(scene, rays, [3], [point])
+    rule = SnoopingRule(4.13, test)
+    back = search.fitting_again(rule)
+    assert np.flatnonzero(back.observations[0]).tolist() == rays
+    assert np.flatnonzero(back.observations[2]).tolist() == [3]
+    assert np.flatnonzero(back.points).tolist() == [point]
+    adjuster = Adjuster(AdjustmentOptions(critical_value=4.13))
+    again = search.more(adjuster, back)
+    ordinary = adjust_block(scene.block, scene.observations)
+    np.testing.assert_allclose(again.adjusted.state.object_point, ordinary.state.object_point, atol=1e-5)
+    assert again.taken_back == 3 + 2
+    # Rejected once more, they stay where they are.
+    twice = replace(again, rejected=search.rejected, given_up=search.given_up)
+    assert twice.fitting_again(rule).count == 0
+
+
+def test_wrong_observations_do_not_come_back() -> None:
+    scene = two_strips(noise_seed=8)
+    rays = scene.observations.image_points
+    point = two_ray_point(scene)
+    xy = rays.xy.copy()
+    wrong = rays_of_many(scene)[0]
+    xy[[wrong, int(np.searchsorted(rays.point, point))]] += 60 * MICROMETRE
+    gnss: Any = scene.observations.others[1]
+    observed = gnss.observed.copy()
+    observed[3] += 1.0
+    others = list(scene.observations.others)
+    others[1] = replace(gnss, observed=observed)
+    observations = replace(scene.observations, image_points=replace(rays, xy=xy), others=tuple(others))
+    search = search_without(replace(scene, observations=observations), [wrong], [3], [point])
+    assert search.fitting_again(RULE).count == 0
+
+
+def test_a_lone_observation_has_the_same_statistic_inside_and_outside() -> None:
+    """Deleting it multiplies v by 1/r and its cofactor likewise: w stays."""
+    scene = two_strips(noise_seed=8)
+    observations = scene.observations
+    adjuster = Adjuster(AdjustmentOptions())
+    adjusted = adjuster.adjust(System.of(scene.block, observations), scene.block.approximate_state())
+    rule = SnoopingRule(4.13, "observations")
+    statistics = snooping_statistics(adjusted, rule)
+    first, second = rays_of_many(scene)
+    for group, row in ((0, first), (0, second), (2, 4), (3, 6)):
+        inside = float(statistics[group][row])
+        rejected = tuple(np.zeros(len(item.image), dtype=bool) for item in observations.groups)
+        rejected[group][row] = True
+        search = replace(Search.start(observations, adjusted), rejected=rejected)
+        search = replace(search, adjusted=adjuster.again(adjusted, search.remaining()))
+        for value, comes in ((0.99 * inside, 0), (1.01 * inside, 1)):
+            found = search.fitting_again(replace(rule, critical_value=value))
+            assert found.count == comes, (group, row)
