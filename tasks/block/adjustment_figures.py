@@ -11,15 +11,13 @@ from adjust.result import GroupResult, ObservationStatus
 from tasks.block.parameter_tables import correlation_matrix
 from tasks.block.result_tables import AdjustedBlock, surveyed_differences
 from tasks.block.variance_figures import variance_figures, variance_sentences
+from tasks.block.weak_modes import Parameter, weak_mode_sentences
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.storage.json_text import JSON
 
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _GROUP_LIMITS = (0.7, 1.4)
 _GROUP_REDUNDANCY = 10.0
-# Two parameters correlated by more than this are hardly separated.
-_CORRELATED = 0.98
-_MOST_PAIRS = 5
 _MOST_NAMES = 5
 _IN_WORDS = {
     "image_points": "image points",
@@ -161,17 +159,10 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
 
 
 def _correlated(adjusted: AdjustedBlock) -> list[str]:
-    """Sentences about the pairs of system parameters that the block separates least."""
+    """Sentences about the system parameters that the block separates least."""
     names = adjusted.result.layout.border_names()
-    correlation = correlation_matrix(adjusted.result)
-    first, second = np.triu_indices(len(names), 1)
-    worst = np.argsort(-np.abs(correlation[first, second]), kind="stable")[:_MOST_PAIRS]
-    return [
-        f"{names[a][0]} of {names[a][1]} and {names[b][0]} of {names[b][1]} are correlated by "
-        f"{correlation[a, b]:+.3f}: this block hardly separates them, their values must not be used apart."
-        for a, b in zip(first[worst], second[worst], strict=True)
-        if abs(correlation[a, b]) > _CORRELATED
-    ]
+    parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
+    return weak_mode_sentences(parameters, correlation_matrix(adjusted.result))
 
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:

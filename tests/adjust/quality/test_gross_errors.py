@@ -212,6 +212,7 @@ def test_an_error_of_the_detectable_size_is_found_four_times_in_five() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_the_power_holds_in_whole_adjustments() -> None:
     """The same with 5,000 adjustments: noise and bias in the observations, w as reported."""
     nominal = two_strips()

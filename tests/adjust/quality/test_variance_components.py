@@ -231,6 +231,7 @@ def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[.
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_intervals_hold_the_truth_as_often_as_they_say(large: SimulatedBlock) -> None:
     """150 blocks from wrong weights: coverage of the 99 % intervals, spread of the estimates, rounds."""
     trials = 150
