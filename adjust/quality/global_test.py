@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ def global_test(weighted_squares: float, redundancy: int, confidence: float = 0.
     if redundancy <= 0:
         return GlobalTest(float("nan"), redundancy, weighted_squares, float("nan"), float("nan"), confidence)
     tail = 0.5 * (1.0 - confidence)
-    lower, upper = np.sqrt(stats.chi2.ppf([tail, 1.0 - tail], redundancy) / redundancy)
+    lower, upper = np.sqrt(
+        2.0 * special.gammaincinv(0.5 * redundancy, np.array([tail, 1.0 - tail])) / redundancy
+    )
     sigma0 = float(np.sqrt(weighted_squares / redundancy))
     return GlobalTest(sigma0, redundancy, weighted_squares, float(lower), float(upper), confidence)

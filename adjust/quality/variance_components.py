@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import ObservationGroup
@@ -188,7 +188,9 @@ def variance_components(
         lower = upper = float("nan")
         if free[k]:
             tail = 0.5 * (1.0 - confidence)
-            limits = np.sqrt(degrees[k] / stats.chi2.ppf([1.0 - tail, tail], degrees[k]))
+            limits = np.sqrt(
+                degrees[k] / (2.0 * special.gammaincinv(0.5 * degrees[k], np.array([1.0 - tail, tail])))
+            )
             lower, upper = (float(factors[k] * limit) for limit in limits)
         model = system.observations.groups[part.group].stochastic
         sigma = model.sigma[:, list(part.components)][model.present[:, list(part.components)]]

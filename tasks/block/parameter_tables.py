@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Floats
 from adjust.observations.direct import DirectObservations
@@ -29,7 +29,7 @@ def parameter_table(adjusted: AdjustedBlock, confidence: float) -> pd.DataFrame:
     ``t`` is the change over its standard deviation, tested two-sided at ``confidence``.
     """
     result, layout = adjusted.result, adjusted.result.layout
-    limit = float(stats.t.ppf(0.5 + 0.5 * confidence, max(result.test.redundancy, 1)))
+    limit = float(special.stdtrit(max(result.test.redundancy, 1), 0.5 + 0.5 * confidence))
     cofactor = np.diagonal(result.cofactor.reduced.corner)
     own_part = 1.0 - total_correlation(result) ** 2
     priors = _prior_sigmas(result)
