@@ -8,15 +8,20 @@ from threadpoolctl import threadpool_limits
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
 from adjust.data_snooping import Search, snoop
-from adjust.least_squares import Adjuster
+from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
+from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
+from adjust.quality.control_checks import ControlCheck, k_fold, leave_one_out
+from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.global_test import global_test
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
 from adjust.quality.rejection import SnoopingRule
+from adjust.quality.s_transformation import with_inner_constraints
 from adjust.quality.variance_components import VarianceComponent, variance_components
-from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.result import AdjustmentResult, FreeNetwork, GroupResult, ObservationStatus
 from adjust.solve.datum import datum_shares
+from adjust.solve.defect import open_directions
 from adjust.solve.gauss_newton import Estimate, Progress, converge
 from adjust.solve.normal_equations import Observations, System
 from adjust.weighting import Weighted, estimate_weights
@@ -32,8 +37,8 @@ def adjust_block(
 
     Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
     pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
-    all statistics come. Where variance components are asked for, the weights are estimated, too, in turn
-    with the rejection. The linear algebra library runs on one thread, and what runs on several sums
+    all statistics come. Where variance components or correlation times are asked for, they are estimated
+    in turn with the rejection. The linear algebra library runs on one thread, and what runs on several sums
     in an order of its own, so that the result does not depend on their number.
 
     Parameters
@@ -49,10 +54,10 @@ def adjust_block(
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
     with threadpool_limits(limits=1):
-        system = System.of(block, observations, options.threads)
+        system = System.of(block, observations, options.threads, options.free_network)
         search = Search.start(observations, adjuster.adjust(system, block.approximate_state()))
         rule, weighted = _rule(options), None
-        if options.variance_components:
+        if options.variance_components or options.correlation_times:
             weighted = estimate_weights(adjuster, search, rule)
             search = weighted.search
         elif rule is not None:
@@ -79,7 +84,7 @@ def estimate_block(
     """
     options = options or AdjustmentOptions()
     with threadpool_limits(limits=1):
-        system = System.of(block, observations, options.threads)
+        system = System.of(block, observations, options.threads, options.free_network)
         return converge(system, block.approximate_state(), options.most_iterations, progress)
 
 
@@ -103,8 +108,9 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         )
     )
     components: tuple[VarianceComponent, ...] = ()
+    times: tuple[CorrelationTime, ...] = ()
     if weighted is not None:
-        components = variance_components(
+        components, times = variance_components(
             system,
             adjusted.solution,
             adjusted.residuals,
@@ -113,21 +119,52 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
             weighted.frozen,
             options.confidence,
         )
+    singly, by_fold = _control_checks(search, options)
     return AdjustmentResult(
         state,
         system.layout,
-        adjusted.quality,
-        global_test(adjusted.weighted_squares, system.redundancy, options.confidence),
+        with_inner_constraints(system, adjusted.solution, adjusted.quality),
+        global_test(adjusted.weighted_squares, adjusted.redundancy, options.confidence),
         groups,
         adjusted.history,
         search.per_pass,
         system.active_point,
         datum_shares(system, state),
-        components,
+        components if options.variance_components else (),
         0 if weighted is None else weighted.rounds,
         np.flatnonzero(search.given_up),
         search.taken_back,
+        singly,
+        by_fold,
+        times,
+        _free_network(adjusted),
     )
+
+
+def _free_network(adjusted: Adjusted) -> FreeNetwork | None:
+    """What the approximate values carry; None where the network is not free."""
+    constrained, movements = adjusted.system.inner_constraints, adjusted.solution.movements
+    if constrained is None:
+        return None
+    if movements is None:
+        return FreeNetwork(constrained, ())
+    normals = adjusted.solution.normals
+    return FreeNetwork(
+        constrained, open_directions(adjusted.system, adjusted.state, normals, movements.vectors)
+    )
+
+
+def _control_checks(
+    search: Search, options: AdjustmentOptions
+) -> tuple[ControlCheck | None, ControlCheck | None]:
+    """The control points left out one at a time, and, if asked for, a fold at a time."""
+    for group, rejected in zip(search.given.others, search.rejected[1:], strict=True):
+        if isinstance(group, ControlPoints):
+            by_fold = None
+            if options.control_folds is not None:
+                by_fold = k_fold(search.adjusted, group, rejected, options.control_folds)
+            return leave_one_out(search.adjusted, group, rejected), by_fold
+    return None, None
 
 
 def _status(left: ObservationGroup, rejected: Bools, residuals: GroupResiduals) -> Ints:
@@ -136,6 +173,6 @@ def _status(left: ObservationGroup, rejected: Bools, residuals: GroupResiduals) 
     given: Bools = np.isfinite(left.stochastic.sigma)
     status = np.full(is_left.shape, int(ObservationStatus.NOT_USED), dtype=np.int64)
     status[is_left] = ObservationStatus.USED
-    status[is_left & (np.nan_to_num(residuals.redundancy) < UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
+    status[is_left & (np.nan_to_num(residuals.control) < UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
     status[given & rejected[:, None]] = ObservationStatus.REJECTED
     return status

@@ -32,11 +32,14 @@ class DatumDefectError(AdjustmentError):
     defect : number of undetermined combinations.
     parameters : the unknowns that take the largest part in them, strongest first.
     explanation : plain sentences, one for each combination.
+    of_block : whether a movement of the whole block is among them, which a free network would leave to
+        the approximate values.
     """
 
     defect: int
     parameters: tuple[str, ...]
     explanation: tuple[str, ...]
+    of_block: bool = False
 
     def __str__(self) -> str:
         return " ".join(
@@ -44,6 +47,8 @@ class DatumDefectError(AdjustmentError):
                 f"The normal equations have a rank defect of {self.defect}.",
                 *self.explanation,
                 "Add observations that fix them, or hold the parameters named.",
+                *(("A free network takes movements of the whole block from the approximate values.",))
+                * self.of_block,
             )
         )
 
@@ -70,3 +75,20 @@ class DivergenceError(AdjustmentError):
             f"The largest change is still at {self.largest}. "
             "Check the approximate values, units and angle conventions of the input."
         )
+
+
+@dataclass
+class AdditionalParametersError(AdjustmentError):
+    """Additional parameters that do not exist, are chosen twice, or do not fit the image.
+
+    Attributes
+    ----------
+    what : what is wrong, a sentence.
+    remedy : what to do about it, a sentence.
+    """
+
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}"

@@ -47,6 +47,11 @@ class Adjusted:
         """vᵀPv."""
         return float(sum(item.weighted_squares for item in self.residuals))
 
+    @property
+    def redundancy(self) -> int:
+        """N − u + d; d is the number of open movements of a free network."""
+        return self.system.redundancy + self.solution.defect
+
 
 @dataclass(frozen=True, eq=False)
 class Adjuster:

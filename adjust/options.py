@@ -6,9 +6,17 @@ import os
 from dataclasses import dataclass, field
 from typing import Literal
 
+from adjust.parameters import InnerConstraints
+
+#: The variable that says how many threads an adjustment may use at once; not set: one for each processor.
+THREADS_VARIABLE = "AEROCAL_THREADS"
+
 
 def available_threads() -> int:
     """How many threads this process may use at once."""
+    named = os.environ.get(THREADS_VARIABLE, "")
+    if named.isdecimal() and int(named) > 0:
+        return int(named)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -28,6 +36,11 @@ class AdjustmentOptions:
     most_passes : passes of rejection after which it is given up.
     confidence : of the global test.
     variance_components : whether the weights of the groups are estimated from the residuals.
+    control_folds : into how many folds the control points are dealt to be predicted without their own one;
+        None for no such check.
+    correlation_times : whether the correlation times of groups with errors correlated over time are.
+    free_network : unknowns whose approximate values carry what the observations leave open of the datum
+        (inner constraints); None: an open datum is an error.
     threads : how many may work at once; never changes a result.
     """
 
@@ -39,4 +52,7 @@ class AdjustmentOptions:
     most_passes: int = 50
     confidence: float = 0.95
     variance_components: bool = False
+    control_folds: int | None = None
+    correlation_times: bool = False
+    free_network: InnerConstraints | None = None
     threads: int = field(default_factory=available_threads)

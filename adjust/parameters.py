@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -26,9 +26,12 @@ GNSS_SHIFT = "gnss_shift"
 GNSS_STRIP_BIAS = "gnss_strip_bias"
 GNSS_DRIFT = "gnss_drift"
 TIME_OFFSET = "time_offset"
+ADDITIONAL_PARAMETERS = "additional_parameters"
 
 EntityKind = Literal["camera", "flight", "strip"]
-Unit = Literal["m", "rad", "s", "m/s"]
+#: Unknowns whose approximate values carry the datum of a free network.
+InnerConstraints: TypeAlias = Literal["object_points", "projection_centres", "both"]
+Unit = Literal["m", "rad", "s", "m/s", "1"]
 
 
 @dataclass(frozen=True)
@@ -40,13 +43,19 @@ class Family:
     name : of the family.
     components : the names of its parameters, as they are reported.
     entity_kind : what has its own set of them.
-    unit : SI unit of its parameters.
+    unit : SI unit of its parameters; of additional parameters, whose sets are published with units of their
+        own, each has its own in ``own_units``.
     """
 
     name: str
     components: tuple[str, ...]
     entity_kind: EntityKind
     unit: Unit
+    own_units: tuple[str, ...] = ()
+
+    def unit_of(self, component: int) -> str:
+        """Unit of one parameter."""
+        return self.own_units[component] if self.own_units else self.unit
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -70,6 +79,14 @@ FAMILIES: Mapping[str, Family] = {
 }
 
 
+def additional_family(components: tuple[str, ...], units: tuple[str, ...]) -> Family:
+    """The family of additional parameters: names ``SET:NAME`` with the unit each is published in.
+
+    Its entities are cameras, or cameras in one flight.
+    """
+    return Family(ADDITIONAL_PARAMETERS, components, "camera", "1", units)
+
+
 @dataclass(frozen=True, eq=False)
 class SystemParameters:
     """The parameters of one family: their values for every entity, and which are free.
@@ -78,7 +95,7 @@ class SystemParameters:
     ----------
     family : the family.
     entities : names of the e cameras, flights or strips.
-    values : (e, d) given values, SI and radians.
+    values : (e, d) given values, SI and radians, or the family's own units.
     free : (e, d) true where the parameter is unknown; elsewhere it keeps its value.
     """
 
@@ -139,7 +156,7 @@ class ParameterLayout:
         for parameters in self.system:
             family = parameters.family
             names += [
-                (family.components[component], parameters.entities[entity], family.unit)
+                (family.components[component], parameters.entities[entity], family.unit_of(int(component)))
                 for entity, component in np.argwhere(parameters.free)
             ]
         return tuple(names)

@@ -9,12 +9,15 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import ObservationGroup
-from adjust.parameters import ParameterLayout, State
+from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
+from adjust.quality.control_checks import ControlCheck
+from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.global_test import GlobalTest
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
+from adjust.solve.defect import OpenDirection
 from adjust.solve.gauss_newton import Iteration
 
 
@@ -67,8 +70,16 @@ class GroupResult:
         δ̄² = ∇₀² P_ii − δ0², for uncorrelated components δ0² (1 − r)/r: no function of the unknowns moves by
         more than δ̄ of its own standard deviation (Baarda 1968). NaN where ∇₀ is.
         """
-        weight = np.sum(self.group.stochastic.whitener**2, axis=1)
-        return np.asarray(np.sqrt(np.maximum(self.detectable**2 * weight - NON_CENTRALITY**2, 0.0)))
+        return self.external_of(np.arange(len(self.detectable)))
+
+    def external_of(self, observations: Ints) -> Floats:
+        """External reliability (k, m) of some observations (k,) of the group."""
+        model = self.group.stochastic
+        if model.over_time is not None:  # the weights depend on who the neighbours are
+            model = model.without((self.status == ObservationStatus.REJECTED).any(axis=1))
+        weight = model.weight_diagonal(observations)
+        squares = self.detectable[observations] ** 2 * weight - NON_CENTRALITY**2
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     @property
     def redundancy_sum(self) -> float:
@@ -80,6 +91,25 @@ class GroupResult:
         """σ0 of the group, √(vᵀPv / r); NaN where it has no redundancy."""
         total = self.redundancy_sum
         return float(np.sqrt(self.weighted_squares / total)) if total > 1e-6 else float("nan")
+
+
+@dataclass(frozen=True)
+class FreeNetwork:
+    """The datum of a free network.
+
+    Attributes
+    ----------
+    constrained : the unknowns whose corrections to the approximate values have the least norm.
+    directions : what that determines of the datum because no observation does; empty if they all do.
+    """
+
+    constrained: InnerConstraints
+    directions: tuple[OpenDirection, ...]
+
+    @property
+    def defect(self) -> int:
+        """Number d of open directions."""
+        return len(self.directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +132,11 @@ class AdjustmentResult:
     given_up : indices of object points that were taken out because the wrong one of their observations
         cannot be told, or because too few are left.
     taken_back : number of observations that had been rejected and fit in the end.
+    left_out_singly : control points from the adjustment without each; None where there are no control points.
+    left_out_by_fold : control points from the adjustment without their fold; None where not asked for.
+    correlation_times : of the groups with errors correlated over time; empty where none were to be estimated.
+    free_network : where the approximate values were allowed to carry the datum; the cofactors are
+        those of its inner constraints.
     """
 
     state: State
@@ -117,3 +152,7 @@ class AdjustmentResult:
     reweighted: int = 0
     given_up: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     taken_back: int = 0
+    left_out_singly: ControlCheck | None = None
+    left_out_by_fold: ControlCheck | None = None
+    correlation_times: tuple[CorrelationTime, ...] = ()
+    free_network: FreeNetwork | None = None

@@ -1,4 +1,4 @@
-"""The search for the weights: adjust, estimate the variance components, adjust again.
+"""The search for the weights: adjust, estimate variance components and correlation times, adjust again.
 
 With rejection the two searches hang together: wrong weights make good observations look like gross
 errors, and gross errors inflate a component. So the weights start from medians of |w|, which gross
@@ -20,6 +20,7 @@ from adjust.quality.variance_components import (
     CONVERGED,
     LEAST_REDUNDANCY,
     Part,
+    correlations_of,
     helmert_step,
     parts_of,
     redundancy_of,
@@ -34,6 +35,8 @@ _MOST_TURNS = 10
 # The medians need only be good enough that nothing sound looks like a gross error.
 _ROUGHLY = 0.1
 _MOST_ROUGH_ROUNDS = 6
+# Part of the step before above which one in the other direction is swinging, not settling.
+_SWINGING = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class Weighted:
     ----------
     search : with the observations reweighted.
     parts : the parts of the observations.
-    factors : (parts,) estimated over stated standard deviation.
+    factors : (parts,) estimated over stated standard deviation, or correlation time.
     frozen : (parts,) those that had too little redundancy in any round; they keep what was stated.
     rounds : number of adjustments with changed weights.
     """
@@ -57,7 +60,7 @@ class Weighted:
 
     def moved(self, estimated: Floats) -> Floats:
         """Estimated factors (parts,) of this round; what is weak stands still, what is frozen goes back."""
-        step = np.where(self._weak(), 1.0, estimated)
+        step = np.where(self.weak, 1.0, estimated)
         return np.where(self.frozen, 1.0 / self.factors, step)
 
     def frozen_where_weak(self) -> Weighted:
@@ -65,11 +68,24 @@ class Weighted:
 
         For good: a part that swings between frozen and free would never settle.
         """
-        return replace(self, frozen=self.frozen | self._weak())
+        return replace(self, frozen=self.frozen | self.weak)
 
-    def _weak(self) -> Bools:
+    @property
+    def weak(self) -> Bools:
+        """(parts,) those whose redundancy is too small at the present weights."""
         residuals = self.search.adjusted.residuals
-        return np.array([redundancy_of(residuals, part) < LEAST_REDUNDANCY for part in self.parts])
+        weak = np.array([redundancy_of(residuals, part) < LEAST_REDUNDANCY for part in self.parts])
+        return weak | self._without_intervals()
+
+    def _without_intervals(self) -> Bools:
+        """Correlation times (parts,) of strips in which no exposure follows another."""
+        processes = [self.search.given.groups[part.group].stochastic.over_time for part in self.parts]
+        return np.array(
+            [
+                part.is_correlation and process is not None and bool(np.isnan(process.interval))
+                for part, process in zip(self.parts, processes, strict=True)
+            ]
+        )
 
     def changed(self, adjuster: Adjuster, step: Floats) -> Weighted:
         """Adjusted anew with the standard deviations of the parts multiplied by (parts,) factors."""
@@ -81,14 +97,19 @@ class Weighted:
 
 
 def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | None) -> Weighted:
-    """Variance components, and with a rule the gross errors, from an adjustment as stated.
+    """Variance components, correlation times, and with a rule the gross errors, from an adjustment as stated.
 
     Raises
     ------
     InconsistentBlockError : if the weights do not settle.
     """
+    options = adjuster.options
     parts = parts_of(search.given)
-    found = Weighted(search, parts, np.ones(len(parts)), np.zeros(len(parts), dtype=bool), 0)
+    frozen = np.full(len(parts), not options.variance_components)
+    if options.correlation_times:
+        parts += correlations_of(search.given)
+        frozen = np.append(frozen, np.zeros(len(parts) - len(frozen), dtype=bool))
+    found = Weighted(search, parts, np.ones(len(parts)), frozen, 0)
     if rule is None:
         return _settled(adjuster, found)
     for _ in range(_MOST_ROUGH_ROUNDS):
@@ -120,14 +141,22 @@ def tolerances(found: Weighted) -> Floats:
 
 def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:
     """Weights that hardly change when they are estimated again."""
+    times = any(part.is_correlation for part in found.parts)
+    last = np.zeros(len(found.parts))
     for number in range(_MOST_ROUNDS):
         step = found.moved(_estimated(found, accelerated=number > 0))
         if np.all(np.abs(step - 1.0) < tolerances(found)):
+            if number == 0 and times:
+                continue  # the simplified step does not look at them
             settled = found.frozen_where_weak()
             if np.array_equal(settled.frozen, found.frozen):
                 return found
             found = settled
             step = found.moved(np.ones(len(found.parts)))
+            last[:] = 0.0
+        if number > 0:  # the simplified step knows nothing of the others
+            step = without_swinging(step, last)
+            last = np.log(step)
         found = found.changed(adjuster, step)
     worst = found.parts[int(np.argmax(np.abs(np.log(step))))]
     raise InconsistentBlockError(
@@ -136,14 +165,32 @@ def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:
     )
 
 
+def without_swinging(step: Floats, last: Floats) -> Floats:
+    """Factors (parts,) that stop where a part that turns back would cross zero if its steps were linear.
+
+    Groups that borrow from each other, such as GNSS in plan and roll and pitch, may otherwise swing for long.
+
+    Parameters
+    ----------
+    last : (parts,) logarithms of the factors of the round before.
+    """
+    logarithm = np.log(step)
+    turns = (logarithm * last < 0.0) & (np.abs(logarithm) > _SWINGING * np.abs(last))
+    part = np.abs(last) / np.where(turns, np.abs(last) + np.abs(logarithm), 1.0)
+    factors: Floats = np.where(turns, np.exp(logarithm * part), step)
+    return factors
+
+
 def _estimated(found: Weighted, accelerated: bool) -> Floats:
     """Factors (parts,) that this round estimates.
 
     The first round may be far off and takes Förstner's step, which never overshoots.
     """
-    adjusted, free = found.search.adjusted, ~found.frozen
+    adjusted, free = found.search.adjusted, ~(found.frozen | found.weak)
     step = variance_factors(adjusted.observations, adjusted.residuals, found.parts)
-    if accelerated:
+    if accelerated and free.any():
         parts = tuple(part for part, is_free in zip(found.parts, free, strict=True) if is_free)
-        step[free] = helmert_step(adjusted.system, adjusted.solution, adjusted.residuals, parts, step[free])
+        step[free] = helmert_step(
+            adjusted.system, adjusted.solution, adjusted.quality, adjusted.residuals, parts, step[free]
+        )
     return step

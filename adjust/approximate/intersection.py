@@ -58,7 +58,7 @@ def intersect(image_points: ImagePoints, state: State, points: int) -> Intersect
         state.projection_centre,
         state.local_from_camera,
         state.system[INTERIOR_ORIENTATION],
-        rays.xy,
+        rays.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,
         rays.inverse_sigma,
     )
     return Intersection(object_point, angle, status)

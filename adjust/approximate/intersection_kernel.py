@@ -23,7 +23,7 @@ def solve_factorized(lower, rhs):
 
 
 @kernel
-def intersect(point_start, image, camera_of_image, centres, rotations, interior, xy, inverse_sigma):
+def intersect(point_start, image, camera_of_image, centres, rotations, interior, ideal, inverse_sigma):
     """Least-squares intersection of the rays of every point.
 
     Starts from the point nearest to all rays, Σ (I − d dᵀ) X = Σ (I − d dᵀ) X0, and refines it on the
@@ -43,8 +43,10 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
     rhs = np.empty(3)
     misclosure = np.zeros(2)
     of_exterior = np.zeros((2, 6))
-    of_interior = np.zeros((2, 3))
+    of_system = np.zeros((2, 3))
     of_point = np.zeros((2, 3))
+    no_slope = np.zeros((2, 2))
+    no_basis = np.zeros((2, 0))
     for j in range(m):
         first = point_start[j]
         count = point_start[j + 1] - first
@@ -56,8 +58,8 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
         for a in range(count):
             e = image[first + a]
             inner = interior[camera_of_image[e]]
-            x = xy[first + a, 0] - inner[1]
-            y = xy[first + a, 1] - inner[2]
+            x = ideal[first + a, 0] - inner[1]
+            y = ideal[first + a, 1] - inner[2]
             length = np.sqrt(x * x + y * y + inner[0] * inner[0])
             for k in range(3):
                 directions[a, k] = (
@@ -86,8 +88,8 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
             for i in range(first, first + count):
                 e = image[i]
                 if not linearize_ray(
-                    centres[e], rotations[e], points[j], interior[camera_of_image[e]], xy[i],
-                    inverse_sigma[i], misclosure, of_exterior, of_interior, of_point,
+                    centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i],
+                    no_slope, no_basis, inverse_sigma[i], misclosure, of_exterior, of_system, of_point,
                 ):  # fmt: skip
                     front = False
                 for c in range(2):

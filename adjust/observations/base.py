@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from functools import cached_property
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.errors import InconsistentBlockError
+from adjust.observations.gauss_markov import GaussMarkov, Neighbours, Stencil
 from adjust.parameters import State, Unit
 
 
@@ -41,22 +43,45 @@ class Linearization:
     misclosure: Floats
     terms: tuple[Term, ...]
 
+    def combined(self, neighbours: Neighbours, stencil: Stencil) -> Linearization:
+        """Every observation with multiples of those before and after it in its strip.
+
+        Each term is followed by those of the neighbours with a coefficient, in the places of their unknowns.
+        """
+        terms = list[Term]()
+        for term in self.terms:
+            for coefficient, source in (
+                (stencil.own, slice(None)),
+                (stencil.before, neighbours.before),
+                (stencil.after, neighbours.after),
+            ):
+                if coefficient.any():
+                    jacobian = coefficient[:, None, None] * term.jacobian[source]
+                    terms.append(Term(term.block, term.index[source], jacobian))
+        return Linearization(neighbours.combined(stencil, self.misclosure), tuple(terms))
+
 
 @dataclass(frozen=True, eq=False)
 class StochasticModel:
-    """Weights of n observations with m components each, correlated only within an observation.
+    """Weights of n observations with m components each.
+
+    Components of one observation may be correlated. Different observations are not, unless their errors
+    are a Gauss–Markov process over time: then W e of each observation by itself, its *standardized* errors,
+    have the correlations of that process, component by component.
 
     Attributes
     ----------
-    whitener : (n, m, m) W with Wᵀ W = P, the weight matrix (a-priori σ0 = 1). Rows and columns of
-        absent components are zero.
+    whitener : (n, m, m) W with Wᵀ W = P, the weight matrix of each observation by itself (a-priori σ0 = 1).
+        Rows and columns of absent components are zero.
     present : (n, m) which components were observed and take part.
     sigma : (n, m) a-priori standard deviations; NaN where never observed.
+    over_time : how the errors are correlated over time; None: not at all.
     """
 
     whitener: Floats
     present: Bools
     sigma: Floats
+    over_time: GaussMarkov | None = None
 
     @classmethod
     def from_sigma(cls, sigma: Floats) -> Self:
@@ -98,6 +123,76 @@ class StochasticModel:
         with np.errstate(invalid="ignore"):
             sigma = np.where(present, np.sqrt(variance), np.nan)
         return cls(whitener, present, sigma)
+
+    @property
+    def unwhitener(self) -> Floats:
+        """(n, m, m) W⁻¹ on the present components, zero elsewhere; W⁻¹ W⁻ᵀ is the covariance matrix.
+
+        That of each observation by itself, as W.
+        """
+        absent = np.zeros_like(self.whitener)
+        diagonal = np.arange(self.present.shape[1])
+        absent[:, diagonal, diagonal] = np.where(self.present, 0.0, 1.0)
+        both = self.present[:, :, None] & self.present[:, None, :]
+        return np.where(both, np.linalg.inv(self.whitener + absent), 0.0)
+
+    def correlated(self, over_time: GaussMarkov) -> Self:
+        """The same standard deviations with errors correlated over time.
+
+        Raises
+        ------
+        InconsistentBlockError : if an observation has some of its components only.
+        """
+        if np.any(self.taking_part & ~self.present.all(axis=1)):
+            raise InconsistentBlockError(
+                "An observation with errors correlated over time must have all its components."
+            )
+        return replace(self, over_time=over_time)
+
+    def with_correlation_time(self, seconds: float) -> Self:
+        """The same model with errors that last so long; unchanged if they are not correlated over time."""
+        if self.over_time is None:
+            return self
+        return replace(self, over_time=self.over_time.with_correlation_time(seconds))
+
+    @cached_property
+    def neighbours(self) -> Neighbours | None:
+        """Who follows whom among the observations that take part; None without correlation over time."""
+        return None if self.over_time is None else self.over_time.neighbours(self.taking_part)
+
+    @property
+    def taking_part(self) -> Bools:
+        """(n,) observations of which any component takes part."""
+        return np.asarray(self.present.any(axis=1))
+
+    def standardized(self, vectors: Floats) -> Floats:
+        """W e (n, m) of each observation by itself."""
+        return np.asarray(np.einsum("nij,nj->ni", self.whitener, vectors))
+
+    def whitened(self, vectors: Floats) -> Floats:
+        """Vectors (n, m) in which errors become independent with unit variance."""
+        alone, neighbours = self.standardized(vectors), self.neighbours
+        return alone if neighbours is None else neighbours.combined(neighbours.whitening, alone)
+
+    def unwhitened(self, white: Floats) -> Floats:
+        """Errors (n, m) whose whitened values are given; zero for what takes no part."""
+        alone = np.where(self.present, white, 0.0)
+        if self.neighbours is not None:
+            alone = self.neighbours.correlated(alone)
+        return np.asarray(np.einsum("nij,nj->ni", self.unwhitener, alone))
+
+    def weighted(self, vectors: Floats) -> Floats:
+        """P e (n, m) with the weight matrix of the whole group."""
+        alone, neighbours = self.standardized(vectors), self.neighbours
+        if neighbours is not None:
+            alone = neighbours.combined(neighbours.weights, alone)
+        return np.asarray(np.einsum("nji,nj->ni", self.whitener, alone))
+
+    def weight_diagonal(self, observations: Ints | None = None) -> Floats:
+        """Diagonal (k, m) of P of some observations (k,), None: of all; zero for what takes no part."""
+        rows = slice(None) if observations is None else observations
+        alone: Floats = np.sum(self.whitener[rows] ** 2, axis=1)
+        return alone if self.neighbours is None else self.neighbours.weights.own[rows, None] * alone
 
     def without(self, rejected: Bools) -> Self:
         """The same model with the observations (n,) that are rejected taken out."""
@@ -151,4 +246,13 @@ class ObservationGroup(Protocol):
 
     def rescaled(self, factor: Floats) -> Self:
         """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
+        ...
+
+
+@runtime_checkable
+class CorrelatedOverTime(Protocol):
+    """A group whose errors may be correlated over time."""
+
+    def with_correlation_time(self, seconds: float) -> Self:
+        """The same group with errors that last so long."""
         ...

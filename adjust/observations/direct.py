@@ -9,7 +9,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import FAMILIES, State, Unit
+from adjust.parameters import Family, State, Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +20,13 @@ class DirectObservations:
 
     Attributes
     ----------
-    family : name of the family.
+    family : the family.
     entity : (n,) index of the camera, flight or strip.
-    given : (n, d) given values, SI and radians.
+    given : (n, d) given values, SI and radians, or the family's own units.
     stochastic : the d components of the family.
     """
 
-    family: str
+    family: Family
     entity: Ints
     given: Floats
     stochastic: StochasticModel
@@ -34,17 +34,17 @@ class DirectObservations:
     @property
     def name(self) -> str:
         """Name of the group: prior:FAMILY."""
-        return f"prior:{self.family}"
+        return f"prior:{self.family.name}"
 
     @property
     def components(self) -> tuple[str, ...]:
         """The parameters of the family."""
-        return FAMILIES[self.family].components
+        return self.family.components
 
     @property
     def unit(self) -> Unit:
         """Unit of the family."""
-        return FAMILIES[self.family].unit
+        return self.family.unit
 
     @property
     def image(self) -> Ints:
@@ -58,10 +58,10 @@ class DirectObservations:
 
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state."""
-        computed = state.system[self.family][self.entity]
+        computed = state.system[self.family.name][self.entity]
         dimension = computed.shape[1]
         jacobian = np.broadcast_to(np.eye(dimension), (len(self.entity), dimension, dimension))
-        return Linearization(self.given - computed, (Term(self.family, self.entity, jacobian),))
+        return Linearization(self.given - computed, (Term(self.family.name, self.entity, jacobian),))
 
     def without(self, rejected: Bools) -> Self:
         """The same group with the observations (n,) that are rejected taken out."""
@@ -70,3 +70,8 @@ class DirectObservations:
     def rescaled(self, factor: Floats) -> Self:
         """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
         return replace(self, stochastic=self.stochastic.rescaled(factor))
+
+    def of_free(self, free: Bools) -> Self:
+        """The same group without the components of parameters (e, d) that are held."""
+        sigma = np.where(free[self.entity], self.stochastic.sigma, np.nan)
+        return replace(self, stochastic=StochasticModel.from_sigma(sigma))

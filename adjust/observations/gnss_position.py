@@ -123,6 +123,10 @@ class GnssPositions:
         """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
         return replace(self, stochastic=self.stochastic.rescaled(factor))
 
+    def with_correlation_time(self, seconds: float) -> Self:
+        """The same group with errors that last so long."""
+        return replace(self, stochastic=self.stochastic.with_correlation_time(seconds))
+
 
 def _along_track(motion: StripMotion, flight: Ints, state: State) -> Floats:
     """What strip bias, drift and time offset add to the positions (n, 3), metres, local frame."""

@@ -9,10 +9,12 @@ from typing import ClassVar, Self
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.errors import InconsistentBlockError
 from adjust.observations import image_point_kernel
 from adjust.observations.base import Linearization, StochasticModel, Term
 from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
     EXTERIOR_ORIENTATION,
     INTERIOR_ORIENTATION,
     OBJECT_POINT,
@@ -22,12 +24,30 @@ from adjust.parameters import (
 
 
 @dataclass(frozen=True, eq=False)
+class IdealRays:
+    """Some image points, corrected by additional parameters.
+
+    Attributes
+    ----------
+    xy : (r, 2) measured + Δ, metres, image system.
+    basis : (r, 2, t) derivatives of Δ by t additional parameters: Δ for a unit of each.
+    slope : (r, 2, 2) ∂Δ/∂(x̄, ȳ); (1, 2, 2) zeros where it is not needed or there is none.
+    """
+
+    xy: Floats
+    basis: Floats
+    slope: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class ImagePoints:
     """Image coordinates, sorted by object point.
 
     The observation is zero when the ray through the measured point meets the object point:
 
-        x − x0 = −c p1/p3,    y − y0 = −c p2/p3,    p = R_cᵀ (X − X0)
+        x̄ + Δx = −c p1/p3,    ȳ + Δy = −c p2/p3,    p = R_cᵀ (X − X0)
+
+    with x̄ = x − x0, ȳ = y − y0 and the correction Δ(x̄, ȳ) of the additional parameters.
 
     Attributes
     ----------
@@ -36,6 +56,8 @@ class ImagePoints:
     xy : (n, 2) metres, image system.
     sigma : (n, 2) metres.
     active : (n,) false for rejected observations.
+    self_calibration : the additional parameters of every image; None where there are none.
+    offset : (n, 2) metres, added to the ideal image points whatever Δ is; None for nothing.
     """
 
     image: Ints
@@ -44,6 +66,8 @@ class ImagePoints:
     xy: Floats
     sigma: Floats
     active: Bools
+    self_calibration: SelfCalibration | None = None
+    offset: Floats | None = None
 
     name: ClassVar[str] = "image_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y")
@@ -67,11 +91,39 @@ class ImagePoints:
         """The weights in the general form (the kernels use ``inverse_sigma``)."""
         return StochasticModel.from_sigma(self.sigma).without(~self.active)
 
+    def ideal(
+        self, state: State, components: Ints, with_slope: bool, first: int = 0, last: int | None = None
+    ) -> IdealRays:
+        """The image points first … last − 1, corrected by the additional parameters of a state.
+
+        Parameters
+        ----------
+        components : (t,) the additional parameters whose basis is wanted.
+        with_slope : whether ∂Δ/∂(x̄, ȳ) is wanted.
+        """
+        part = slice(first, len(self.image) if last is None else last)
+        xy, image = self.xy[part], self.image[part]
+        no_slope = np.zeros((1, 2, 2))
+        shifted = xy if self.offset is None else xy + self.offset[part]
+        if self.self_calibration is None:
+            return IdealRays(shifted, np.zeros((len(xy), 2, 0)), no_slope)
+        values = state.system[ADDITIONAL_PARAMETERS]
+        reduced = xy - state.system[INTERIOR_ORIENTATION][self.camera_of_image[image], 1:]
+        model = self.self_calibration
+        if len(components):
+            correction, basis = model.evaluate(image, reduced, values, components)
+        else:
+            correction, basis = model.correction(image, reduced, values), np.zeros((len(xy), 2, 0))
+        slope = model.slope(image, reduced, values) if with_slope and np.any(values) else no_slope
+        return IdealRays(shifted + correction, basis, slope)
+
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state, not whitened; derivatives exact."""
         n = len(self.image)
+        names = () if self.self_calibration is None else self.self_calibration.names
+        ideal = self.ideal(state, np.arange(len(names)), with_slope=True)
         misclosure, of_exterior = np.empty((n, 2)), np.empty((n, 2, 6))
-        of_interior, of_point = np.empty((n, 2, 3)), np.empty((n, 2, 3))
+        of_system, of_point = np.empty((n, 2, 3 + len(names))), np.empty((n, 2, 3))
         image_point_kernel.linearize_all(
             self.image,
             self.point,
@@ -80,20 +132,24 @@ class ImagePoints:
             state.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            self.xy,
+            ideal.xy,
+            np.broadcast_to(ideal.slope, (n, 2, 2)).copy(),
+            ideal.basis,
             np.ones((n, 2)),
             misclosure,
             of_exterior,
-            of_interior,
+            of_system,
             of_point,
         )
-        camera = self.camera_of_image[self.image]
-        terms = (
+        terms = [
             Term(EXTERIOR_ORIENTATION, self.image, of_exterior),
             Term(OBJECT_POINT, self.point, of_point),
-            Term(INTERIOR_ORIENTATION, camera, of_interior),
-        )
-        return Linearization(misclosure, terms)
+            Term(INTERIOR_ORIENTATION, self.camera_of_image[self.image], of_system[:, :, :3]),
+        ]
+        if self.self_calibration is not None:
+            entity = self.self_calibration.entity_of_image[self.image]
+            terms.append(Term(ADDITIONAL_PARAMETERS, entity, of_system[:, :, 3:]))
+        return Linearization(misclosure, tuple(terms))
 
     def misclosure(self, state: State) -> Floats:
         """Observed − computed (n, 2), metres; NaN where the object point lies behind the camera."""
@@ -105,9 +161,21 @@ class ImagePoints:
             state.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            self.xy,
+            self.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,
         )
         return result
+
+    def only(self, rows: Ints) -> Self:
+        """Some of the image points, by ascending rows."""
+        return replace(
+            self,
+            image=self.image[rows],
+            point=self.point[rows],
+            xy=self.xy[rows],
+            sigma=self.sigma[rows],
+            active=self.active[rows],
+            offset=None if self.offset is None else self.offset[rows],
+        )
 
     def without(self, rejected: Bools) -> Self:
         """The same group with the image points (n,) that are rejected taken out."""

@@ -80,3 +80,7 @@ class InsAttitudes:
     def rescaled(self, factor: Floats) -> Self:
         """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
         return replace(self, stochastic=self.stochastic.rescaled(factor))
+
+    def with_correlation_time(self, seconds: float) -> Self:
+        """The same group with errors that last so long."""
+        return replace(self, stochastic=self.stochastic.with_correlation_time(seconds))

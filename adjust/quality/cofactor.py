@@ -42,6 +42,7 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
     of_points, hat = np.full((len(system.active_point), 3, 3), np.nan), np.zeros((len(rays.image), 3))
 
     def work(lane: Lane) -> None:
+        ideal = system.ideal_rays(state, lane)
         cofactor_kernel.point_cofactors(
             *lane,
             system.point_start,
@@ -51,10 +52,12 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
             state.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            rays.xy,
+            ideal.xy,
+            ideal.slope,
+            ideal.basis,
             rays.inverse_sigma,
             system.active_point,
-            system.layout.columns[INTERIOR_ORIENTATION],
+            system.ray_columns.of_image,
             solution.normals.point_factor,
             system.pattern.row_start,
             system.pattern.column,

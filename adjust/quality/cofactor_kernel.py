@@ -13,6 +13,7 @@ import numpy as np
 from adjust.compiled import kernel
 from adjust.observations.image_point_kernel import linearize_ray
 from adjust.solve.covisibility_kernel import find_block
+from adjust.solve.reduction_kernel import nonzero_columns
 
 
 @kernel
@@ -33,21 +34,28 @@ def inverse_from_factor(lower, inverse):
 
 @kernel
 def point_cofactors(
-    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, xy,
-    inverse_sigma, active_point, interior_columns, point_factor, row_start, column, blocks, border, corner,
-    cofactor, hat,
+    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
+    slope, basis, inverse_sigma, active_point, columns, point_factor, row_start, column, blocks, border,
+    corner, cofactor, hat,
 ):  # fmt: skip
     """Cofactors of the object points first_point … last_point − 1, and hat matrices of their image points.
 
+    ideal (r, 2), slope (r or 1, 2, 2) and basis (r, 2, t) are those of these points' rays alone.
     Fills cofactor (m, 3, 3) and hat (n, 3), elements xx, xy, yy; inactive points keep what is there.
     """
     borders = border.shape[2]
+    width = columns.shape[1]
+    base = point_start[first_point]
     most = 1
     for j in range(first_point, last_point):
         most = max(most, point_start[j + 1] - point_start[j])
     misclosure = np.zeros(2)
     of_exterior = np.zeros((most, 2, 6))
-    of_interior = np.zeros((most, 2, 3))
+    of_system = np.zeros((2, width))
+    values = np.zeros((most, 2, width))
+    found = np.zeros((most, width), np.int64)
+    counts = np.zeros(most, np.int64)
+    through_corner = np.zeros((2, width))
     of_point = np.zeros((most, 2, 3))
     gain = np.zeros((most, 6, 3))
     moved = np.zeros((most, 6, 3))
@@ -68,11 +76,12 @@ def point_cofactors(
         for a in range(count):
             i = first + a
             e = image[i]
-            camera = camera_of_image[e]
             linearize_ray(
-                centres[e], rotations[e], points[j], interior[camera], xy[i], inverse_sigma[i],
-                misclosure, of_exterior[a], of_interior[a], of_point[a],
+                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
+                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
+                misclosure, of_exterior[a], of_system, of_point[a],
             )  # fmt: skip
+            counts[a] = nonzero_columns(of_system, columns[e], values[a], found[a])
             for k in range(6):
                 for q in range(3):
                     mixed[q] = (
@@ -82,19 +91,15 @@ def point_cofactors(
                     gain[a, k, q] = (
                         mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
                     )
-            for s in range(3):
-                g = interior_columns[camera, s]
-                if g < 0:
-                    continue
+            for s in range(counts[a]):
+                g = found[a, s]
                 if position[g] < 0:
                     position[g] = touched
                     local[touched] = g
                     gain_border[touched, :] = 0.0
                     touched += 1
                 for q in range(3):
-                    mixed[q] = (
-                        of_interior[a, 0, s] * of_point[a, 0, q] + of_interior[a, 1, s] * of_point[a, 1, q]
-                    )
+                    mixed[q] = values[a, 0, s] * of_point[a, 0, q] + values[a, 1, s] * of_point[a, 1, q]
                 for q in range(3):
                     gain_border[position[g], q] += (
                         mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
@@ -147,17 +152,21 @@ def point_cofactors(
         for a in range(count):
             i = first + a
             e = image[i]
-            columns = interior_columns[camera_of_image[e]]
+            touching = counts[a]
             diagonal_block = blocks[row_start[e]]
             for r in range(2):
                 for k in range(3):
                     value = 0.0
                     for c in range(6):
                         value += of_exterior[a, r, c] * moved[a, c, k]
-                    for s in range(3):
-                        if columns[s] >= 0:
-                            value += of_interior[a, r, s] * moved_border[position[columns[s]], k]
+                    for s in range(touching):
+                        value += values[a, r, s] * moved_border[position[found[a, s]], k]
                     to_point[r, k] = value
+                for s in range(touching):
+                    value = 0.0
+                    for q in range(touching):
+                        value += corner[found[a, s], found[a, q]] * values[a, r, q]
+                    through_corner[r, s] = value
             slot = 0
             for r in range(2):
                 for t in range(r, 2):
@@ -165,20 +174,13 @@ def point_cofactors(
                     for k in range(6):
                         for q in range(6):
                             value += of_exterior[a, r, k] * diagonal_block[k, q] * of_exterior[a, t, q]
-                        for s in range(3):
-                            if columns[s] >= 0:
-                                value += border[e, k, columns[s]] * (
-                                    of_exterior[a, r, k] * of_interior[a, t, s]
-                                    + of_exterior[a, t, k] * of_interior[a, r, s]
-                                )
-                    for s in range(3):
-                        for q in range(3):
-                            if columns[s] >= 0 and columns[q] >= 0:
-                                value += (
-                                    of_interior[a, r, s]
-                                    * corner[columns[s], columns[q]]
-                                    * of_interior[a, t, q]
-                                )
+                        for s in range(touching):
+                            value += border[e, k, found[a, s]] * (
+                                of_exterior[a, r, k] * values[a, t, s]
+                                + of_exterior[a, t, k] * values[a, r, s]
+                            )
+                    for s in range(touching):
+                        value += values[a, r, s] * through_corner[t, s]
                     for k in range(3):
                         value -= to_point[r, k] * of_point[a, t, k] + to_point[t, k] * of_point[a, r, k]
                         for q in range(3):

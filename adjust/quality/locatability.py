@@ -8,7 +8,7 @@ two times in three. The orientations are held here: they hardly follow one point
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,6 +36,10 @@ class Explanations:
     statistic: Floats
     equivalent: Floats
 
+    def likeliest(self, count: int) -> Ints:
+        """Indices of the rays whose error would explain the misfit best."""
+        return self.ray[np.argsort(-self.statistic, kind="stable")[:count]]
+
     @property
     def is_located(self) -> bool:
         """Whether one ray explains the misfit clearly better than any other."""
@@ -58,14 +62,7 @@ def explanations(
     chosen = np.flatnonzero(np.isin(rays.point, points) & rays.active)
     if len(chosen) == 0:
         return {}
-    part = replace(
-        rays,
-        image=rays.image[chosen],
-        point=rays.point[chosen],
-        xy=rays.xy[chosen],
-        sigma=rays.sigma[chosen],
-        active=rays.active[chosen],
-    )
+    part = rays.only(chosen)
     equations = part.linearize(state)
     jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
     whitened = -equations.misclosure * part.inverse_sigma

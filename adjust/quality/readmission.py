@@ -1,8 +1,9 @@
 """Which rejected observations fit after all, once the gross errors around them are gone.
 
 The residual of an observation that takes no part is a prediction error with the cofactor Σ + A Q Aᵀ, so
-its statistic has I + H in place of I − H. A lone rejected observation has the same statistic as
-before it was rejected; what another one's gross error had spoilt has a smaller one. An object point that
+its statistic has I + H in place of I − H; where errors are correlated over time, the prediction comes from
+the neighbours that are left, too. A lone rejected observation has the same statistic as before it was
+rejected; what another one's gross error had spoilt has a smaller one. An object point that
 was given up is intersected anew with the present orientations.
 """
 
@@ -18,14 +19,15 @@ from adjust.least_squares import Adjusted
 from adjust.parameters import State
 from adjust.quality.cofactor import with_points
 from adjust.quality.locatability import explanations
-from adjust.quality.redundancy import hat_of_group
 from adjust.quality.rejection import SnoopingRule, estimated_variance
+from adjust.quality.single_error import single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
     directional_statistic,
     normal_equivalent,
+    of_present,
 )
-from adjust.solve.normal_equations import Observations, whiten
+from adjust.solve.normal_equations import Observations
 
 # Weight with which rejected rays enter the prediction of their own cofactors: it spoils nothing else by
 # more than its square and leaves eight digits.
@@ -77,18 +79,23 @@ def fitting_again(
         hat = _predicted_hat(adjusted, given, alone)
         statistic = _predicted(whitened, np.eye(2) + hat, rule, variance)
         back[0][alone] = statistic <= rule.critical_value
-    for k, (group, mask) in enumerate(zip(given.others, rejected[1:], strict=True), start=1):
+    others = zip(given.others, adjusted.observations.others, rejected[1:], strict=True)
+    for k, (group, left, mask) in enumerate(others, start=1):
         rows = np.flatnonzero(mask)
         if len(rows) == 0:
             continue
-        equations = whiten(group, group.linearize(adjusted.state))
-        hat = hat_of_group(equations, adjusted.system.layout, adjusted.quality)[rows]
-        present = group.stochastic.present[rows]
-        spread = np.where(present[:, :, None] & present[:, None, :], np.eye(hat.shape[1]) + hat, 0.0)
+        found = single_errors(
+            group,
+            group.linearize(adjusted.state),
+            adjusted.system.layout,
+            adjusted.quality,
+            left.stochastic.taking_part,
+        )
+        spread = of_present(group.stochastic, found.outside)[rows]
         # The cofactor of an object point that takes no part is not known: it does not come back alone.
         known = np.isfinite(spread).all(axis=(1, 2))
         statistic = np.full(len(rows), np.inf)
-        statistic[known] = _predicted(-equations.misclosure[rows][known], spread[known], rule, variance)
+        statistic[known] = _predicted(found.pull[rows][known], spread[known], rule, variance)
         back[k][rows] = statistic <= rule.critical_value
     points, state = _closing_points(adjusted, given, given_up, rule, variance)
     return Return(tuple(back), points, state)

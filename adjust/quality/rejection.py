@@ -1,10 +1,12 @@
 """Which observations one pass of data snooping rejects (Baarda 1968), largest first.
 
 An observation is a candidate when its test statistic exceeds the critical value; only what is
-controlled (redundancy number ≥ 0.1) is tested. One gross error raises the residuals around it: in one
-pass only the largest observation of each object point is rejected, and none below seven tenths of the
-largest statistic of the block. The others are judged again when these are gone. An object point is given
-up when it is left with too little to determine it, or when it cannot be told which of its rays is wrong.
+controlled (without correlations: redundancy number ≥ 0.1) is tested. One gross error raises the residuals
+around it: in one pass only the largest observation of each object point is rejected, no two neighbours of a
+strip whose errors are correlated, and none below seven tenths of the largest statistic of the block. The
+others are judged again when these are gone. An object point is given up when it is left with too little to
+determine it, or when it cannot be told which of its rays is wrong; with four rays or more only the two
+likeliest are rejected, and the good one of them fits again in the end.
 """
 
 from __future__ import annotations
@@ -16,14 +18,16 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
+from adjust.observations.base import ObservationGroup
 from adjust.parameters import OBJECT_POINT, State
-from adjust.quality.locatability import explanations
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals, hat_of_group
+from adjust.quality.locatability import Explanations, explanations
+from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.single_error import single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
     directional_statistic,
     normal_equivalent,
-    remainder_of,
+    of_present,
     whitened_residuals,
 )
 from adjust.solve.normal_equations import Observations, whiten
@@ -33,6 +37,8 @@ ReferenceVariance = Literal["a_priori", "a_posteriori"]
 
 # Part of the largest |w| below which an observation may be swamped by another one's gross error.
 _SWAMPED = 0.7
+# With so many rays an object point can spare the two of which one is wrong; the good one comes back later.
+_ENOUGH_RAYS = 4
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ def estimated_variance(adjusted: Adjusted, rule: SnoopingRule) -> EstimatedVaria
     """σ0² from the residuals where it is not trusted."""
     if rule.reference_variance == "a_priori":
         return None
-    return EstimatedVariance(adjusted.weighted_squares, adjusted.system.redundancy)
+    return EstimatedVariance(adjusted.weighted_squares, adjusted.redundancy)
 
 
 def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats, ...]:
@@ -83,23 +89,25 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
     variance = estimated_variance(adjusted, rule)
     if rule.test == "components":
         return tuple(_of_components(item, variance) for item in adjusted.residuals)
-    hats = [_hat_of_rays(adjusted.quality.hat_of_rays)]
+    rays, of_rays = adjusted.observations.image_points, adjusted.residuals[0]
+    pulls = [whitened_residuals(rays.stochastic, of_rays.residual)]
+    remainders = [np.eye(2) - _hat_of_rays(adjusted.quality.hat_of_rays)]
     for group in adjusted.observations.others:
-        equations = whiten(group, group.linearize(adjusted.state))
-        hats.append(hat_of_group(equations, adjusted.system.layout, adjusted.quality))
-    results = []
-    for group, item, hat in zip(adjusted.observations.groups, adjusted.residuals, hats, strict=True):
-        model = group.stochastic
-        statistic, dimension = directional_statistic(
-            whitened_residuals(model, item.residual), remainder_of(model, hat)
+        found = single_errors(
+            group, group.linearize(adjusted.state), adjusted.system.layout, adjusted.quality
         )
+        pulls.append(found.pull)
+        remainders.append(found.inside)
+    results = []
+    for group, pull, remainder in zip(adjusted.observations.groups, pulls, remainders, strict=True):
+        statistic, dimension = directional_statistic(pull, of_present(group.stochastic, remainder))
         results.append(normal_equivalent(statistic, dimension, variance))
     return tuple(results)
 
 
 def _of_components(residuals: GroupResiduals, variance: EstimatedVariance | None) -> Floats:
     """Largest controlled |w| over the components of each observation (n,)."""
-    controlled = np.nan_to_num(residuals.redundancy) >= UNCONTROLLED
+    controlled = np.nan_to_num(residuals.control) >= UNCONTROLLED
     size = np.where(controlled, np.abs(np.nan_to_num(residuals.standardized)), 0.0)
     largest: Floats = size.max(axis=1)
     if variance is None:
@@ -139,11 +147,23 @@ def choose(
         if any(place in touched for place in (("point", point), ("image", image))):
             continue
         rejected[g][i] = True
-        touched.update(own)
-    given_up = _undetermined(observations, rejected, len(state.object_point))
+        touched.update(own, _beside(groups[g], i))
     chosen = np.unique(observations.image_points.point[rejected[0]])
-    given_up[_not_located(observations, state, chosen)] = True
+    unclear = _not_located(observations, state, chosen)
+    for suspects in unclear.values():
+        if len(suspects.ray) >= _ENOUGH_RAYS:
+            rejected[0][suspects.likeliest(2)] = True
+    given_up = _undetermined(observations, rejected, len(state.object_point))
+    given_up[[point for point, suspects in unclear.items() if len(suspects.ray) < _ENOUGH_RAYS]] = True
     return Rejection(rejected, given_up)
+
+
+def _beside(group: ObservationGroup, i: int) -> list[tuple[str, int]]:
+    """Images whose observations an error of this one raises because their errors are correlated over time."""
+    neighbours = group.stochastic.neighbours
+    if neighbours is None:
+        return []
+    return [("image", int(group.image[index[i]])) for index in (neighbours.before, neighbours.after)]
 
 
 def _undetermined(observations: Observations, rejected: tuple[Bools, ...], points: int) -> Bools:
@@ -159,12 +179,12 @@ def _undetermined(observations: Observations, rejected: tuple[Bools, ...], point
     return touched & (support < 3.0)
 
 
-def _not_located(observations: Observations, state: State, points: Ints) -> Ints:
+def _not_located(observations: Observations, state: State, points: Ints) -> dict[int, Explanations]:
     """Those of some object points whose wrong ray cannot be told; a survey is there to tell."""
     surveyed = survey_information(observations, state)
     unsurveyed = np.array([point for point in points if int(point) not in surveyed], dtype=np.int64)
     found = explanations(observations.image_points, state, unsurveyed, surveyed)
-    return np.array([point for point, item in found.items() if not item.is_located], dtype=np.int64)
+    return {point: item for point, item in found.items() if not item.is_located}
 
 
 def survey_information(observations: Observations, state: State) -> dict[int, Floats]:

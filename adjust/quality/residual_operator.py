@@ -71,9 +71,10 @@ def residuals_of(system: System, solution: Solution, whitened: tuple[Floats, ...
     before = [group.linearize(state).misclosure for group in given.others]
     rays = given.image_points
     at_solution = rays.misclosure(state)
-    shifted = replace(rays, xy=rays.xy - np.nan_to_num(at_solution) + rays.sigma * steps[0])
+    offset = rays.sigma * steps[0] - np.nan_to_num(at_solution)
+    shifted = replace(rays, offset=offset if rays.offset is None else rays.offset + offset)
     others = tuple(
-        _WithMisclosure(group, _unwhitened(group.stochastic, vector))
+        _WithMisclosure(group, group.stochastic.unwhitened(vector))
         for group, vector in zip(given.others, steps[1:], strict=True)
     )
     perturbed = replace(system, observations=Observations(shifted, others))
@@ -85,14 +86,5 @@ def residuals_of(system: System, solution: Solution, whitened: tuple[Floats, ...
     results = [np.where(rays.active[:, None], change / _STEP - whitened[0], 0.0)]
     for group, old, vector in zip(given.others, before, whitened[1:], strict=True):
         change = np.where(group.stochastic.present, old - group.linearize(moved).misclosure, 0.0)
-        results.append(np.einsum("nij,nj->ni", group.stochastic.whitener, change) / _STEP - vector)
+        results.append(group.stochastic.whitened(change) / _STEP - vector)
     return tuple(results)
-
-
-def _unwhitened(model: StochasticModel, vector: Floats) -> Floats:
-    """Misclosures (n, m) whose whitened values are given; zero for what takes no part."""
-    m = model.present.shape[1]
-    whitener = model.whitener.copy()
-    whitener[:, np.arange(m), np.arange(m)] += np.where(model.present, 0.0, 1.0)
-    solved = np.linalg.solve(whitener, np.where(model.present, vector, 0.0)[:, :, None])[:, :, 0]
-    return np.asarray(solved, dtype=np.float64)

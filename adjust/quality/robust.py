@@ -27,7 +27,7 @@ from adjust.arrays import Floats
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.parameters import State
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.redundancy import NON_CENTRALITY, UNCONTROLLED, GroupResiduals
 from adjust.quality.rejection import Rejection, SnoopingRule, choose
 from adjust.solve.gauss_newton import converge
 from adjust.solve.normal_equations import Observations
@@ -115,17 +115,17 @@ def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> O
 def _studentized(
     observations: Observations, state: State, ordinary: tuple[GroupResiduals, ...]
 ) -> tuple[Floats, ...]:
-    """Largest controlled |v|/(σ √r) of every observation (n,), r of the ordinary adjustment."""
+    """Largest controlled |w| of every observation (n,), its cofactor that of the ordinary adjustment."""
     return tuple(
         _of_group(group, state, item) for group, item in zip(observations.groups, ordinary, strict=True)
     )
 
 
 def _of_group(group: ObservationGroup, state: State, ordinary: GroupResiduals) -> Floats:
-    misclosure = group.linearize(state).misclosure
-    redundancy = np.nan_to_num(ordinary.redundancy)
-    controlled = (redundancy >= UNCONTROLLED) & group.stochastic.present
-    spread = np.where(controlled, group.stochastic.sigma * np.sqrt(np.maximum(redundancy, UNCONTROLLED)), 1.0)
-    size = np.where(controlled, np.abs(np.nan_to_num(misclosure)) / spread, 0.0)
-    largest: Floats = size.max(axis=1)
+    model = group.stochastic
+    misclosure = np.where(model.present, np.nan_to_num(group.linearize(state).misclosure), 0.0)
+    controlled = (np.nan_to_num(ordinary.control) >= UNCONTROLLED) & model.present
+    # 1/√(P Q_vv P)_ii, with which P v is v/(σ √r) where nothing is correlated.
+    spread = np.where(controlled, np.nan_to_num(ordinary.detectable) / NON_CENTRALITY, 0.0)
+    largest: Floats = (np.abs(model.weighted(misclosure)) * spread).max(axis=1)
     return largest

@@ -82,8 +82,8 @@ def directional_statistic(whitened: Floats, remainder: Floats) -> tuple[Floats, 
 
     Parameters
     ----------
-    whitened : (n, m) u, zero for what takes no part.
-    remainder : (n, m, m) R of each observation; for a prediction I + H.
+    whitened : (n, m) u, zero for what takes no part; with errors correlated over time the pull.
+    remainder : (n, m, m) its cofactor R; for a prediction I + H.
     """
     values, vectors = np.linalg.eigh(remainder)
     controlled = values >= UNCONTROLLED
@@ -95,10 +95,9 @@ def directional_statistic(whitened: Floats, remainder: Floats) -> tuple[Floats, 
 def whitened_residuals(model: StochasticModel, residual: Floats) -> Floats:
     """W v (n, m); zero for what takes no part."""
     clean = np.where(model.present, np.nan_to_num(residual), 0.0)
-    return np.asarray(np.einsum("nij,nj->ni", model.whitener, clean))
+    return model.standardized(clean)
 
 
-def remainder_of(model: StochasticModel, hat: Floats) -> Floats:
-    """I − H (n, m, m) on the components that take part, zero elsewhere."""
-    both = model.present[:, :, None] & model.present[:, None, :]
-    return np.where(both, np.eye(hat.shape[1]) - hat, 0.0)
+def of_present(model: StochasticModel, matrices: Floats) -> Floats:
+    """Matrices (n, m, m) on the components that take part, zero elsewhere."""
+    return np.where(model.present[:, :, None] & model.present[:, None, :], matrices, 0.0)

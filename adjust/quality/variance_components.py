@@ -13,7 +13,8 @@ than r_g because parts borrow from each other, and
     σ̂_g √(d/χ²_{d, 1−α/2})  …  σ̂_g √(d/χ²_{d, α/2})
 
 is its confidence interval. S is too large to be formed; its elements are traces, found by probing:
-for z of random signs on part h, E ‖(R z)_g‖² = S_gh (Hutchinson 1990).
+for z of random signs on part h, E ‖(R z)_g‖² = S_gh (Hutchinson 1990). A correlation time that is to be
+estimated is one more part of its group and shares S; see :mod:`adjust.quality.correlation_time`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ import numpy as np
 from scipy import special
 
 from adjust.arrays import Bools, Floats
-from adjust.observations.base import ObservationGroup
+from adjust.observations.base import CorrelatedOverTime, ObservationGroup
+from adjust.parameters import State
+from adjust.quality import correlation_time
+from adjust.quality.cofactor import Cofactor
+from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
 from adjust.quality.residual_operator import residuals_of
 from adjust.solve.gauss_newton import Solution
@@ -47,6 +52,8 @@ _MEDIAN = 0.6745
 _PROBED = 800.0
 _ROUGHLY_PROBED = 200.0
 _MOST_PROBES = 40
+# Step of log σ that is allowed beside one of a correlation time.
+_TOGETHER = 0.5
 
 
 @dataclass(frozen=True)
@@ -58,11 +65,13 @@ class Part:
     group : index of the group in ``Observations.groups``.
     name : name of the group, and what the part is called where a group has several.
     components : indices of its components.
+    is_correlation : it stands for the correlation time of the group instead; its factor multiplies that.
     """
 
     group: int
     name: str
     components: tuple[int, ...]
+    is_correlation: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,30 +112,55 @@ def parts_of(observations: Observations) -> tuple[Part, ...]:
     return tuple(parts)
 
 
+def correlations_of(observations: Observations) -> tuple[Part, ...]:
+    """A part for the correlation time of every group whose errors are correlated over time."""
+    return tuple(
+        Part(index, group.name, tuple(range(len(group.components))), is_correlation=True)
+        for index, group in enumerate(observations.groups)
+        if group.stochastic.over_time is not None and isinstance(group, CorrelatedOverTime)
+    )
+
+
 def reweighted(observations: Observations, parts: tuple[Part, ...], factors: Floats) -> Observations:
-    """The observations with the standard deviations of every part multiplied by its factor."""
+    """The observations with the standard deviations of every part multiplied by its factor.
+
+    The factor of a correlation multiplies the correlation time.
+    """
     of_groups = [np.ones(len(group.components)) for group in observations.groups]
+    stretched = np.ones(len(observations.groups))
     for part, factor in zip(parts, factors, strict=True):
-        of_groups[part.group][list(part.components)] *= factor
+        if part.is_correlation:
+            stretched[part.group] *= factor
+        else:
+            of_groups[part.group][list(part.components)] *= factor
     return Observations(
         observations.image_points.rescaled(of_groups[0]),
         tuple(
-            group.rescaled(factor) for group, factor in zip(observations.others, of_groups[1:], strict=True)
+            _stretched(group.rescaled(factor), float(ratio))
+            for group, factor, ratio in zip(observations.others, of_groups[1:], stretched[1:], strict=True)
         ),
     )
+
+
+def _stretched(group: ObservationGroup, ratio: float) -> ObservationGroup:
+    """A group whose correlation time is multiplied by a ratio."""
+    process = group.stochastic.over_time
+    if process is None or ratio == 1.0 or not isinstance(group, CorrelatedOverTime):
+        return group
+    return group.with_correlation_time(process.correlation_time * ratio)
 
 
 def variance_factors(
     observations: Observations, residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...]
 ) -> Floats:
-    """√(Ω_g/r_g) of every part (parts,); 1 where there is nothing to take it from."""
+    """√(Ω_g/r_g) of every part (parts,); 1 where there is nothing to take it from, and for correlations."""
     squares = [_component_squares(*item) for item in zip(observations.groups, residuals, strict=True)]
     factors = np.ones(len(parts))
     for k, part in enumerate(parts):
         redundancy = redundancy_of(residuals, part)
         total = float(squares[part.group][list(part.components)].sum())
         # Correlated components may share Ω so that a part of it is negative; it then says nothing.
-        if redundancy > 0.0 and total > 0.0:
+        if redundancy > 0.0 and total > 0.0 and not part.is_correlation:
             factors[k] = np.sqrt(total / redundancy)
     return factors
 
@@ -135,8 +169,10 @@ def robust_factors(residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...
     """Factors (parts,) from the medians of |w|, which half of the observations may spoil without harm."""
     factors = np.ones(len(parts))
     for k, part in enumerate(parts):
+        if part.is_correlation:
+            continue
         columns = list(part.components)
-        controlled = np.nan_to_num(residuals[part.group].redundancy[:, columns]) >= UNCONTROLLED
+        controlled = np.nan_to_num(residuals[part.group].control[:, columns]) >= UNCONTROLLED
         size = np.abs(residuals[part.group].standardized[:, columns])[controlled]
         if size.size and np.median(size) > 0.0:
             factors[k] = float(np.median(size)) / _MEDIAN
@@ -152,9 +188,7 @@ def _component_squares(group: ObservationGroup, residuals: GroupResiduals) -> Fl
     """Σ v_i (P v)_i over the observations, for each component (m,); their sum is vᵀPv."""
     model = group.stochastic
     clean = np.where(model.present, np.nan_to_num(residuals.residual), 0.0)
-    whitened = np.einsum("nij,nj->ni", model.whitener, clean)
-    pulled = np.einsum("nji,nj->ni", model.whitener, whitened)
-    squares: Floats = np.sum(clean * pulled, axis=0)
+    squares: Floats = np.sum(clean * model.weighted(clean), axis=0)
     return squares
 
 
@@ -166,8 +200,8 @@ def variance_components(
     factors: Floats,
     frozen: Bools,
     confidence: float,
-) -> tuple[VarianceComponent, ...]:
-    """State the components that the iteration has found.
+) -> tuple[tuple[VarianceComponent, ...], tuple[CorrelationTime, ...]]:
+    """State the components and the correlation times that the iteration has found.
 
     Parameters
     ----------
@@ -177,14 +211,27 @@ def variance_components(
     """
     redundancy = np.array([redundancy_of(residuals, part) for part in parts])
     free = ~frozen
-    degrees = np.full(len(parts), np.nan)
+    variance = np.full(len(parts), np.nan)
     estimated = [part for part, is_free in zip(parts, free, strict=True) if is_free]
     if estimated:
         traces = trace_matrix(system, solution, tuple(estimated), redundancy[free])
-        # d ≤ r; probing alone may say a little more.
-        degrees[free] = np.minimum(1.0 / np.diagonal(np.linalg.inv(traces)), redundancy[free])
+        variance[free] = np.diagonal(np.linalg.inv(traces))
+    # d ≤ r; probing alone may say a little more.
+    degrees = np.minimum(1.0 / variance, redundancy)
+    times = []
+    for k, part in enumerate(parts):
+        process = system.observations.groups[part.group].stochastic.over_time
+        if part.is_correlation and process is not None:
+            # The information of log σ² and of ζ is S/2.
+            times.append(
+                correlation_time.stated_or_estimated(
+                    part.group, part.name, process, float(redundancy[k]), 2.0 * float(variance[k]), confidence
+                )
+            )
     results = []
     for k, part in enumerate(parts):
+        if part.is_correlation:
+            continue
         lower = upper = float("nan")
         if free[k]:
             tail = 0.5 * (1.0 - confidence)
@@ -205,12 +252,13 @@ def variance_components(
                 float(np.median(sigma)) if sigma.size else float("nan"),
             )
         )
-    return tuple(results)
+    return tuple(results), tuple(times)
 
 
 def helmert_step(
     system: System,
     solution: Solution,
+    quality: Cofactor,
     residuals: tuple[GroupResiduals, ...],
     parts: tuple[Part, ...],
     simplified: Floats,
@@ -219,19 +267,45 @@ def helmert_step(
 
     With x = log σ², log(Ω_g/r_g) has the derivatives −S_gh/r_g, so this is a Newton step for the
     fixed point of both. Roughly probed traces suffice: they decide how fast it is reached, not where it
-    lies. No factor moves beyond the square of the simplified one.
+    lies. No factor moves beyond the square of the simplified one. With a correlation time among the parts
+    it is a step of Fisher's scoring for all of them, and moves the factors by up to e^½, too: σ and
+    correlation time of a group must be able to move together.
     """
     redundancy = np.array([redundancy_of(residuals, part) for part in parts])
     known = redundancy > 1.0
     steps = np.log(simplified)
+    right = redundancy * steps
+    for k, part in enumerate(parts):
+        if part.is_correlation:
+            half = 0.5 * _score(system, solution.state, quality, part)
+            known[k] &= half != 0.0
+            right[k] = half
     if known.any():
         chosen = tuple(part for part, is_known in zip(parts, known, strict=True) if is_known)
         traces = trace_matrix(system, solution, chosen, redundancy[known], _ROUGHLY_PROBED)
-        exact = np.linalg.solve(traces, redundancy[known] * steps[known])
-        limit = 2.0 * np.abs(steps[known])
-        steps[known] = np.clip(exact, -limit, limit)
+        exact = np.linalg.solve(traces, right[known])
+        limit = np.maximum(2.0 * np.abs(steps[known]), _TOGETHER if _has_correlation(chosen) else 0.0)
+        correlated = np.array([part.is_correlation for part in chosen])
+        steps[known] = np.where(correlated, exact, np.clip(exact, -limit, limit))
     factors: Floats = np.exp(steps)
+    for k, part in enumerate(parts):
+        process = system.observations.groups[part.group].stochastic.over_time
+        if part.is_correlation and process is not None:
+            # Factors are of σ, so the steps are halves: of log σ², and of ζ.
+            factors[k] = correlation_time.moved(process, 2.0 * float(steps[k]))
     return factors
+
+
+def _has_correlation(parts: tuple[Part, ...]) -> bool:
+    return any(part.is_correlation for part in parts)
+
+
+def _score(system: System, state: State, quality: Cofactor, part: Part) -> float:
+    """Score of a correlation time; 0 where it stands at a limit that the likelihood would pass."""
+    group = system.observations.groups[part.group]
+    uphill = correlation_time.score(system, state, quality, group)
+    process = group.stochastic.over_time
+    return 0.0 if process is None or correlation_time.is_stopped(process, uphill) else uphill
 
 
 def trace_matrix(
@@ -241,8 +315,9 @@ def trace_matrix(
     redundancy: Floats,
     probed: float = _PROBED,
 ) -> Floats:
-    """S_gh = tr(R_gh R_hg) of the parts, (parts, parts), by probing with random signs from a fixed seed.
+    """S_gh = tr(R K_g R K_h) of the parts, (parts, parts), by probing with random signs from a fixed seed.
 
+    K is one on the rows of a part; for a correlation time see :mod:`adjust.quality.correlation_time`.
     Correlated components of an observation are told apart after whitening.
 
     Parameters
@@ -256,9 +331,19 @@ def trace_matrix(
     for h, part in enumerate(parts):
         probes = int(np.clip(np.ceil(probed / redundancy[h]), 1, _MOST_PROBES))
         for _ in range(probes):
-            found = residuals_of(system, solution, _signs(groups, part, random))
+            signs = _signs(groups, part, random)
+            found = with_signs = residuals_of(system, solution, signs)
+            if part.is_correlation:
+                signs[part.group][:] = correlation_time.along_derivative(
+                    groups[part.group].stochastic, signs[part.group]
+                )
+                found = residuals_of(system, solution, signs)
             for g, other in enumerate(parts):
-                traces[g, h] += float(np.sum(found[other.group][:, list(other.components)] ** 2)) / probes
+                one, its = with_signs[other.group], found[other.group]
+                if other.is_correlation:
+                    its = correlation_time.along_derivative(groups[other.group].stochastic, its)
+                columns = list(other.components)
+                traces[g, h] += float(np.sum(one[:, columns] * its[:, columns])) / probes
     symmetric: Floats = 0.5 * (traces + traces.T)
     return symmetric
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from adjust.geometry import rotation
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
+from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
@@ -30,9 +31,9 @@ from adjust.parameters import (
     SystemParameters,
 )
 from adjust.simulate.gross_errors import GrossErrors, gross_errors_of
-from adjust.simulate.noise import markov_noise, white_noise
+from adjust.simulate.noise import gnss_markov_noise, ins_markov_noise, white_noise
 from adjust.simulate.random_streams import RandomStreams, Source
-from adjust.simulate.system import certified_interior
+from adjust.simulate.system import certified_interior, strip_errors
 from adjust.simulate.truth import BlockSpecification, BlockTruth, block_truth
 from adjust.solve.normal_equations import Observations
 
@@ -76,6 +77,13 @@ class SimulatedBlock:
         """The same truth measured with the noise and the gross errors of another seed."""
         return replace(self, measured=measure(self.specification, self.truth, seed))
 
+    def flown_again(self, seed: int) -> SimulatedBlock:
+        """The same flight on another day: biases and drifts of the strips, too, are those of another seed."""
+        state, strips = self.truth.state, len(self.truth.plan.strips)
+        random = strip_errors(self.specification.system, strips, RandomStreams(seed))
+        truth = replace(self.truth, state=replace(state, system={**state.system, **random}))
+        return SimulatedBlock(self.specification, truth, measure(self.specification, truth, seed))
+
     def block(self, free: Collection[str] = ()) -> Block:
         """The block to adjust: certified values, approximate values from GNSS/INS and intersection.
 
@@ -110,7 +118,12 @@ class SimulatedBlock:
         """True values of all unknowns."""
         return self.truth.state
 
-    def observations(self, block: Block, without: Collection[str] = ()) -> Observations:
+    def observations(
+        self,
+        block: Block,
+        without: Collection[str] = (),
+        correlation_times: Mapping[str, float] | None = None,
+    ) -> Observations:
         """The observations of a block made by :meth:`block`, weighted as specified.
 
         Free strip biases and drifts come with direct observations of zero and the standard deviations
@@ -119,10 +132,17 @@ class SimulatedBlock:
         Parameters
         ----------
         without : names of groups that are left out: "control_points", "gnss_positions", "ins_attitudes".
+        correlation_times : seconds for which the errors of "gnss_positions" and "ins_attitudes" are taken to
+            last along a strip; not at all for what is not named.
         """
+        times = correlation_times or {}
         control = self._control_points()
         groups: list[ObservationGroup] = [] if control is None else [control]
-        groups += [self._gnss_positions(block), self._ins_attitudes(block), *self._priors(block)]
+        groups += [
+            self._gnss_positions(block, times.get(GnssPositions.name)),
+            self._ins_attitudes(block, times.get(InsAttitudes.name)),
+            *self._priors(block),
+        ]
         kept = tuple(group for group in groups if group.name not in without)
         return Observations(self._image_points(), kept)
 
@@ -170,10 +190,17 @@ class SimulatedBlock:
             StochasticModel.from_sigma(sigma),
         )
 
-    def _gnss_positions(self, block: Block) -> GnssPositions:
+    def _over_time(self, sigma: Floats, correlation_time: float | None) -> StochasticModel:
+        """Weights of positions or attitudes with standard deviations (3,)."""
+        plan = self.truth.plan
+        model = StochasticModel.from_sigma(np.broadcast_to(sigma, (len(plan.images), 3)))
+        if correlation_time is None:
+            return model
+        return model.correlated(GaussMarkov(plan.strip, self.truth.trajectory.time, correlation_time))
+
+    def _gnss_positions(self, block: Block, correlation_time: float | None) -> GnssPositions:
         plan, positions = self.truth.plan, self.measured.positions
         n = len(plan.images)
-        sigma = np.broadcast_to(self.specification.noise.stated_gnss, (n, 3))
         motion = StripMotion(plan.strip, since_middle(self.truth), self.truth.trajectory.velocity)
         return GnssPositions(
             np.arange(n, dtype=np.int64),
@@ -182,18 +209,18 @@ class SimulatedBlock:
             positions,
             np.array(self.specification.frame.local_from_enu(positions)),
             block.body_from_camera,
-            StochasticModel.from_sigma(sigma),
+            self._over_time(self.specification.noise.stated_gnss, correlation_time),
             motion,
         )
 
-    def _ins_attitudes(self, block: Block) -> InsAttitudes:
+    def _ins_attitudes(self, block: Block, correlation_time: float | None) -> InsAttitudes:
         n = len(self.truth.plan.images)
         return InsAttitudes(
             np.arange(n, dtype=np.int64),
             self.truth.plan.camera,
             self.measured.local_from_body,
             block.body_from_camera,
-            StochasticModel.from_sigma(np.broadcast_to(np.array(self.specification.noise.ins), (n, 3))),
+            self._over_time(self.specification.noise.stated_ins, correlation_time),
         )
 
     def _priors(self, block: Block) -> list[DirectObservations]:
@@ -208,8 +235,7 @@ class SimulatedBlock:
             if parameters.free.all() and np.all(sigma > 0.0):
                 entities = np.arange(len(parameters.entities), dtype=np.int64)
                 model = StochasticModel.from_sigma(np.broadcast_to(sigma, parameters.values.shape))
-                name = parameters.family.name
-                groups.append(DirectObservations(name, entities, parameters.values, model))
+                groups.append(DirectObservations(parameters.family, entities, parameters.values, model))
         return groups
 
 
@@ -260,6 +286,7 @@ def measure(specification: BlockSpecification, truth: BlockTruth, seed: int) -> 
     surveyed = surveyed[exchanged]
 
     ins = white_noise(noise, streams, Source.INS_NOISE, np.array(noise.ins), len(truth.plan.images))
+    ins += ins_markov_noise(noise, streams, truth.trajectory.time, truth.plan.strip)
     # log(R_INSᵀ R_true) is the residual, so the observed attitude is the true one turned back by it.
     attitude = truth.trajectory.local_from_body @ np.swapaxes(rotation.exp(ins), 1, 2)
     return Measurements(
@@ -289,6 +316,6 @@ def _antenna_positions(
         wrong.time_error * flown.velocity[np.isin(plan.strip, wrong.strips)]
     )
     error = white_noise(noise, streams, Source.GNSS_WHITE, np.array(noise.gnss), len(positions))
-    error += markov_noise(noise, streams, flown.time, plan.strip)
+    error += gnss_markov_noise(noise, streams, flown.time, plan.strip)
     axes = specification.frame.local_from_enu(flown.projection_centre)
     return np.asarray(positions + np.einsum("nij,nj->ni", axes, error))

@@ -1,4 +1,4 @@
-"""Systematic image errors: radial, shifts of CCD tiles with seams, bent corners.
+"""Systematic image errors: radial, shifts of CCD tiles with seams, bent corners, additional parameters.
 
 The error e(x̄, ȳ) of reduced measured coordinates is the negative of the correction Δ: the ideal point is
 x_id = x̄ − e(x̄). The measured point of an ideal one is the fixed point x̄ ← x_id + e(x̄); as e changes by
@@ -13,6 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Bools, Floats
+from adjust.camera.additional.base import Tiles
+from adjust.camera.additional.calibration_axes import format_in_calibration_axes
+from adjust.camera.additional.correction import correction
+from adjust.camera.additional.effect import effects
+from adjust.camera.additional.register import AdditionalParameters, additional_parameters
+from adjust.camera.additional.selection import NOTHING
 from adjust.camera.interior import FrameCamera
 
 # Zero of the radial error, as a part of the half diagonal (r³ term that vanishes at 128/162.6).
@@ -31,12 +37,15 @@ class ImageErrorSpecification:
     tile_shift : root mean square of the shifts of the eight outer tiles of a 3 × 3 layout.
     corner : root mean square of the displacements of the four corners.
     seams : distance of the seams from the centre along image x and y; None: the format in thirds.
+    additional : additional parameters, "bluh:10" or several at once, defined in the image axes, and the
+        largest error of each in the format; a negative number turns the error round.
     """
 
     radial: float = 0.0
     tile_shift: float = 0.0
     corner: float = 0.0
     seams: tuple[float, float] | None = None
+    additional: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +59,8 @@ class ImageErrors:
     seams : (2,) metres.
     tile_shift : (3, 3, 2) of the tiles by their place along x and y; the central one is zero.
     corner : (2, 2, 2) displacement of the corners by the signs − and + of x and y.
+    additional, values : additional parameters (k) and their values (k,), whose correction is −e.
+    reach : how far from a seam a point may be shifted across it, metres.
     """
 
     half_format: Floats
@@ -57,6 +68,9 @@ class ImageErrors:
     seams: Floats
     tile_shift: Floats
     corner: Floats
+    additional: AdditionalParameters
+    values: Floats
+    reach: float
 
     def error(self, reduced: Floats) -> Floats:
         """Error e (n, 2) at reduced measured coordinates (n, 2), metres."""
@@ -66,7 +80,8 @@ class ImageErrors:
         # Quadratic in both directions towards the corner, zero and smooth on the axes.
         weight = np.prod(part, axis=1, keepdims=True) ** 2
         bent = weight * self.corner[side[:, 0], side[:, 1]]
-        return np.asarray(self._radial(reduced) + self.tile_shift[tile[:, 0], tile[:, 1]] + bent)
+        error = self._radial(reduced) + self.tile_shift[tile[:, 0], tile[:, 1]] + bent
+        return np.asarray(error - correction(self.additional, self.values, reduced))
 
     def _radial(self, reduced: Floats) -> Floats:
         diagonal = np.hypot(*self.half_format)
@@ -88,9 +103,7 @@ class ImageErrors:
             if np.all(moved < _SETTLED):
                 break
         distance = np.min(np.abs(np.abs(reduced) - self.seams), axis=1)
-        reach = 2.0 * np.abs(self.tile_shift).max() + _SETTLED
-        near_seam = (distance <= reach) if np.any(self.tile_shift) else np.zeros(len(ideal), dtype=bool)
-        return reduced, np.asarray(~near_seam)
+        return reduced, np.asarray(distance > self.reach)
 
 
 def image_errors_of(
@@ -104,4 +117,24 @@ def image_errors_of(
     tiles *= specification.tile_shift / np.sqrt(np.sum(tiles**2) / 16.0)
     corners *= specification.corner / np.sqrt(np.mean(corners**2))
     seams = half / 3.0 if specification.seams is None else np.array(specification.seams)
-    return ImageErrors(half, specification.radial, seams, tiles, corners)
+    parameters, values = _additional(specification, camera, seams)
+    of_parameters = max((abs(size) for _, size in specification.additional), default=0.0)
+    jump = float(np.abs(tiles).max()) + len(values) * of_parameters
+    reach = 2.0 * jump + _SETTLED if jump > 0.0 else -1.0
+    return ImageErrors(half, specification.radial, seams, tiles, corners, parameters, values, reach)
+
+
+def _additional(
+    specification: ImageErrorSpecification, camera: FrameCamera, seams: Floats
+) -> tuple[AdditionalParameters, Floats]:
+    """The additional parameters of a camera with the seams of its tiles, and values of the given effects."""
+    tiles = Tiles((-float(seams[0]), float(seams[0])), (-float(seams[1]), float(seams[1])))
+    image_format = format_in_calibration_axes(camera.half_format, 0, tiles)
+    sizes = {
+        name: size
+        for selection, size in specification.additional
+        for name in additional_parameters(selection, image_format).names
+    }
+    parameters = additional_parameters("+".join(sizes) or NOTHING, image_format)
+    largest = np.array([sizes[name] for name in parameters.names])
+    return parameters, largest / effects(parameters).largest if sizes else largest

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.observations.gauss_markov import GaussMarkov
 from adjust.simulate.random_streams import RandomStreams, Source
 
 Triple = tuple[float, float, float]
@@ -23,9 +24,10 @@ class NoiseSpecification:
     image : of image coordinates.
     control : of surveyed points along east, north, up.
     gnss : of positions, white, along east, north, up.
-    gnss_markov : of the part of their noise that is correlated over time, exp(−|Δt|/τ) within a strip.
-    gnss_correlation_time : τ, seconds.
-    ins : roll, pitch, yaw.
+    ins : of roll, pitch, yaw, white.
+    gnss_markov, ins_markov : of the parts of their noise that are correlated over time, exp(−|Δt|/τ) within a
+        strip.
+    gnss_correlation_time, ins_correlation_time : τ, seconds.
     level : factor of all noise; 0: free of noise.
     silent : sources whose noise is left out.
     """
@@ -36,6 +38,8 @@ class NoiseSpecification:
     ins: Triple
     gnss_markov: Triple = (0.0, 0.0, 0.0)
     gnss_correlation_time: float = 100.0
+    ins_markov: Triple = (0.0, 0.0, 0.0)
+    ins_correlation_time: float = 100.0
     level: float = 1.0
     silent: frozenset[Source] = frozenset()
 
@@ -43,6 +47,11 @@ class NoiseSpecification:
     def stated_gnss(self) -> Floats:
         """Standard deviations (3,) of a single position as a delivery would state them."""
         return np.hypot(self.gnss, self.gnss_markov)
+
+    @property
+    def stated_ins(self) -> Floats:
+        """Standard deviations (3,) of a single attitude likewise, radians."""
+        return np.hypot(self.ins, self.ins_markov)
 
 
 def white_noise(
@@ -52,25 +61,33 @@ def white_noise(
     return streams.of(source).standard_normal((rows, len(sigma))) * sigma * _level(specification, source)
 
 
-def markov_noise(
+def gnss_markov_noise(
     specification: NoiseSpecification, streams: RandomStreams, time: Floats, strip: Ints
 ) -> Floats:
-    """First-order Gauss–Markov noise (n, 3), metres, for exposures at times (n,) in strips (n,).
+    """First-order Gauss–Markov noise (n, 3) of positions, metres, at times (n,) in strips (n,)."""
+    sigma = np.array(specification.gnss_markov) * _level(specification, Source.GNSS_MARKOV)
+    time_constant = specification.gnss_correlation_time
+    return _markov_noise(streams.of(Source.GNSS_MARKOV), sigma, time_constant, time, strip)
 
-    e_i = f e_(i−1) + √(1 − f²) σ w,  f = exp(−Δt/τ); strips are independent of each other.
-    """
-    source = Source.GNSS_MARKOV
-    white = streams.of(source).standard_normal((len(time), 3))
-    result = np.empty_like(white)
-    order = np.lexsort((time, strip))
-    for number, i in enumerate(order):
-        before = order[number - 1]
-        if number == 0 or strip[before] != strip[i]:
-            result[i] = white[i]
-            continue
-        factor = np.exp(-(time[i] - time[before]) / specification.gnss_correlation_time)
-        result[i] = factor * result[before] + np.sqrt(1.0 - factor**2) * white[i]
-    return np.asarray(result * specification.gnss_markov * _level(specification, source))
+
+def ins_markov_noise(
+    specification: NoiseSpecification, streams: RandomStreams, time: Floats, strip: Ints
+) -> Floats:
+    """The same of attitudes: small rotations (n, 3) in body axes, radians."""
+    sigma = np.array(specification.ins_markov) * _level(specification, Source.INS_MARKOV)
+    time_constant = specification.ins_correlation_time
+    return _markov_noise(streams.of(Source.INS_MARKOV), sigma, time_constant, time, strip)
+
+
+def _markov_noise(
+    random: np.random.Generator, sigma: Floats, correlation_time: float, time: Floats, strip: Ints
+) -> Floats:
+    """e_i = φ e_(i−1) + √(1 − φ²) σ w, φ = exp(−Δt/τ), (n, 3); strips are independent of each other."""
+    if not sigma.any():
+        return np.zeros((len(time), 3))
+    white = random.standard_normal((len(time), 3))
+    process = GaussMarkov(strip, time, correlation_time)
+    return np.asarray(process.neighbours(np.ones(len(time), dtype=bool)).correlated(white) * sigma)
 
 
 def _level(specification: NoiseSpecification, source: Source) -> float:

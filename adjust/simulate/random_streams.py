@@ -30,6 +30,7 @@ class Source(IntEnum):
     GROSS_IMAGE_POINTS = 12
     GROSS_CONTROL = 13
     GROSS_TIME = 14
+    INS_MARKOV = 15
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ class SurveyLayout:
     control : how many of them are control points, those spread best over the area; the others are check
         points. None: all.
     margin : part of the sides of the covered rectangle that is left free along its borders.
+    extent : sides of the rectangle about the origin that stands in for the covered one; None: that one.
     """
 
     layout: Layout
@@ -40,6 +41,7 @@ class SurveyLayout:
     places: tuple[tuple[float, float], ...] = ()
     control: int | None = None
     margin: float = 0.03
+    extent: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +75,14 @@ def survey_of(layouts: tuple[SurveyLayout, ...], rectangle: Floats) -> Survey:
 
 def _places(layout: SurveyLayout, rectangle: Floats) -> Floats:
     """Plan positions (k, 2) of a layout."""
+    if layout.extent is not None:
+        rectangle = np.array([[-0.5], [0.5]]) * np.array(layout.extent)
     inset = layout.margin * (rectangle[1] - rectangle[0])
     low, size = rectangle[0] + inset, rectangle[1] - rectangle[0] - 2.0 * inset
     if layout.layout == "grid":
         return np.asarray(low + size * _grid(layout.columns, layout.rows))
     if layout.layout == "perimeter":
-        return np.asarray(low + size * _along_border(layout.count))
+        return np.asarray(low + size * along_border(layout.count))
     if layout.layout == "spread":
         candidates = low + size * _grid(_CANDIDATES, _CANDIDATES)
         return np.asarray(candidates[spread_order(candidates)[: layout.count]])
@@ -91,7 +95,7 @@ def _grid(columns: int, rows: int) -> Floats:
     return np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
 
 
-def _along_border(count: int) -> Floats:
+def along_border(count: int) -> Floats:
     """Points (count, 2) evenly along the border of the unit square, from the corner (0, 0)."""
     way = 4.0 * np.arange(count) / count
     side, rest = np.floor(way).astype(np.int64), way % 1.0

@@ -78,16 +78,24 @@ def true_system(
     shifts = [
         specification.gnss_shift_of_flight.get(flight, specification.gnss_shift) for flight in plan.flights
     ]
-    strips = (len(plan.strips), 3)
     return {
         INTERIOR_ORIENTATION: certified_interior(cameras) + specification.interior_change,
         BORESIGHT: np.tile(np.array(specification.boresight), (len(cameras), 1)),
         LEVER_ARM: np.tile(np.array(specification.lever_arm), (len(cameras), 1)),
         GNSS_SHIFT: np.array(shifts, dtype=np.float64),
-        GNSS_STRIP_BIAS: streams.of(Source.STRIP_BIAS).standard_normal(strips) * specification.strip_bias,
-        GNSS_DRIFT: streams.of(Source.STRIP_DRIFT).standard_normal(strips) * specification.strip_drift,
+        **strip_errors(specification, len(plan.strips), streams),
         TIME_OFFSET: np.full((len(plan.flights), 1), specification.time_offset),
     }
+
+
+def strip_errors(
+    specification: SystemSpecification, strips: int, streams: RandomStreams
+) -> Mapping[str, Floats]:
+    """The random biases and drifts of the strips: name of the family → (strips, 3)."""
+    bias, drift = (
+        streams.of(source).standard_normal((strips, 3)) for source in (Source.STRIP_BIAS, Source.STRIP_DRIFT)
+    )
+    return {GNSS_STRIP_BIAS: bias * specification.strip_bias, GNSS_DRIFT: drift * specification.strip_drift}
 
 
 def certified_interior(cameras: tuple[FrameCamera, ...]) -> Floats:

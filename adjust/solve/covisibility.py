@@ -1,8 +1,13 @@
-"""The block-sparse pattern of the reduced normal equations: pairs of images with common points."""
+"""The block-sparse pattern of the reduced normal equations.
+
+Pairs of images are joined by the object points they both see, and by errors of their own observations that
+are correlated over time.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +18,7 @@ from adjust.solve import covisibility_kernel
 
 @dataclass(frozen=True, eq=False)
 class Covisibility:
-    """Pairs (i, j), i ≤ j, of images that see a common point, row by row, diagonal first.
+    """Pairs (i, j), i ≤ j, of images that are joined, row by row, diagonal first.
 
     Attributes
     ----------
@@ -38,6 +43,27 @@ class Covisibility:
     def row(self) -> Ints:
         """(blocks,) row of every block."""
         return np.repeat(np.arange(self.images), np.diff(self.row_start))
+
+    @cached_property
+    def _keys(self) -> Ints:
+        """(blocks,) row · n + column, ascending."""
+        return self.row * self.images + self.column
+
+    def find(self, one: Ints, other: Ints) -> Ints:
+        """Positions (k,) of the blocks of pairs of images in either order; −1 where there is none."""
+        wanted = np.minimum(one, other) * self.images + np.maximum(one, other)
+        position = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
+        return np.where(self._keys[position] == wanted, position, -1)
+
+    def with_pairs(self, one: Ints, other: Ints) -> Covisibility:
+        """The same pattern with more pairs (k,) of images; itself if they are all there."""
+        missing = self.find(one, other) < 0
+        if not missing.any():
+            return self
+        one, other = one[missing], other[missing]
+        keys = np.union1d(self._keys, np.minimum(one, other) * self.images + np.maximum(one, other))
+        row, column = np.divmod(keys, self.images)
+        return Covisibility(np.searchsorted(row, np.arange(self.images + 1)).astype(np.int64), column)
 
 
 def point_starts(point: Ints, points: int) -> Ints:

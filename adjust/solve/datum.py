@@ -8,6 +8,7 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.geometry.rotation import cross_matrix
+from adjust.observations.base import Linearization
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.normal_equations import System, whiten
 
@@ -67,6 +68,22 @@ def _similarity(x: Floats) -> Floats:
     return movements
 
 
+def noticed_movements(equations: Linearization, state: State, of_exposures: Floats) -> Floats:
+    """What the seven movements of everything change in whitened observations of one group, (n, m, 7).
+
+    Parameters
+    ----------
+    of_exposures : the movements of the exposures, see :func:`datum_basis`.
+    """
+    moved = np.zeros((*equations.misclosure.shape, 7))
+    for term in equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            moved += term.jacobian @ of_exposures[term.index]
+        elif term.block == OBJECT_POINT:
+            moved += term.jacobian @ movements_of_points(state, term.index)
+    return moved
+
+
 def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:
     """Which groups of observations fix which direction of the datum, and how well."""
     of_exposures = datum_basis(state)
@@ -74,12 +91,7 @@ def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:
     information: list[Floats] = []
     for group in system.observations.others:
         equations = whiten(group, group.linearize(state))
-        moved = np.zeros((*equations.misclosure.shape, 7))
-        for term in equations.terms:
-            if term.block == EXTERIOR_ORIENTATION:
-                moved += term.jacobian @ of_exposures[term.index]
-            elif term.block == OBJECT_POINT:
-                moved += term.jacobian @ movements_of_points(state, term.index)
+        moved = noticed_movements(equations, state, of_exposures)
         names.append(group.name)
         information.append(np.sum(moved**2, axis=(0, 1)))
     shares = []

@@ -18,7 +18,8 @@ from adjust.errors import DatumDefectError
 from adjust.parameters import State
 from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis
 from adjust.solve.factorization import SingularNormalsError
-from adjust.solve.normal_equations import System
+from adjust.solve.full_vectors import FullVectors
+from adjust.solve.normal_equations import ReducedNormals, System
 
 # A datum direction lies in the null space if it is reproduced to this part of its length.
 _CONTAINED = 1e-2
@@ -46,32 +47,84 @@ class _NullSpace:
         return tuple(self.border_names[k] for k in order if change[k] > max(_INVOLVED * change.max(), least))
 
 
+@dataclass(frozen=True)
+class OpenDirection:
+    """A movement of the whole block that the observations leave open.
+
+    Attributes
+    ----------
+    movement : one of ``DATUM_DIRECTIONS``, or several of them in words.
+    parameters : system parameters that go with it, strongest first.
+    """
+
+    movement: str
+    parameters: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.movement}{_together(self.parameters)}"
+
+
 def explain_defect(system: System, state: State, singular: SingularNormalsError) -> DatumDefectError:
     """Name what a singular reduced system leaves undetermined."""
     n = system.layout.images
     scaled = singular.null_space / singular.scale[:, None]
-    names = tuple(f"{parameter} of {entity}" for parameter, entity, _ in system.layout.border_names())
-    null = _NullSpace(scaled[: 6 * n], scaled[6 * n :], names)
-    of_exposures = datum_basis(state)
-    movements = of_exposures.reshape(6 * n, 7) / singular.scale[: 6 * n, None]
-
+    null = _NullSpace(scaled[: 6 * n], scaled[6 * n :], _border_names(system))
+    movements = datum_basis(state).reshape(6 * n, 7) / singular.scale[: 6 * n, None]
+    directions, found = _pure_directions(null, movements)
     parameters: list[str] = []
-    sentences: list[str] = []
+    sentences = [
+        f"Nothing fixes the {direction.movement} of the block{_together(direction.parameters)}."
+        for direction in directions
+    ]
+    for direction in directions:
+        parameters += [direction.movement, *direction.parameters]
+    of_block = bool(directions)
+    for coefficients in _sparse_rest(null, found).T:
+        sentence, named, moves = _rest(system, null, movements, coefficients)
+        sentences.append(sentence)
+        parameters += named
+        of_block |= moves
+    return DatumDefectError(scaled.shape[1], tuple(dict.fromkeys(parameters)), tuple(sentences), of_block)
+
+
+def open_directions(
+    system: System, state: State, normals: ReducedNormals, vectors: FullVectors
+) -> tuple[OpenDirection, ...]:
+    """Name the movements that a free network has open."""
+    n, d = system.layout.images, vectors.count
+    root = np.sqrt(np.where(normals.diagonal_exposure > 0.0, normals.diagonal_exposure, 1.0)).reshape(-1, 1)
+    root_border = np.sqrt(np.where(normals.diagonal_border > 0.0, normals.diagonal_border, 1.0))
+    basis = np.concatenate(
+        [root * vectors.of_exposures.reshape(6 * n, d), root_border[:, None] * vectors.of_border]
+    )
+    basis, _ = np.linalg.qr(basis)
+    null = _NullSpace(basis[: 6 * n], basis[6 * n :], _border_names(system))
+    movements = root * datum_basis(state).reshape(6 * n, 7)
+    directions, found = _pure_directions(null, movements)
+    for coefficients in _sparse_rest(null, found).T:
+        combined = _combination(movements, null.of_exposures @ coefficients)
+        directions.append(
+            OpenDirection(f"movement that combines {_and(combined)}", null.involved(coefficients, _STILL))
+        )
+    return tuple(directions)
+
+
+def _border_names(system: System) -> tuple[str, ...]:
+    return tuple(f"{parameter} of {entity}" for parameter, entity, _ in system.layout.border_names())
+
+
+def _pure_directions(null: _NullSpace, movements: Floats) -> tuple[list[OpenDirection], list[Floats]]:
+    """The datum directions that lie in the null space by themselves, and their coefficients (k,) in it."""
+    directions: list[OpenDirection] = []
     found: list[Floats] = []
-    for direction, movement in zip(DATUM_DIRECTIONS, movements.T, strict=True):
+    for name, movement in zip(DATUM_DIRECTIONS, movements.T, strict=True):
         length = float(np.linalg.norm(movement))
         coefficients = np.linalg.pinv(null.of_exposures, rcond=_STILL) @ movement
         missed = float(np.linalg.norm(null.of_exposures @ coefficients - movement))
         if length > 0.0 and missed < _CONTAINED * length:
-            involved = null.involved(coefficients, _STILL * length)
-            sentences.append(f"Nothing fixes the {direction} of the block{_together(involved)}.")
-            parameters += [direction, *involved]
+            directions.append(OpenDirection(name, null.involved(coefficients, _STILL * length)))
             found.append(coefficients)
-    for coefficients in _sparse_rest(null, found).T:
-        sentence, named = _rest(system, null, movements, coefficients)
-        sentences.append(sentence)
-        parameters += named
-    return DatumDefectError(scaled.shape[1], tuple(dict.fromkeys(parameters)), tuple(sentences))
+    return directions, found
 
 
 def _sparse_rest(null: _NullSpace, found: list[Floats]) -> Floats:
@@ -87,27 +140,32 @@ def _sparse_rest(null: _NullSpace, found: list[Floats]) -> Floats:
     return np.asarray(rest @ np.linalg.inv(pivots))
 
 
-def _rest(system: System, null: _NullSpace, movements: Floats, coefficients: Floats) -> tuple[str, list[str]]:
-    """Sentence and parameters of one undetermined direction that is no datum direction by itself."""
+def _rest(
+    system: System, null: _NullSpace, movements: Floats, coefficients: Floats
+) -> tuple[str, list[str], bool]:
+    """One undetermined direction that is no datum direction by itself.
+
+    Returns
+    -------
+    sentence, parameters, of_block : the last whether it is a movement of the whole block.
+    """
     exposures = null.of_exposures @ coefficients
     length = float(np.linalg.norm(exposures))
     whole = float(np.hypot(length, np.linalg.norm(null.of_border @ coefficients)))
     involved = null.involved(coefficients)
     if length < _STILL * whole and len(involved) == 1:
-        return f"No observation depends on {involved[0]}.", list(involved)
+        return f"No observation depends on {involved[0]}.", list(involved), False
     if length < _STILL * whole:
-        return f"{_and(involved)} cannot be told apart.", list(involved)
+        return f"{_and(involved)} cannot be told apart.", list(involved), False
     involved = null.involved(coefficients, _STILL * whole)
     combined = _combination(movements, exposures)
     if combined:
         sentence = f"Nothing fixes a movement of the block that combines {_and(combined)}"
-        return f"{sentence}{_together(involved)}.", [*combined, *involved]
+        return f"{sentence}{_together(involved)}.", [*combined, *involved], True
     largest = np.argmax(np.linalg.norm(exposures.reshape(-1, 6), axis=1))
     image = system.block.images[int(largest)]
-    return f"The orientation of image {image} is not determined{_together(involved)}.", [
-        f"image {image}",
-        *involved,
-    ]
+    sentence = f"The orientation of image {image} is not determined{_together(involved)}."
+    return sentence, [f"image {image}", *involved], False
 
 
 def _combination(movements: Floats, exposures: Floats) -> tuple[str, ...]:

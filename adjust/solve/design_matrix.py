@@ -5,6 +5,9 @@ and everything derived from the equations is a plain product or inverse of matri
 
     v = A dx − l (whitened),    N = AᵀA,    Q = N⁻¹,    R = I − A Q Aᵀ
 
+The covariance matrix of errors correlated over time is formed from its definition, element by element,
+and whitened by Cholesky's factor of all of it.
+
 An adjustment never comes here. The inverse is dense, so a block may have a few thousand unknowns.
 Columns of A: six for each image, then the free system parameters, then three for each object point
 that takes part. What is held has no column.
@@ -30,7 +33,8 @@ class DesignMatrix:
 
     Attributes
     ----------
-    matrix : (rows, u) A; the row of a component that takes no part is zero.
+    matrix : (rows, u) A; the row of a component that takes no part is zero. With errors correlated over
+        time a row belongs to all observations of the group before it.
     misclosure : (rows,) l, observed − computed.
     row_start : (groups + 1,) where the rows of each group begin; observation by observation.
     exposure_columns : (n, 6).
@@ -69,12 +73,13 @@ def design_matrix(system: System, state: State) -> DesignMatrix:
     columns_of: dict[str, Ints] = {EXTERIOR_ORIENTATION: exposure_columns, OBJECT_POINT: point_columns}
     for family, index in layout.columns.items():
         columns_of[family] = np.where(index >= 0, 6 * n + index, -1)
-    rows, columns, values, misclosures = [], [], [], []
+    matrices, misclosures = list[sparse.csr_array[np.float64]](), list[Floats]()
     starts = [0]
     for group in system.observations.groups:
-        equations = _whitened(group, group.linearize(state))
-        first, count = starts[-1], equations.misclosure.size
-        row = first + np.arange(count).reshape(equations.misclosure.shape)
+        equations, whitener = _taking_part(group, group.linearize(state)), whitening_matrix(group.stochastic)
+        count = equations.misclosure.size
+        row = np.arange(count).reshape(equations.misclosure.shape)
+        rows, columns, values = list[Ints](), list[Ints](), list[Floats]()
         for term in equations.terms:
             column = columns_of[term.block][term.index][:, None, :]
             shape = term.jacobian.shape
@@ -82,13 +87,13 @@ def design_matrix(system: System, state: State) -> DesignMatrix:
             rows.append(np.broadcast_to(row[:, :, None], shape)[kept])
             columns.append(np.broadcast_to(column, shape)[kept])
             values.append(term.jacobian[kept])
-        misclosures.append(equations.misclosure.ravel())
-        starts.append(first + count)
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    # Entries in the same place are added, as when an observation touches an unknown twice.
-    matrix = sparse.csr_array(entries, shape=(starts[-1], 6 * n + g + 3 * active))
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        # Entries in the same place are added, as when an observation touches an unknown twice.
+        matrices.append(whitener @ sparse.csr_array(entries, shape=(count, 6 * n + g + 3 * active)))
+        misclosures.append(np.asarray(whitener @ equations.misclosure.ravel()))
+        starts.append(starts[-1] + count)
     return DesignMatrix(
-        matrix,
+        sparse.vstack(matrices, format="csr"),
         np.concatenate(misclosures),
         np.array(starts, dtype=np.int64),
         exposure_columns,
@@ -151,30 +156,65 @@ def redundancy_numbers(system: System, design: DesignMatrix, cofactor: Floats) -
 
 def _group_redundancy(model: StochasticModel, rows: Floats, cofactor: Floats) -> Floats:
     """Redundancy numbers (n, m) of one group from its dense whitened rows (n m, u)."""
-    n, m = model.present.shape
-    result = np.full((n, m), np.nan)
-    for i in range(n):
-        kept = np.flatnonzero(model.present[i])
-        if len(kept) == 0:
+    result = np.full(model.present.shape, np.nan)
+    for scalars, whitener in _whitening_blocks(model):
+        part = np.flatnonzero(model.present.ravel()[scalars])
+        if len(part) == 0:
             continue
-        whitened = rows[m * i : m * (i + 1)][kept]
-        remainder = np.eye(len(kept)) - whitened @ cofactor @ whitened.T
-        whitener = model.whitener[i][np.ix_(kept, kept)]
-        # Q_vv P = W⁻¹ (I − A Q Aᵀ) W, observation by observation: W is block diagonal.
-        result[i, kept] = np.diagonal(np.linalg.solve(whitener, remainder @ whitener))
+        kept = scalars[part]
+        remainder = np.eye(len(kept)) - rows[kept] @ cofactor @ rows[kept].T
+        own = whitener[np.ix_(part, part)]
+        # Q_vv P = W⁻¹ (I − A Q Aᵀ) W, block by block of W.
+        result.ravel()[kept] = np.diagonal(np.linalg.solve(own, remainder @ own))
     return result
 
 
-def _whitened(group: ObservationGroup, equations: Linearization) -> Linearization:
-    """Every row multiplied by W; what takes no part becomes zero whatever stands there."""
-    model = group.stochastic
-    misclosure = np.where(model.present, equations.misclosure, 0.0)
+def _whitening_blocks(model: StochasticModel) -> list[tuple[Ints, Floats]]:
+    """The diagonal blocks of W with the scalars (k,) of a group they belong to: one for each observation.
+
+    With errors correlated over time one for all of them.
+    """
+    n, m = model.present.shape
+    if model.over_time is None:
+        return [(m * i + np.arange(m), model.whitener[i]) for i in range(n)]
+    kept = np.flatnonzero(model.present.ravel())
+    whitener = np.zeros((n * m, n * m))
+    lower = np.linalg.cholesky(full_covariance(model)[np.ix_(kept, kept)])
+    whitener[np.ix_(kept, kept)] = np.linalg.inv(lower)
+    return [(np.arange(n * m), whitener)]
+
+
+def whitening_matrix(model: StochasticModel) -> sparse.csr_array[np.float64]:
+    """W (n m, n m) of a whole group with WᵀW = P; rows and columns of what takes no part are zero."""
+    blocks = [block for _, block in _whitening_blocks(model)]
+    return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
+
+
+def full_covariance(model: StochasticModel) -> Floats:
+    """Covariance matrix (n m, n m) of the observations of a group; zero for what takes no part.
+
+    Of two observations it is L_i L_jᵀ exp(−|t_i − t_j|/τ), with the covariance L_i L_iᵀ of each by itself.
+    """
+    n, m = model.present.shape
+    correlation = np.eye(n)
+    if model.over_time is not None:
+        process = model.over_time
+        apart = np.abs(process.time[:, None] - process.time[None, :])
+        same = process.strip[:, None] == process.strip[None, :]
+        correlation = np.where(same, np.exp(-apart / process.correlation_time), 0.0)
+    root = np.zeros((n, m, m))
+    for i in range(n):
+        kept = np.ix_(model.present[i], model.present[i])
+        root[i][kept] = np.linalg.inv(model.whitener[i][kept])
+    covariance: Floats = np.einsum("ij,iac,jbc->iajb", correlation, root, root).reshape(n * m, n * m)
+    return covariance
+
+
+def _taking_part(group: ObservationGroup, equations: Linearization) -> Linearization:
+    """The same equations, not whitened, with zeros for what takes no part whatever stands there."""
+    present = group.stochastic.present
     terms = tuple(
-        type(term)(
-            term.block,
-            term.index,
-            model.whitener @ np.where(model.present[:, :, None], term.jacobian, 0.0),
-        )
+        type(term)(term.block, term.index, np.where(present[:, :, None], term.jacobian, 0.0))
         for term in equations.terms
     )
-    return Linearization((model.whitener @ misclosure[:, :, None])[:, :, 0], terms)
+    return Linearization(np.where(present, equations.misclosure, 0.0), terms)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.helmert_blocking import HelmertFactor, factorize_blocks
 from adjust.solve.normal_equations import ReducedNormals
@@ -31,17 +31,27 @@ class ReducedCofactor:
     pattern : which exposure blocks are there.
     blocks : (blocks, 6, 6) upper block triangle.
     border : (n, 6, g).  corner : (g, g).
+    normal : (g, g) inverse of ``corner``: normal matrix of the system parameters with all else eliminated.
+        Not found by inversion, so that it keeps its digits where ``corner`` has lost them.
+    reduced_diagonal : (g,) of the reduced normal matrix, where only the object points are eliminated.
     """
 
     pattern: Covisibility
     blocks: Floats
     border: Floats
     corner: Floats
+    normal: Floats
+    reduced_diagonal: Floats
 
     @property
     def of_exposures(self) -> Floats:
         """(n, 6, 6) of each exposure with itself."""
         return self.blocks[self.pattern.diagonal]
+
+    def between(self, one: Ints, other: Ints) -> Floats:
+        """(k, 6, 6) of exposures with others, pairs of the pattern in either order."""
+        found = self.blocks[self.pattern.find(one, other)]
+        return np.where((one <= other)[:, None, None], found, np.swapaxes(found, 1, 2))
 
 
 class SingularNormalsError(Exception):
@@ -80,7 +90,12 @@ class Factorization:
 
     def cofactor(self) -> ReducedCofactor:
         """Blocks of the inverse on the pattern of the matrix."""
-        return ReducedCofactor(self.normals.pattern, *self.factor.inverse())
+        return ReducedCofactor(
+            self.normals.pattern,
+            *self.factor.inverse(),
+            self.factor.border_normal(),
+            np.diagonal(self.normals.corner).copy(),
+        )
 
 
 def dense_matrix(normals: ReducedNormals) -> Floats:

@@ -1,7 +1,8 @@
 """Gauss–Newton iteration, with Levenberg–Marquardt damping only when a step fails.
 
 Stops when bᵀdx < ε². Since (dx_i/σ_i)² ≤ dxᵀ N dx = bᵀdx for every unknown (Cauchy–Schwarz), no
-unknown then moves by more than ε of its own a-priori standard deviation.
+unknown then moves by more than ε of its own a-priori standard deviation. In a free network bᵀdx does not
+notice movements of the block as a whole; those must have ended, too.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from adjust.errors import DatumDefectError, DivergenceError, InconsistentBlockEr
 from adjust.parameters import State
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
+from adjust.solve.free_network import OpenMovements, open_movements, settled
 from adjust.solve.normal_equations import (
     ReducedNormals,
     System,
@@ -69,13 +71,26 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A converged (or stalled) state with its last normal equations, linearised at that state."""
+    """A converged (or stalled) state with its last normal equations, linearised at that state.
+
+    Attributes
+    ----------
+    normals : normal equations N dx = b.
+    factorization : of them; of a free network in a minimal datum.
+    movements : what the observations leave open of the datum of a free network; None if nothing.
+    """
 
     state: State
     normals: ReducedNormals
     factorization: Factorization
     iterations: tuple[Iteration, ...]
     stalled: bool = False
+    movements: OpenMovements | None = None
+
+    @property
+    def defect(self) -> int:
+        """Number d of open movements of the datum."""
+        return 0 if self.movements is None else self.movements.defect
 
 
 Progress = Callable[[Iteration], None]
@@ -90,8 +105,8 @@ def iterate(
     """
     estimate = converge(system, start, most, progress, may_stall)
     normals = reduced_normals(system, estimate.state)
-    factorization = _factorize(system, estimate.state, normals)
-    return Solution(estimate.state, normals, factorization, estimate.iterations, estimate.stalled)
+    factorization, movements = _factorize(system, estimate.state, normals)
+    return Solution(estimate.state, normals, factorization, estimate.iterations, estimate.stalled, movements)
 
 
 def converge(
@@ -115,18 +130,16 @@ def converge(
     normals = reduced_normals(system, state)
     history: list[Iteration] = []
     for number in range(1, most + 1):
-        factorization = _factorize(system, state, normals)
-        of_exposures, of_border = factorization.solve()
-        decrement = normals.eliminated + float(
-            np.sum(normals.rhs_exposure * of_exposures) + normals.rhs_border @ of_border
-        )
-        of_points = substitute_back(system, state, normals, of_exposures, of_border)
-        step = Iteration(number, normals.weighted_squares, float(np.sqrt(max(decrement, 0.0))), damping)
+        increments = _increments(system, state, normals)
+        largest_move = float(np.sqrt(max(increments.decrement, 0.0)))
+        step = Iteration(number, normals.weighted_squares, largest_move, damping)
         history.append(step)
         if progress is not None:
             progress(step)
-        moved = system.layout.update(state, of_exposures, of_border, of_points)
-        if step.largest_move < _CONVERGED and damping == 0.0:
+        moved = system.layout.update(
+            state, increments.of_exposures, increments.of_border, increments.of_points
+        )
+        if step.largest_move < _CONVERGED and damping == 0.0 and increments.datum_settled:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
             squares = weighted_squares(system, moved)
             if np.isfinite(squares):
@@ -146,7 +159,45 @@ def converge(
     if may_stall:
         return Estimate(state, normals.weighted_squares, tuple(history), stalled=True)
     raise DivergenceError(
-        most, tuple(item.weighted_squares for item in history), _largest(system, of_exposures, of_border)
+        most, tuple(item.weighted_squares for item in history), _largest(system, increments)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Increments:
+    """One step.
+
+    Attributes
+    ----------
+    of_exposures, of_border, of_points : (n, 6), (g,) and (m, 3).
+    decrement : bᵀdx, which no choice of the datum changes.
+    datum_settled : whether the block as a whole moves no more.
+    """
+
+    of_exposures: Floats
+    of_border: Floats
+    of_points: Floats
+    decrement: float
+    datum_settled: bool
+
+
+def _increments(system: System, state: State, normals: ReducedNormals) -> _Increments:
+    """Solve the normal equations at a state; a free network also moves to its inner constraints."""
+    factorization, movements = _factorize(system, state, normals)
+    of_exposures, of_border = factorization.solve()
+    decrement = normals.eliminated + float(
+        np.sum(normals.rhs_exposure * of_exposures) + normals.rhs_border @ of_border
+    )
+    of_points = substitute_back(system, state, normals, of_exposures, of_border)
+    if movements is None:
+        return _Increments(of_exposures, of_border, of_points, decrement, True)
+    exposures, border, points = movements.towards_approximate_values(system, state, of_exposures, of_points)
+    return _Increments(
+        of_exposures + exposures,
+        of_border + border,
+        of_points + points,
+        decrement,
+        settled(normals, exposures),
     )
 
 
@@ -158,17 +209,22 @@ def _try(system: System, state: State) -> ReducedNormals | None:
         return None
 
 
-def _factorize(system: System, state: State, normals: ReducedNormals) -> Factorization:
+def _factorize(
+    system: System, state: State, normals: ReducedNormals
+) -> tuple[Factorization, OpenMovements | None]:
+    """Factorised normal equations, and the movements of a free network that something had to hold for it."""
+    movements = open_movements(system, state, normals)
     try:
-        return factorize(normals, system.threads)
+        return factorize(normals if movements is None else movements.held(normals), system.threads), movements
     except SingularNormalsError as error:
         raise explain_defect(system, state, error) from error
 
 
-def _largest(system: System, of_exposures: Floats, of_border: Floats) -> str:
+def _largest(system: System, increments: _Increments) -> str:
     """The exposure or system parameter that moved most in the last step, in words."""
-    shift = np.linalg.norm(of_exposures[:, :3], axis=1)
+    shift = np.linalg.norm(increments.of_exposures[:, :3], axis=1)
     image = int(np.argmax(shift))
+    of_border = increments.of_border
     return f"image {system.block.images[image]} ({shift[image]:.3g} m)" + (
         f"; system parameters by up to {np.max(np.abs(of_border)):.3g}" if len(of_border) else ""
     )

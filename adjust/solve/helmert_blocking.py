@@ -175,6 +175,13 @@ class HelmertFactor:
             border = mine[6 * front.own :] if front.parent < 0 else border
         return self.scale_exposure * x, self.scale_border * border
 
+    def border_normal(self) -> Floats:
+        """Normal matrix (g, g) of the system parameters, exposures eliminated: N = L_gg L_ggᵀ without D."""
+        g = len(self.scale_border)
+        root = self.factors[-1].lower
+        last = np.tril(root[root.shape[0] - g :, root.shape[1] - g :])
+        return np.asarray(last @ last.T / (self.scale_border[:, None] * self.scale_border))
+
     def inverse(self) -> tuple[Floats, Floats, Floats]:
         """Blocks of S⁻¹: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
         analysis, scale, of_border = self.analysis, self.scale_exposure, self.scale_border

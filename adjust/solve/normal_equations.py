@@ -8,6 +8,7 @@ independent check.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,15 +16,18 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import Linearization, ObservationGroup
-from adjust.observations.image_point import ImagePoints
+from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import (
     EXTERIOR_ORIENTATION,
     OBJECT_POINT,
+    InnerConstraints,
     ParameterLayout,
     State,
 )
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.lanes import Lane
+from adjust.solve.ray_columns import RayColumns, ray_columns
 from adjust.solve.reduction import Sums, increments_of_points, reduce_image_points
 
 
@@ -90,6 +94,8 @@ class System:
     active_point : (m,) object points that are unknown; the others have lost too many rays.
     point_start : (m + 1,) where the rays of each point begin.
     threads : how many may work at once; never changes a result.
+    inner_constraints : unknowns whose approximate values carry what the observations leave open of the
+        datum; None: an open datum is an error.
     """
 
     block: Block
@@ -99,9 +105,16 @@ class System:
     point_start: Ints
     active_point: Bools
     threads: int = 1
+    inner_constraints: InnerConstraints | None = None
 
     @classmethod
-    def of(cls, block: Block, observations: Observations, threads: int = 1) -> System:
+    def of(
+        cls,
+        block: Block,
+        observations: Observations,
+        threads: int = 1,
+        inner_constraints: InnerConstraints | None = None,
+    ) -> System:
         """Symbolic analysis of a block and its observations.
 
         Raises
@@ -111,29 +124,50 @@ class System:
         _refuse_unknown_indices(block, observations)
         images, points = len(block.images), len(block.points)
         active = determined_points(block, observations)
+        pattern = covisibility(observations.image_points, images, points)
         return cls(
             block,
             block.layout,
             _of_active_points(observations, active),
             HelmertBlocking.of(
-                covisibility(observations.image_points, images, points), block.projection_centre
+                pattern.with_pairs(*_correlated_images(observations)), block.projection_centre
             ),
             point_starts(observations.image_points.point, points),
             active,
             threads,
+            inner_constraints,
         )
 
     def remaining(self, observations: Observations) -> System:
         """The same system after some of its observations have been rejected."""
         active_point = determined_points(self.block, observations)
+        # Correlation over time joins what stood on either side of a rejected observation.
+        pattern = self.pattern.with_pairs(*_correlated_images(observations))
         return replace(
-            self, observations=_of_active_points(observations, active_point), active_point=active_point
+            self,
+            observations=_of_active_points(observations, active_point),
+            active_point=active_point,
+            blocking=self.blocking
+            if pattern is self.pattern
+            else HelmertBlocking.of(pattern, self.block.projection_centre),
         )
 
     @property
     def pattern(self) -> Covisibility:
         """Which exposure blocks there are."""
         return self.blocking.pattern
+
+    @cached_property
+    def ray_columns(self) -> RayColumns:
+        """Where the system parameters that image points touch stand in the border."""
+        return ray_columns(self.layout, self.observations.image_points)
+
+    def ideal_rays(self, state: State, lane: Lane) -> IdealRays:
+        """The image points of the object points of a lane, corrected by the additional parameters."""
+        first, last = (int(self.point_start[index]) for index in lane)
+        columns = self.ray_columns
+        rays = self.observations.image_points
+        return rays.ideal(state, columns.components, columns.principal_point_is_free, first, last)
 
     @property
     def unknowns(self) -> int:
@@ -143,7 +177,7 @@ class System:
 
     @property
     def redundancy(self) -> int:
-        """N − u."""
+        """N − u; a free network has as many more as its datum has open directions."""
         return self.observations.count - self.unknowns
 
 
@@ -177,6 +211,24 @@ def determined_points(block: Block, observations: Observations) -> Bools:
         present = group.stochastic.present[touching].sum(axis=1)
         np.add.at(equations, group.point[touching], present)
     return equations >= 3
+
+
+def _correlated_images(observations: Observations) -> tuple[Ints, Ints]:
+    """Pairs (k,) of images that errors correlated over time join.
+
+    Neighbours share rows of the whitened equations, and an error of one observation alone shows in those of
+    both its neighbours; what is rejected is tested between the neighbours it would have.
+    """
+    pairs = []
+    for group in observations.others:
+        neighbours = group.stochastic.neighbours
+        if neighbours is not None:
+            before, after = group.image[neighbours.before], group.image[neighbours.after]
+            pairs += [(before, group.image), (group.image, after), (before, after)]
+    if not pairs:
+        nothing = np.zeros(0, dtype=np.int64)
+        return nothing, nothing
+    return np.concatenate([one for one, _ in pairs]), np.concatenate([other for _, other in pairs])
 
 
 def _of_active_points(observations: Observations, active: Bools) -> Observations:
@@ -233,19 +285,33 @@ def _add_group(
     sums: Sums, equations: Linearization, system: System, point_normal: Floats, point_rhs: Floats
 ) -> None:
     """Add one group of whitened observation equations, whatever it is."""
-    of_exposure, of_border, of_point = _gathered(equations, system.layout)
+    of_exposures, of_border, of_point = _gathered(equations, system.layout)
     if of_point is not None:
         index, jacobian = of_point
         np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
         np.add.at(point_rhs, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
-    if of_exposure is not None:
-        index, jacobian = of_exposure
+    for number, (index, jacobian) in enumerate(of_exposures):
         transposed = np.swapaxes(jacobian, 1, 2)
         np.add.at(sums.blocks, system.pattern.diagonal[index], transposed @ jacobian)
         np.add.at(sums.rhs_exposure, index, np.einsum("nij,ni->nj", jacobian, equations.misclosure))
         np.add.at(sums.border, index, transposed @ of_border)
+        for other, of_other in of_exposures[:number]:
+            _add_pairs(sums, system.pattern, (index, other), transposed @ of_other)
     sums.corner[:] += np.einsum("nij,nik->jk", of_border, of_border)
     sums.rhs_border[:] += np.einsum("nij,ni->j", of_border, equations.misclosure)
+
+
+def _add_pairs(sums: Sums, pattern: Covisibility, images: tuple[Ints, Ints], products: Floats) -> None:
+    """Add J_aᵀ J_b (n, 6, 6) of rows that touch two exposures to the upper block triangle."""
+    one, other = images
+    turned = np.swapaxes(products, 1, 2)
+    here = np.where((one < other)[:, None, None], products, turned)
+    # An observation without neighbours touches its own exposure twice, the second time with zeros.
+    here = np.where((one == other)[:, None, None], products + turned, here)
+    position = pattern.find(one, other)
+    if np.any(position < 0):
+        raise InconsistentBlockError("An observation touches two images whose block is not in the pattern.")
+    np.add.at(sums.blocks, position, here)
 
 
 def weighted_squares(system: System, state: State) -> float:
@@ -268,32 +334,41 @@ def substitute_back(
 
 
 def whiten(group: ObservationGroup, equations: Linearization) -> Linearization:
-    """The same observation equations with unit weight matrix: every row multiplied by W."""
+    """The same observation equations with unit weight matrix.
+
+    Where errors are correlated over time, every row also has the terms of the observation before.
+    """
+    alone, neighbours = standardize(group, equations), group.stochastic.neighbours
+    return alone if neighbours is None else alone.combined(neighbours, neighbours.whitening)
+
+
+def standardize(group: ObservationGroup, equations: Linearization) -> Linearization:
+    """The same observation equations with every row multiplied by the W of its observation by itself."""
     whitener = group.stochastic.whitener
     terms = tuple(type(term)(term.block, term.index, whitener @ term.jacobian) for term in equations.terms)
-    return Linearization(np.einsum("nij,nj->ni", whitener, equations.misclosure), terms)
+    return Linearization(group.stochastic.standardized(equations.misclosure), terms)
 
 
 def _gathered(
     equations: Linearization, layout: ParameterLayout
-) -> tuple[tuple[Ints, Floats] | None, Floats, tuple[Ints, Floats] | None]:
+) -> tuple[list[tuple[Ints, Floats]], Floats, tuple[Ints, Floats] | None]:
     """Jacobians by kind: (index, (n, m, 6)) of exposures, (n, m, g) of the border, (index, (n, m, 3))."""
     n, m = equations.misclosure.shape
     of_border = np.zeros((n, m, layout.border))
-    of_exposure = of_point = None
+    of_exposures, of_points = list[tuple[Ints, Floats]](), list[tuple[Ints, Floats]]()
     for term in equations.terms:
         if term.block == EXTERIOR_ORIENTATION:
-            of_exposure = (term.index, term.jacobian)
+            of_exposures.append((term.index, term.jacobian))
         elif term.block == OBJECT_POINT:
-            of_point = (term.index, term.jacobian)
+            of_points.append((term.index, term.jacobian))
         else:
             add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
-    if of_point is not None and (of_exposure is not None or np.any(of_border)):
+    if len(of_points) > 1 or (of_points and (of_exposures or np.any(of_border))):
         raise InconsistentBlockError(
             "Only image points may connect object points with other unknowns; the object points are "
             "eliminated first."
         )
-    return of_exposure, of_border, of_point
+    return of_exposures, of_border, of_points[0] if of_points else None
 
 
 def add_border_columns(of_border: Floats, columns: Ints, jacobian: Floats) -> None:

@@ -52,7 +52,10 @@ class Sums:
         )
 
     def add(self, other: Sums, columns: Ints) -> None:
-        """Add the sums of other observations that know only the system parameters in these columns."""
+        """Add the sums of other observations that know only the system parameters in these columns.
+
+        Of their corner only the upper triangle is used.
+        """
         for mine, its in (
             (self.blocks, other.blocks),
             (self.rhs_exposure, other.rhs_exposure),
@@ -60,7 +63,8 @@ class Sums:
         ):
             mine += its
         self.border[:, :, columns] += other.border
-        self.corner[np.ix_(columns, columns)] += other.corner
+        upper = np.triu(other.corner)
+        self.corner[np.ix_(columns, columns)] += upper + np.triu(upper, 1).T
         self.rhs_border[columns] += other.rhs_border
         self.diagonal_border[columns] += other.diagonal_border
 
@@ -85,10 +89,11 @@ def reduce_image_points(
     InconsistentBlockError : if an object point lies behind a camera that sees it.
     """
     rays, pattern = system.observations.image_points, system.pattern
-    columns, compact = _interior_columns(system)
+    columns = system.ray_columns
 
     def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
-        mine = Sums.zero(len(pattern.column), pattern.images, len(columns))
+        mine = Sums.zero(len(pattern.column), pattern.images, len(columns.border))
+        ideal = system.ideal_rays(state, lane)
         return mine, *reduction_kernel.reduce_points(
             *lane,
             system.point_start,
@@ -98,10 +103,12 @@ def reduce_image_points(
             state.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            rays.xy,
+            ideal.xy,
+            ideal.slope,
+            ideal.basis,
             rays.inverse_sigma,
             system.active_point,
-            compact,
+            columns.compact,
             damping,
             pattern.row_start,
             pattern.column,
@@ -121,7 +128,7 @@ def reduce_image_points(
         work, lanes(system.point_start), system.threads
     ):
         _refuse(system.block, behind, undetermined)
-        sums.add(of_lane, columns)
+        sums.add(of_lane, columns.border)
         weighted_squares += squares
         eliminated += reduction
     return weighted_squares, eliminated
@@ -139,6 +146,7 @@ def increments_of_points(
     rays, increments = system.observations.image_points, np.zeros_like(state.object_point)
 
     def work(lane: Lane) -> None:
+        ideal = system.ideal_rays(state, lane)
         reduction_kernel.substitute_back(
             *lane,
             system.point_start,
@@ -148,10 +156,12 @@ def increments_of_points(
             state.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            rays.xy,
+            ideal.xy,
+            ideal.slope,
+            ideal.basis,
             rays.inverse_sigma,
             system.active_point,
-            system.layout.columns[INTERIOR_ORIENTATION],
+            system.ray_columns.of_image,
             point_factor,
             point_rhs,
             of_exposures,
@@ -161,18 +171,6 @@ def increments_of_points(
 
     in_any_order(work, lanes(system.point_start), system.threads)
     return increments
-
-
-def _interior_columns(system: System) -> tuple[Ints, Ints]:
-    """Columns (k,) of the free interior orientations, and those of each camera counted among them alone.
-
-    The image points touch no other system parameter, and a lane need not keep room for the others.
-    """
-    columns = system.layout.columns[INTERIOR_ORIENTATION]
-    free = columns >= 0
-    compact = np.full_like(columns, -1)
-    compact[free] = np.arange(int(free.sum()))
-    return columns[free], compact
 
 
 def _refuse(block: Block, behind: int, undetermined: int) -> None:

@@ -61,12 +61,13 @@ def subtract_product(block, left, right):
 
 @kernel
 def point_normals(
-    rays, image, camera_of_image, centres, rotations, x_in_local, interior, xy, inverse_sigma,
-    misclosure, of_exterior, of_interior, of_point, normal, rhs,
+    rays, base, image, camera_of_image, centres, rotations, x_in_local, interior, ideal, slope, basis,
+    inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
 ):  # fmt: skip
     """Linearise the rays of one point and add A_pᵀ A_p and A_pᵀ l to normal (3, 3) and rhs (3,).
 
     rays is the pair (first, last + 1) of the point's image points; the row arrays are filled from 0.
+    ideal, slope and basis count from the image point ``base``; one slope alone holds for all.
     Returns the weighted square of the misclosures, or −1 if the point lies behind a camera.
     """
     total = 0.0
@@ -74,8 +75,9 @@ def point_normals(
         i = rays[0] + a
         e = image[i]
         front = linearize_ray(
-            centres[e], rotations[e], x_in_local, interior[camera_of_image[e]], xy[i], inverse_sigma[i],
-            misclosure[a], of_exterior[a], of_interior[a], of_point[a],
+            centres[e], rotations[e], x_in_local, interior[camera_of_image[e]], ideal[i - base],
+            slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
+            misclosure[a], of_exterior[a], of_system[a], of_point[a],
         )  # fmt: skip
         if not front and inverse_sigma[i, 0] > 0.0:
             return -1.0
@@ -89,9 +91,90 @@ def point_normals(
 
 
 @kernel
+def nonzero_columns(of_system, columns, values, found):
+    """Free parameters of a ray with a derivative other than zero; returns how many.
+
+    Their derivatives go to values (2, 3 + t), their columns to found (3 + t,), in ascending order. Most
+    terms of composed images are zero outside one CCD.
+    """
+    count = 0
+    for s in range(columns.shape[0]):
+        if columns[s] >= 0 and (of_system[0, s] != 0.0 or of_system[1, s] != 0.0):
+            values[0, count] = of_system[0, s]
+            values[1, count] = of_system[1, s]
+            found[count] = columns[s]
+            count += 1
+    return count
+
+
+@kernel
+def add_system_rows(
+    count, values, found, misclosure, of_exterior, border, corner, rhs_border, diagonal_border,
+):  # fmt: skip
+    """Add what one ray gives to the system parameters it touches; of the corner the upper triangle."""
+    for s in range(count):
+        g = found[s]
+        s0 = values[0, s]
+        s1 = values[1, s]
+        rhs_border[g] += s0 * misclosure[0] + s1 * misclosure[1]
+        diagonal_border[g] += s0 * s0 + s1 * s1
+        for k in range(6):
+            border[k, g] += of_exterior[0, k] * s0 + of_exterior[1, k] * s1
+        for t in range(s, count):
+            corner[g, found[t]] += s0 * values[0, t] + s1 * values[1, t]
+
+
+@kernel
+def subtract_system_rows(touched, local, reduced_border, half, corner, rhs_border):
+    """Subtract Z_g Z_hᵀ and Z_g z of the system parameters that one point touches; the upper triangle."""
+    for u in range(touched):
+        g = local[u]
+        zg = reduced_border[u]
+        rhs_border[g] -= zg[0] * half[0] + zg[1] * half[1] + zg[2] * half[2]
+        for v in range(u, touched):
+            zh = reduced_border[v]
+            h = local[v]
+            product = zg[0] * zh[0] + zg[1] * zh[1] + zg[2] * zh[2]
+            if g <= h:
+                corner[g, h] -= product
+            else:
+                corner[h, g] -= product
+
+
+@kernel
+def subtract_exposure_rows(
+    rays, image, row_start, column, reduced, half, touched, local, reduced_border,
+    blocks, border, rhs_exposure,
+):  # fmt: skip
+    """Subtract Z_a Z_bᵀ, Z_a Z_gᵀ and Z_a z of the rays of one point."""
+    count = rays[1] - rays[0]
+    for a in range(count):
+        e = image[rays[0] + a]
+        za = reduced[a]
+        for k in range(6):
+            rhs_exposure[e, k] -= za[k, 0] * half[0] + za[k, 1] * half[1] + za[k, 2] * half[2]
+        for b in range(a, count):
+            f = image[rays[0] + b]
+            zb = reduced[b]
+            if e <= f:
+                block = blocks[find_block(row_start, column, e, f)]
+                subtract_product(block, za, zb)
+                if e == f and a != b:  # measured twice in one image: the diagonal block gets both
+                    subtract_product(block, zb, za)
+            else:
+                subtract_product(blocks[find_block(row_start, column, f, e)], zb, za)
+        if touched > 0:
+            of_image = border[e]
+            for k in range(6):
+                for u in range(touched):
+                    zg = reduced_border[u]
+                    of_image[k, local[u]] -= za[k, 0] * zg[0] + za[k, 1] * zg[1] + za[k, 2] * zg[2]
+
+
+@kernel
 def reduce_points(
-    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
-    active_point, interior_columns, damping, row_start, column,
+    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
+    basis, inverse_sigma, active_point, columns, damping, row_start, column,
     blocks, border, corner, rhs_exposure, rhs_border, diagonal_exposure, diagonal_border,
     point_normal, point_rhs,
 ):  # fmt: skip
@@ -99,8 +182,10 @@ def reduce_points(
 
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
-    blocks (blocks, 6, 6), border (n, 6, g), corner (g, g), rhs_exposure (n, 6), rhs_border (g) are
-    added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
+    ideal (r, 2), slope (r or 1, 2, 2) and basis (r, 2, t) are those of the lane's image points alone;
+    columns (n, 3 + t) says where the system parameters of each image stand.
+    blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border
+    (g) are added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
 
     Returns (weighted squares, Σ b_pᵀ N_pp⁻¹ b_p, first point behind a camera or −1, first undetermined
     point or −1).
@@ -108,19 +193,23 @@ def reduce_points(
     most = 1
     for j in range(first, last):
         most = max(most, point_start[j + 1] - point_start[j])
+    borders = border.shape[2]
+    width = 3 + basis.shape[2]
+    base = point_start[first]
     misclosure = np.zeros((most, 2))
     of_exterior = np.zeros((most, 2, 6))
-    of_interior = np.zeros((most, 2, 3))
+    of_system = np.zeros((most, 2, width))
     of_point = np.zeros((most, 2, 3))
-    mixed = np.zeros((most, 6, 3))
+    mixed = np.zeros((6, 3))
     reduced = np.zeros((most, 6, 3))
-    borders = border.shape[2]
     mixed_border = np.zeros((borders, 3))
     reduced_border = np.zeros((borders, 3))
+    values = np.zeros((2, width))
+    found = np.zeros(width, np.int64)
     local = np.empty(borders, np.int64)
     position = np.full(borders, -1, np.int64)
     lower = np.zeros((3, 3))
-    half = np.zeros((1, 3))
+    half = np.zeros(3)
     rays = np.zeros(2, np.int64)
     total = 0.0
     eliminated = 0.0
@@ -131,12 +220,11 @@ def reduce_points(
             continue
         rays[0] = point_start[j]
         rays[1] = point_start[j + 1]
-        count = rays[1] - rays[0]
         normal = point_normal[j]
         rhs = point_rhs[j]
         squares = point_normals(
-            rays, image, camera_of_image, centres, rotations, points[j], interior, xy, inverse_sigma,
-            misclosure, of_exterior, of_interior, of_point, normal, rhs,
+            rays, base, image, camera_of_image, centres, rotations, points[j], interior, ideal, slope, basis,
+            inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
         )  # fmt: skip
         if squares < 0.0:
             if behind < 0:
@@ -153,13 +241,12 @@ def reduce_points(
         for k in range(3):
             value = rhs[k]
             for q in range(k):
-                value -= lower[k, q] * half[0, q]
-            half[0, k] = value / lower[k, k]
-            eliminated += half[0, k] * half[0, k]
+                value -= lower[k, q] * half[q]
+            half[k] = value / lower[k, k]
+            eliminated += half[k] * half[k]
         touched = 0
-        for a in range(count):
-            i = rays[0] + a
-            e = image[i]
+        for a in range(rays[1] - rays[0]):
+            e = image[rays[0] + a]
             ae = of_exterior[a]
             diagonal_block = blocks[row_start[e]]
             for k in range(6):
@@ -170,95 +257,66 @@ def reduce_points(
                 for q in range(6):
                     diagonal_block[k, q] += l0 * ae[0, q] + l1 * ae[1, q]
                 for q in range(3):
-                    mixed[a, k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
-            times_inverse_transpose(mixed[a], lower, reduced[a], 6)
+                    mixed[k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
+            times_inverse_transpose(mixed, lower, reduced[a], 6)
             if borders > 0:
-                columns = interior_columns[camera_of_image[e]]
-                for s in range(3):
-                    g = columns[s]
-                    if g < 0:
-                        continue
+                count = nonzero_columns(of_system[a], columns[e], values, found)
+                add_system_rows(
+                    count, values, found, misclosure[a], ae, border[e], corner, rhs_border, diagonal_border
+                )
+                for s in range(count):
+                    g = found[s]
                     if position[g] < 0:
                         position[g] = touched
                         local[touched] = g
                         mixed_border[touched, :] = 0.0
                         touched += 1
-                    s0 = of_interior[a, 0, s]
-                    s1 = of_interior[a, 1, s]
-                    rhs_border[g] += s0 * misclosure[a, 0] + s1 * misclosure[a, 1]
-                    diagonal_border[g] += s0 * s0 + s1 * s1
-                    for k in range(6):
-                        border[e, k, g] += ae[0, k] * s0 + ae[1, k] * s1
                     for q in range(3):
-                        mixed_border[position[g], q] += s0 * of_point[a, 0, q] + s1 * of_point[a, 1, q]
-                    for t in range(3):
-                        h = columns[t]
-                        if h >= 0:
-                            corner[g, h] += s0 * of_interior[a, 0, t] + s1 * of_interior[a, 1, t]
-        for a in range(count):
-            e = image[rays[0] + a]
-            za = reduced[a]
-            for k in range(6):
-                rhs_exposure[e, k] -= za[k, 0] * half[0, 0] + za[k, 1] * half[0, 1] + za[k, 2] * half[0, 2]
-            for b in range(a, count):
-                f = image[rays[0] + b]
-                zb = reduced[b]
-                if e <= f:
-                    block = blocks[find_block(row_start, column, e, f)]
-                    subtract_product(block, za, zb)
-                    if e == f and a != b:  # measured twice in one image: the diagonal block gets both
-                        subtract_product(block, zb, za)
-                else:
-                    subtract_product(blocks[find_block(row_start, column, f, e)], zb, za)
-        if touched > 0:
-            times_inverse_transpose(mixed_border, lower, reduced_border, touched)
-            for u in range(touched):
-                g = local[u]
-                zg = reduced_border[u]
-                rhs_border[g] -= zg[0] * half[0, 0] + zg[1] * half[0, 1] + zg[2] * half[0, 2]
-                for a in range(count):
-                    e = image[rays[0] + a]
-                    for k in range(6):
-                        border[e, k, g] -= (
-                            reduced[a, k, 0] * zg[0] + reduced[a, k, 1] * zg[1] + reduced[a, k, 2] * zg[2]
+                        mixed_border[position[g], q] += (
+                            values[0, s] * of_point[a, 0, q] + values[1, s] * of_point[a, 1, q]
                         )
-                for v in range(touched):
-                    zh = reduced_border[v]
-                    corner[g, local[v]] -= zg[0] * zh[0] + zg[1] * zh[1] + zg[2] * zh[2]
-                position[g] = -1
+        times_inverse_transpose(mixed_border, lower, reduced_border, touched)
+        subtract_exposure_rows(
+            rays, image, row_start, column, reduced, half, touched, local, reduced_border,
+            blocks, border, rhs_exposure,
+        )  # fmt: skip
+        subtract_system_rows(touched, local, reduced_border, half, corner, rhs_border)
+        for u in range(touched):
+            position[local[u]] = -1
     return total, eliminated, behind, undetermined
 
 
 @kernel
 def substitute_back(
-    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, xy, inverse_sigma,
-    active_point, interior_columns, point_factor, point_rhs, of_exposures, of_border, result,
+    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
+    basis, inverse_sigma, active_point, columns, point_factor, point_rhs, of_exposures, of_border, result,
 ):  # fmt: skip
     """Increments dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a) of the object points first … last − 1, to result (m, 3)."""
     misclosure = np.zeros(2)
     of_exterior = np.zeros((2, 6))
-    of_interior = np.zeros((2, 3))
+    of_system = np.zeros((2, 3 + basis.shape[2]))
     of_point = np.zeros((2, 3))
     rhs = np.zeros(3)
+    base = point_start[first]
     for j in range(first, last):
         if not active_point[j]:
             continue
         rhs[:] = point_rhs[j]
         for i in range(point_start[j], point_start[j + 1]):
             e = image[i]
-            camera = camera_of_image[e]
             linearize_ray(
-                centres[e], rotations[e], points[j], interior[camera], xy[i], inverse_sigma[i],
-                misclosure, of_exterior, of_interior, of_point,
+                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
+                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
+                misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             for c in range(2):
                 moved = 0.0
                 for k in range(6):
                     moved += of_exterior[c, k] * of_exposures[e, k]
-                for s in range(3):
-                    g = interior_columns[camera, s]
+                for s in range(columns.shape[1]):
+                    g = columns[e, s]
                     if g >= 0:
-                        moved += of_interior[c, s] * of_border[g]
+                        moved += of_system[c, s] * of_border[g]
                 for k in range(3):
                     rhs[k] -= of_point[c, k] * moved
         lower = point_factor[j]

@@ -15,16 +15,19 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
+from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from adjust.geometry.earth import CartesianFrame, Ellipsoid, LocalFrame, TopocentricFrame
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
+from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
     BORESIGHT,
     FAMILIES,
     GNSS_DRIFT,
@@ -35,6 +38,7 @@ from adjust.parameters import (
     TIME_OFFSET,
     State,
     SystemParameters,
+    additional_family,
 )
 from adjust.solve.normal_equations import Observations
 
@@ -51,12 +55,39 @@ ControlKind = Literal["full", "plan", "height", "covariance"]
 
 
 @dataclass(frozen=True)
+class Polynomials:
+    """Additional parameters in µm at 50 mm: a stretch that comes first, x², xy, x r², shear of a quarter."""
+
+    names: tuple[str, ...]
+
+    @property
+    def first(self) -> Bools:
+        """Which of them come first."""
+        return np.array([name == "test:stretch" for name in self.names])
+
+    def basis(self, xy: Floats) -> Floats:
+        """Corrections (n, 2, k), metres."""
+        u, v = xy[:, 0] / 0.05, xy[:, 1] / 0.05
+        r2, nothing = u**2 + v**2, np.zeros_like(u)
+        terms = {
+            "test:stretch": (50.0 * u, nothing),
+            "test:square": (u**2, nothing),
+            "test:shear": (u * v, v),
+            "test:radial": (u * r2, v * r2),
+            "test:quarter": (np.where((u > 0) & (v > 0), u * v, 0.0), nothing),
+        }
+        return np.stack([np.stack(terms[name], axis=1) for name in self.names], axis=2) * MICROMETRE
+
+
+@dataclass(frozen=True)
 class Plan:
     """What a block consists of.
 
     ``free`` says for each family which parameters are unknown: anything that broadcasts to
     the values. ``priors`` gives a standard deviation (SI) with which a family is observed
-    directly. ``noise_seed`` and ``start_seed`` None: no noise, no disturbance.
+    directly. ``additional``: every camera has a set of additional parameters of its own.
+    ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
+    those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
 
     strips: int = 2
@@ -73,12 +104,15 @@ class Plan:
     ins: bool = True
     free: Mapping[str, object] = field(default_factory=dict)
     priors: Mapping[str, float] = field(default_factory=dict)
+    additional: bool = False
     noise_seed: int | None = None
     start_seed: int | None = None
     sigma_image_m: float = 2.0 * MICROMETRE
     sigma_gnss_m: float = 0.05
     sigma_ins_rad: float = 0.005 * DEGREE
     sigma_control_m: float = 0.03
+    gnss_correlation_s: float | None = None
+    ins_correlation_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +151,11 @@ def two_strips(**switches: object) -> Scene:
     if plan.gnss:
         others.append(_gnss(plan, frame, truth, camera_of_image, flight_of_image, mounting, noise))
     if plan.ins:
-        drawn = _drawn(noise, plan.sigma_ins_rad, (n, 3))
-        weights = StochasticModel.from_sigma(np.full((n, 3), plan.sigma_ins_rad))
+        motion = _motion(plan, frame, centre)
+        drawn = _along_strips(_drawn(noise, plan.sigma_ins_rad, (n, 3)), motion, plan.ins_correlation_s)
+        weights = _over_time(
+            StochasticModel.from_sigma(np.full((n, 3), plan.sigma_ins_rad)), motion, plan.ins_correlation_s
+        )
         # log(R_INSᵀ R_b) = v for the true R_b: R_INS = R_b exp(−v).
         observed = attitude @ rotation.exp(-drawn)
         others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights))
@@ -126,7 +163,7 @@ def two_strips(**switches: object) -> Scene:
         shape = system[family].shape
         given = system[family] + _drawn(noise, sigma, shape)
         weights = StochasticModel.from_sigma(np.full(shape, sigma))
-        others.append(DirectObservations(family, np.arange(shape[0]), given, weights))
+        others.append(DirectObservations(FAMILIES[family], np.arange(shape[0]), given, weights))
     start = _disturbed(plan, truth)
     block = Block(
         frame,
@@ -171,7 +208,22 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
         GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
         GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
         TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
-    }
+    } | ({ADDITIONAL_PARAMETERS: _ADDITIONAL[: plan.cameras]} if plan.additional else {})
+
+
+_TERMS = ("test:square", "test:shear", "test:radial", "test:quarter", "test:stretch")
+# The forward camera has no shear, the other one no quarter and no stretch.
+_ADDITIONAL = np.array([[3.0, 0.0, -4.0, 5.0, 0.6], [-2.0, 3.0, 2.0, 0.0, 0.0]])
+
+
+def _self_calibration(plan: Plan, camera_of_image: Ints) -> SelfCalibration | None:
+    if not plan.additional:
+        return None
+    corrections = tuple(
+        Polynomials(tuple(name for name, value in zip(_TERMS, row, strict=True) if value != 0.0))
+        for row in _ADDITIONAL[: plan.cameras]
+    )
+    return SelfCalibration(_TERMS, corrections, camera_of_image)
 
 
 def _system_parameters(
@@ -180,8 +232,10 @@ def _system_parameters(
     """Given values: the truth of what is held, nominal values of what is free."""
     result = []
     for name, values in truth.items():
-        family = FAMILIES[name]
+        family = additional_family(_TERMS, ("µm",) * 5) if name == ADDITIONAL_PARAMETERS else FAMILIES[name]
         free = np.broadcast_to(np.asarray(plan.free.get(name, False), dtype=bool), values.shape).copy()
+        if name == ADDITIONAL_PARAMETERS:
+            free &= values != 0.0
         nominal = np.zeros_like(values)
         if name == INTERIOR_ORIENTATION:
             nominal[:, 0] = [camera.focal_length for camera in cameras]
@@ -246,9 +300,16 @@ def _image_points(
     seen = inside.sum(axis=1) >= 2
     point, image = np.nonzero(inside[seen])
     measured = xy[seen][point, image]
+    model = _self_calibration(plan, camera_of_image)
+    if model is not None:
+        ideal, principal = measured, interior[image, 1:]
+        for _ in range(20):
+            correction = model.correction(image, measured - principal, truth.system[ADDITIONAL_PARAMETERS])
+            measured = ideal - correction
     measured = measured + _drawn(noise, plan.sigma_image_m, measured.shape)
     sigma = np.full(measured.shape, plan.sigma_image_m)
-    rays = ImagePoints(image, point, camera_of_image, measured, sigma, np.ones(len(image), dtype=bool))
+    active = np.ones(len(image), dtype=bool)
+    rays = ImagePoints(image, point, camera_of_image, measured, sigma, active, model)
     return rays, seen
 
 
@@ -305,6 +366,7 @@ def _gnss(
     local_from_enu = frame.local_from_enu(antenna)
     sigma = np.tile([plan.sigma_gnss_m, plan.sigma_gnss_m, 2.0 * plan.sigma_gnss_m], (len(camera), 1))
     drawn = np.zeros_like(sigma) if noise is None else sigma * noise.normal(size=sigma.shape)
+    drawn = _along_strips(drawn, motion, plan.gnss_correlation_s)
     observed = antenna + np.einsum("nij,nj->ni", local_from_enu, drawn)
     return GnssPositions(
         np.arange(len(camera)),
@@ -313,9 +375,26 @@ def _gnss(
         observed,
         local_from_enu,
         mounting,
-        StochasticModel.from_sigma(sigma),
+        _over_time(StochasticModel.from_sigma(sigma), motion, plan.gnss_correlation_s),
         motion,
     )
+
+
+def _over_time(model: StochasticModel, motion: StripMotion, correlation_s: float | None) -> StochasticModel:
+    """Weights with or without correlation over time."""
+    if correlation_s is None:
+        return model
+    return model.correlated(GaussMarkov(motion.strip, motion.since_middle, correlation_s))
+
+
+def _along_strips(white: Floats, motion: StripMotion, correlation_s: float | None) -> Floats:
+    """Errors (n, 3) with the correlations exp(−|Δt|/τ) within each strip, by a root of their matrix."""
+    if correlation_s is None:
+        return white
+    apart = np.abs(motion.since_middle[:, None] - motion.since_middle)
+    same = motion.strip[:, None] == motion.strip
+    root = np.linalg.cholesky(np.where(same, np.exp(-apart / correlation_s), 0.0))
+    return np.asarray(root @ white)
 
 
 def _motion(plan: Plan, frame: LocalFrame, centre: Floats) -> StripMotion:
@@ -369,6 +448,26 @@ def with_rejected_rays(scene: Scene) -> Scene:
     return replace(scene, observations=replace(scene.observations, image_points=rays.without(taken)))
 
 
+def with_correlated_attitudes(scene: Scene) -> Scene:
+    """The same block with roll, pitch, yaw correlated within each attitude, differently in each."""
+    others = list(scene.observations.others)
+    number, ins = next((k, group) for k, group in enumerate(others) if isinstance(group, InsAttitudes))
+    generator = np.random.default_rng(41)
+    root = np.tril(generator.uniform(-0.5, 0.5, (len(ins.image), 3, 3))) + np.eye(3)
+    covariance = scene.plan.sigma_ins_rad**2 * root @ np.swapaxes(root, 1, 2)
+    model = StochasticModel.from_covariance(covariance, np.ones((len(ins.image), 3), dtype=bool))
+    others[number] = replace(ins, stochastic=replace(model, over_time=ins.stochastic.over_time))
+    return replace(scene, observations=replace(scene.observations, others=tuple(others)))
+
+
+def with_rejected_positions(scene: Scene, rows: tuple[int, ...]) -> Scene:
+    """The same block without some GNSS positions."""
+    others = list(scene.observations.others)
+    number = next(k for k, group in enumerate(others) if isinstance(group, GnssPositions))
+    others[number] = others[number].without(np.isin(np.arange(len(others[number].image)), rows))
+    return replace(scene, observations=replace(scene.observations, others=tuple(others)))
+
+
 ALL_FREE: Mapping[str, object] = {
     INTERIOR_ORIENTATION: True,
     BORESIGHT: True,
@@ -393,11 +492,29 @@ def variants() -> dict[str, Scene]:
         "some_parameters_free": two_strips(free=SOME_FREE, **seeds),
         "everything_free_two_cameras": two_strips(**everything, **seeds),
         "rejected_rays": with_rejected_rays(two_strips(**everything, **seeds)),
+        "additional_parameters_two_cameras": two_strips(
+            **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: True}}, additional=True, **seeds
+        ),
+        "additional_parameters_held": two_strips(additional=True, free=SOME_FREE, **seeds),
         "control_only": two_strips(control=("full",) * 4, gnss=False, ins=False, **seeds),
         "no_control": two_strips(control=(), **seeds),
         "strip_families_and_time_free": two_strips(
             free={GNSS_STRIP_BIAS: True, GNSS_DRIFT: True, TIME_OFFSET: True, BORESIGHT: True},
             priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
             **seeds,
+        ),
+        "correlated_over_time": with_rejected_positions(
+            with_correlated_attitudes(
+                two_strips(
+                    images_per_strip=7,
+                    cameras=2,
+                    free={BORESIGHT: True, GNSS_SHIFT: True, GNSS_STRIP_BIAS: True, LEVER_ARM: True},
+                    priors={GNSS_STRIP_BIAS: 0.05, LEVER_ARM: 0.02},
+                    gnss_correlation_s=12.0,
+                    ins_correlation_s=30.0,
+                    **seeds,
+                )
+            ),
+            rows=(2, 3, 7),
         ),
     }

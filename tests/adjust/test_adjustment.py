@@ -46,7 +46,7 @@ def with_group(scene: Scene, *groups: Any) -> Scene:
 def prior(given: float, sigma: float) -> DirectObservations:
     """One observation of the first component of the lever arm of camera 0."""
     return DirectObservations(
-        LEVER_ARM,
+        FAMILIES[LEVER_ARM],
         np.array([0]),
         np.array([[given, 0.0, 0.0]]),
         StochasticModel.from_sigma(np.array([[sigma, np.nan, np.nan]])),

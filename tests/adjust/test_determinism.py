@@ -20,7 +20,7 @@ from adjust.options import AdjustmentOptions
 from tests.adjust.scenes import ALL_FREE, two_strips
 scene = two_strips(
     strips=6, images_per_strip=12, points_along=40, points_across=24, cameras=2, flights=2,
-    free=ALL_FREE, noise_seed=1, start_seed=2,
+    free=ALL_FREE, noise_seed=1, start_seed=2, gnss_correlation_s=20.0,
 )
 result = adjust_block(scene.block, scene.observations, AdjustmentOptions(critical_value=4.13))
 digest = hashlib.sha256()

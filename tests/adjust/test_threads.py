@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 
 import numpy as np
 
@@ -13,18 +14,18 @@ from adjust.solve.normal_equations import System
 from tests.adjust.scenes import ALL_FREE, Scene, two_strips
 
 
-def block_of_several_lanes() -> Scene:
+def block_of_several_lanes(**switches: object) -> Scene:
     scene = two_strips(
         strips=8, images_per_strip=24, points_along=120, points_across=48, cameras=2, flights=2,
-        free=ALL_FREE, noise_seed=1, start_seed=2,
+        noise_seed=1, start_seed=2, **{"free": ALL_FREE, **switches},
     )  # fmt: skip
     assert len(lanes(System.of(scene.block, scene.observations).point_start)) > 2
     return scene
 
 
-def digest(scene: Scene, threads: int) -> str:
+def digest(scene: Scene, threads: int, **options: Any) -> str:
     """Of everything an adjustment returns in arrays."""
-    result = adjust_block(scene.block, scene.observations, AdjustmentOptions(threads=threads))
+    result = adjust_block(scene.block, scene.observations, AdjustmentOptions(threads=threads, **options))
     found = hashlib.sha256()
     for array in (
         result.state.projection_centre,
@@ -45,6 +46,11 @@ def digest(scene: Scene, threads: int) -> str:
 def test_one_two_and_five_threads_give_the_same_bytes() -> None:
     scene = block_of_several_lanes()
     assert len({digest(scene, threads) for threads in (1, 2, 5)}) == 1
+
+
+def test_a_free_network_has_the_same_bytes_too() -> None:
+    scene = block_of_several_lanes(control=(), gnss=False, ins=False, free={})
+    assert len({digest(scene, threads, free_network="both") for threads in (1, 3)}) == 1
 
 
 def test_an_estimate_without_statistics_has_the_same_bytes_too() -> None:

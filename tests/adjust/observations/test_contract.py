@@ -14,6 +14,7 @@ from adjust.geometry import rotation
 from adjust.observations.base import Linearization, ObservationGroup, Term
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
     EXTERIOR_ORIENTATION,
     FAMILIES,
     INTERIOR_ORIENTATION,
@@ -25,14 +26,21 @@ from tests.adjust.scenes import ALL_FREE, DEGREE, Scene, two_strips
 # Steps of the central differences for each unit. Truncation is of the order of the squared ratio of
 # the step to the scale over which the model bends (1000 m flying height, 1 rad), below 1e-7; rounding
 # stays below 1e-8.
-STEP = {"m": 0.05, "rad": 2e-5, "s": 1e-3, "m/s": 1e-2, "interior": 1e-5}
+STEP = {"m": 0.05, "rad": 2e-5, "s": 1e-3, "m/s": 1e-2, "interior": 1e-5, "1": 0.1}
 
 
 def scene() -> Scene:
     """Everything free, two cameras and flights, the state far from where the observations agree."""
     priors = dict.fromkeys(FAMILIES, 0.01)
-    free = {**ALL_FREE, "gnss_strip_bias": True, "gnss_drift": True, "time_offset": True}
-    return two_strips(cameras=2, flights=2, free=free, priors=priors, noise_seed=31, start_seed=32)
+    strips = {"gnss_strip_bias": True, "gnss_drift": True, "time_offset": True}
+    free = {**ALL_FREE, **strips, ADDITIONAL_PARAMETERS: True}
+    return two_strips(
+        cameras=2, flights=2, additional=True, free=free, priors=priors, noise_seed=31, start_seed=32
+    )
+
+
+def unit_of(family: str) -> str:
+    return "1" if family == ADDITIONAL_PARAMETERS else FAMILIES[family].unit
 
 
 def non_trivial_state(of: Scene) -> State:
@@ -41,8 +49,8 @@ def non_trivial_state(of: Scene) -> State:
     state = of.block.approximate_state()
     system = {}
     for name, values in of.truth.system.items():
-        unit = FAMILIES[name].unit
-        size = 20e-6 if name == INTERIOR_ORIENTATION else {"m": 0.3, "rad": 0.5 * DEGREE}.get(unit, 0.01)
+        size = {"m": 0.3, "rad": 0.5 * DEGREE, "1": 5.0}.get(unit_of(name), 0.01)
+        size = 20e-6 if name == INTERIOR_ORIENTATION else size
         system[name] = values + generator.normal(0.0, size, values.shape)
     return replace(state, system=system)
 
@@ -86,7 +94,7 @@ def unknowns(state: State) -> Iterator[tuple[str, int, int, float]]:
                 elif block == OBJECT_POINT:
                     step = STEP["m"]
                 else:
-                    step = STEP["interior" if block == INTERIOR_ORIENTATION else FAMILIES[block].unit]
+                    step = STEP["interior" if block == INTERIOR_ORIENTATION else unit_of(block)]
                 yield block, entity, component, step
 
 
@@ -135,7 +143,7 @@ def test_derivatives_are_those_of_central_differences(name: str) -> None:
 
 def test_every_observation_type_and_every_family_is_under_contract() -> None:
     families = {term.block for group in GROUPS.values() for term in group.linearize(STATE).terms}
-    assert families == {EXTERIOR_ORIENTATION, OBJECT_POINT, *FAMILIES}
+    assert families == {EXTERIOR_ORIENTATION, OBJECT_POINT, ADDITIONAL_PARAMETERS, *FAMILIES}
     assert {"image_points", "control_points", "gnss_positions", "ins_attitudes"} <= set(GROUPS)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from adjust.adjustment import adjust_block
 from adjust.quality.cofactor import cofactor
 from adjust.quality.redundancy import _residuals, group_residuals
+from adjust.quality.single_error import SingleErrors
 from adjust.solve.gauss_newton import iterate
 from adjust.solve.normal_equations import System
 from tests.adjust.scenes import ALL_FREE, two_strips, with_rejected_rays
@@ -20,11 +21,12 @@ def test_image_points_have_the_residuals_of_the_general_path() -> None:
     short = group_residuals(system, solution.state, quality)[0]
     rays = system.observations.image_points
     xx, xy, yy = quality.hat_of_rays.T
-    general = _residuals(
-        rays, -rays.misclosure(solution.state), np.stack([np.stack([xx, xy]), np.stack([xy, yy])]).T
-    )
+    hat = np.stack([np.stack([xx, xy]), np.stack([xy, yy])]).T
+    residual = -rays.misclosure(solution.state)
+    whitened = residual * rays.inverse_sigma
+    general = _residuals(rays, residual, SingleErrors(whitened, hat, hat, np.ones(len(hat))))
     assert not rays.active.all()
-    for name in ("residual", "redundancy", "standardized", "detectable"):
+    for name in ("residual", "redundancy", "control", "standardized", "detectable"):
         np.testing.assert_allclose(getattr(short, name), getattr(general, name), rtol=1e-10, equal_nan=True)
     np.testing.assert_allclose(short.weighted_squares, general.weighted_squares, rtol=1e-12)
 

@@ -32,6 +32,7 @@ from adjust.simulate.survey import SurveyLayout
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import iterate
 from adjust.solve.normal_equations import Observations, System
+from adjust.weighting import without_swinging
 from tests.adjust.scenes import two_strips
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
 
@@ -228,6 +229,12 @@ def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[.
     # The parts that keep their weights contribute a known share to every q.
     components = np.linalg.solve(exact[np.ix_(free, free)], (q - exact[:, ~free].sum(axis=1))[free])
     np.testing.assert_allclose(components, 1.0, atol=1e-5)
+
+
+def test_a_part_that_turns_back_stops_where_it_would_cross() -> None:
+    """x ← x − 1.9 x swings for ever so long; once it turns back the crossing is known."""
+    step = without_swinging(np.exp([0.9, -0.9, 0.2, 0.2]), np.array([-1.0, -1.0, 0.0, -1.0]))
+    np.testing.assert_allclose(np.log(step), [0.9 / 1.9, -0.9, 0.2, 0.2])
 
 
 @pytest.mark.slow

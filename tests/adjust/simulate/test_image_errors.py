@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Floats
+from adjust.camera.additional.base import Tiles
+from adjust.camera.additional.calibration_axes import format_in_calibration_axes
+from adjust.camera.additional.correction import correction
+from adjust.camera.additional.register import additional_parameters
 from adjust.simulate.image_errors import ImageErrors, ImageErrorSpecification, image_errors_of
 from adjust.simulate.random_streams import RandomStreams, Source
 from tests.adjust.simulate.specifications import CAMERA
@@ -79,3 +83,30 @@ def test_no_error_leaves_coordinates_as_they_are() -> None:
     measured, unique = _errors().measured_from_ideal(_places())
     np.testing.assert_array_equal(measured, _places())
     assert unique.all()
+
+
+def test_errors_of_the_form_of_additional_parameters_are_as_large_as_stated_and_corrected_by_them() -> None:
+    sizes = (("bluh:10", 0.8e-6), ("bluh:7-8", -0.3e-6), ("bluh:50", 0.5e-6))
+    errors = _errors(additional=sizes)
+    image_format = format_in_calibration_axes(
+        CAMERA.half_format, 0, Tiles(*((-float(seam), float(seam)) for seam in errors.seams))
+    )
+    for selection, size in sizes:
+        parameters = additional_parameters(selection, image_format)
+        alone = _errors(additional=((selection, size),))
+        grid = np.stack(np.meshgrid(*(np.linspace(-half, half, 401) for half in HALF)), -1).reshape(-1, 2)
+        if len(parameters.names) == 1:
+            largest = np.linalg.norm(alone.error(grid), axis=1).max()
+            assert largest == pytest.approx(abs(size), rel=1e-2)
+        values = np.linalg.lstsq(
+            parameters.basis(_places()).reshape(-1, len(parameters.names)), -alone.error(_places()).ravel()
+        )[0]
+        assert (np.sign(values) == np.sign(size)).all()
+        np.testing.assert_allclose(
+            alone.error(grid), -correction(parameters, values, grid), atol=1e-12, rtol=0.0
+        )
+    together = sum(_errors(additional=(one,)).error(_places()) for one in sizes)
+    np.testing.assert_allclose(errors.error(_places()), together, atol=1e-18)
+    measured, unique = errors.measured_from_ideal(_places())
+    assert unique.mean() > 0.997
+    np.testing.assert_allclose(errors.ideal_from_measured(measured[unique]), _places()[unique], atol=1e-15)

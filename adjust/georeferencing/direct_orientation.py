@@ -1,0 +1,118 @@
+"""Exterior orientations that follow from GNSS and INS alone, and what their errors come from.
+
+Position and attitude of an exposure are six observation equations (``gnss_position``, ``ins_attitude``) for
+its six elements, so with given system parameters p they have one solution without residuals,
+
+    R_c = R_INS R_B(b) T,    X0 = A − R_INS l − s − β − d (t − t_k) − v Δt,
+
+and the same equations, linearised and solved for the elements, say what the errors of the observations and of
+the parameters make of them:
+
+    dEO = A_EO⁻¹ (dl − A_p dp).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+
+from adjust.arrays import Floats
+from adjust.errors import InconsistentBlockError
+from adjust.geometry import rotation
+from adjust.georeferencing.correlated_noise import correlated_noise
+from adjust.observations.base import Linearization, Term
+from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.ins_attitude import InsAttitudes
+from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, State
+
+
+@dataclass(frozen=True, eq=False)
+class DirectOrientations:
+    """Orientations of n images from GNSS, INS and the system parameters; errors to first order.
+
+    An orientation has six elements: the projection centre along local axes (metres) and a small rotation in
+    the camera frame (radians), R ← R · exp(δ).
+
+    Attributes
+    ----------
+    state : the orientations and the system parameters they were computed with; without object points.
+    of_observations : (n, 6, 6) derivatives of the elements by the image's own position (three components in
+        the axes it is weighted in) and attitude (small rotations in body axes).
+    of_noise : (n, 6, 6) the same by errors of unit variance: times its transpose it is the covariance that
+        the a-priori standard deviations of GNSS and INS give the elements of an image.
+    over_time : (6 n, 6 n) the errors of unit variance from independent ones; None where they are independent.
+    terms : derivatives (n, 6, d) of the elements by the families of system parameters.
+    """
+
+    state: State
+    of_observations: Floats
+    of_noise: Floats
+    over_time: scipy.sparse.csr_array | None
+    terms: tuple[Term, ...]
+
+    @property
+    def images(self) -> int:
+        """Number of images n."""
+        return len(self.of_observations)
+
+
+def direct_orientations(
+    gnss: GnssPositions, ins: InsAttitudes, system: Mapping[str, Floats]
+) -> DirectOrientations:
+    """Orientations of all images from their positions and attitudes.
+
+    Parameters
+    ----------
+    gnss, ins : one position and one attitude of every image, all with every component.
+    system : family of system parameters → (entities, components), SI and radians.
+
+    Raises
+    ------
+    InconsistentBlockError : if an image lacks its position or attitude, or a component of them.
+    """
+    every_image = np.arange(len(gnss.image))
+    if not (np.array_equal(gnss.image, every_image) and np.array_equal(ins.image, every_image)):
+        raise InconsistentBlockError(
+            "Direct georeferencing needs one position and one attitude of every image."
+        )
+    if not (gnss.stochastic.present.all() and ins.stochastic.present.all()):
+        raise InconsistentBlockError("A position or an attitude lacks a component.")
+    inertial_from_body = rotation.from_roll_pitch_yaw(system[BORESIGHT])[ins.camera]
+    local_from_camera = ins.observed @ inertial_from_body @ ins.body_from_camera
+    state = State(gnss.observed, local_from_camera, np.zeros((0, 3)), system)
+    # The projection centre enters its equation linearly, so one correction is exact.
+    correction = np.einsum("nij,nj->ni", gnss.local_from_enu, gnss.linearize(state).misclosure)
+    state = replace(state, projection_centre=state.projection_centre + correction)
+    position, attitude = gnss.linearize(state), ins.linearize(state)
+    of_elements = np.concatenate([_of_elements(position), _of_elements(attitude)], axis=1)
+    of_observations = np.asarray(np.linalg.inv(of_elements), np.float64)
+    spread = np.zeros_like(of_observations)
+    spread[:, :3, :3] = np.linalg.inv(gnss.stochastic.whitener)
+    spread[:, 3:, 3:] = np.linalg.inv(ins.stochastic.whitener)
+    terms = tuple(
+        replace(term, jacobian=-of_observations @ term.jacobian) for term in _system_terms(position, attitude)
+    )
+    over_time = correlated_noise(gnss.stochastic, ins.stochastic)
+    return DirectOrientations(state, of_observations, of_observations @ spread, over_time, terms)
+
+
+def _of_elements(equations: Linearization) -> Floats:
+    """Derivatives (n, 3, 6) of three equations of each image by its elements."""
+    return next(term.jacobian for term in equations.terms if term.block == EXTERIOR_ORIENTATION)
+
+
+def _system_terms(position: Linearization, attitude: Linearization) -> tuple[Term, ...]:
+    """Derivatives (n, 6, d) of all six equations by each family of system parameters."""
+    stacked: dict[str, Term] = {}
+    for equations, rows in ((position, slice(0, 3)), (attitude, slice(3, 6))):
+        for term in equations.terms:
+            if term.block == EXTERIOR_ORIENTATION:
+                continue
+            if term.block not in stacked:
+                n, _, parameters = term.jacobian.shape
+                stacked[term.block] = Term(term.block, term.index, np.zeros((n, 6, parameters)))
+            stacked[term.block].jacobian[:, rows] = term.jacobian
+    return tuple(stacked.values())

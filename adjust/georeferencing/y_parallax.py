@@ -1,0 +1,164 @@
+"""y-parallaxes of stereo models with given orientations.
+
+Two rays meet if they lie in one plane with the base. In the base frame (e_x along the base B, e_z as near as
+possible to the mean axis of the two cameras, e_y = e_z × e_x) a ray d through an image point, brought to the
+principal distance c, has y' = −c d_y/d_z, and the y-parallax is
+
+    p_y = y'_left − y'_right = −c (d_l × d_r)·B / (|B| (d_l·e_z)(d_r·e_z)),
+
+zero for rays that meet. It is an error of the *relative* orientation of the two images, in the image: unlike
+differences at check points it needs no survey, and it is what a stereo operator sees.
+
+Derivatives hold the denominator: its changes are multiplied by p_y/c, some 1e-4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.georeferencing.error_sources import ErrorSources, Sensitivity, sensitivity
+from adjust.georeferencing.stereo_model import CommonPoints
+from adjust.observations.base import Term
+from adjust.observations.image_point import IdealRays, ImagePoints
+from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION, State
+
+
+@dataclass(frozen=True, eq=False)
+class YParallaxes:
+    """y-parallaxes of q common points.
+
+    Attributes
+    ----------
+    common : the points.
+    parallax : (q,) left minus right, metres in the image.
+    by_image_points : (q,) variance that comes from the image coordinates, m².
+    sensitivity : of the parallaxes to all other sources.
+    of_relative_orientation : (q, 5) derivatives by the elements of the relative orientation: the base along
+        e_y and e_z over its length, and the rotation of the right image.
+    """
+
+    common: CommonPoints
+    parallax: Floats
+    by_image_points: Floats
+    sensitivity: Sensitivity
+    of_relative_orientation: Floats
+
+    def variance(self) -> Floats:
+        """(q,) variance of each parallax from all sources, m²."""
+        return self.by_image_points + self.sensitivity.variance()
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """One ray of each of q pairs: index of the image point, image, ray (q, 3) in camera and in local axes."""
+
+    index: Ints
+    image: Ints
+    in_camera: Floats
+    in_local: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Geometry of q pairs of rays.
+
+    Attributes
+    ----------
+    left, right : the rays.
+    base : (q, 3) from the left to the right projection centre, local axes, metres.
+    e_y, e_z : (q, 3) axes of the base frame in local axes.
+    scale : (q,) −c / (|B| (d_l·e_z)(d_r·e_z)).
+    """
+
+    left: _Rays
+    right: _Rays
+    base: Floats
+    e_y: Floats
+    e_z: Floats
+    scale: Floats
+
+    @cached_property
+    def across(self) -> Floats:
+        """(q, 3) d_l × d_r, local axes."""
+        return np.cross(self.left.in_local, self.right.in_local)
+
+    def gradients(self, local_from_camera: Floats) -> tuple[Floats, Floats]:
+        """Derivatives (q, 3) of the parallaxes by the left and by the right ray, in camera axes."""
+        of_left = np.cross(self.right.in_local, self.base)
+        of_right = np.cross(self.base, self.left.in_local)
+        left, right = (
+            np.einsum("qji,qj->qi", local_from_camera[side.image], self.scale[:, None] * gradient)
+            for side, gradient in ((self.left, of_left), (self.right, of_right))
+        )
+        return left, right
+
+
+def y_parallaxes(rays: ImagePoints, sources: ErrorSources, common: CommonPoints) -> YParallaxes:
+    """y-parallaxes of common points with the orientations of the sources, and what they come from."""
+    state = sources.orientations.state
+    names = () if rays.self_calibration is None else rays.self_calibration.names
+    ideal = rays.ideal(state, np.arange(len(names)), with_slope=True)
+    pairs = _pairs(rays, state, ideal, common)
+    of_left_ray, of_right_ray = pairs.gradients(state.local_from_camera)
+    of_base = pairs.scale[:, None] * pairs.across
+    of_left = np.concatenate([-of_base, np.cross(pairs.left.in_camera, of_left_ray)], axis=1)
+    of_right = np.concatenate([of_base, np.cross(pairs.right.in_camera, of_right_ray)], axis=1)
+    gradient = np.concatenate([of_left_ray, of_right_ray])
+    ray, q = np.concatenate([common.left, common.right]), len(common.model)
+    noise = np.sum((gradient[:, :2] * rays.sigma[ray]) ** 2, axis=1)
+    length = np.linalg.norm(pairs.base, axis=1)
+    of_direction = [length * np.sum(of_base * axis, axis=1) for axis in (pairs.e_y, pairs.e_z)]
+    errors = sensitivity(
+        sources,
+        q,
+        np.tile(np.arange(q), 2),
+        rays.image[ray],
+        np.concatenate([of_left, of_right])[:, None, :],
+        _system_terms(rays, ideal, ray, gradient),
+    )
+    return YParallaxes(
+        common,
+        pairs.scale * np.sum(pairs.across * pairs.base, axis=1),
+        noise[:q] + noise[q:],
+        errors,
+        np.column_stack([*of_direction, of_right[:, 3:]]),
+    )
+
+
+def _pairs(rays: ImagePoints, state: State, ideal: IdealRays, common: CommonPoints) -> _Pairs:
+    """The two rays of each common point, and their base frame."""
+    interior = state.system[INTERIOR_ORIENTATION][rays.camera_of_image[rays.image]]
+    in_camera = np.column_stack([ideal.xy - interior[:, 1:], -interior[:, 0]])
+    in_local = np.einsum("rij,rj->ri", state.local_from_camera[rays.image], in_camera)
+    left, right = (
+        _Rays(index, rays.image[index], in_camera[index], in_local[index])
+        for index in (common.left, common.right)
+    )
+    base = state.projection_centre[right.image] - state.projection_centre[left.image]
+    length = np.linalg.norm(base, axis=1)
+    e_x = base / length[:, None]
+    upwards = state.local_from_camera[left.image, :, 2] + state.local_from_camera[right.image, :, 2]
+    upwards = upwards - np.sum(upwards * e_x, axis=1, keepdims=True) * e_x
+    e_z = upwards / np.linalg.norm(upwards, axis=1, keepdims=True)
+    depths = np.sum(left.in_local * e_z, axis=1) * np.sum(right.in_local * e_z, axis=1)
+    return _Pairs(left, right, base, np.cross(e_z, e_x), e_z, -interior[common.left, 0] / (length * depths))
+
+
+def _system_terms(rays: ImagePoints, ideal: IdealRays, ray: Ints, gradient: Floats) -> tuple[Term, ...]:
+    """Derivatives (r, 1, d) by the interior orientation and the additional parameters.
+
+    The ray is (x̄ + Δ, ȳ + Δ, −c) with x̄ = x − x0, so x0, y0 enter by −(I + ∂Δ/∂(x̄, ȳ)).
+    """
+    slope = np.broadcast_to(ideal.slope, (len(rays.image), 2, 2))[ray] + np.eye(2)
+    in_plane = gradient[:, None, :2]
+    of_interior = np.concatenate([-gradient[:, None, 2:], -in_plane @ slope], axis=2)
+    image = rays.image[ray]
+    terms = [Term(INTERIOR_ORIENTATION, rays.camera_of_image[image], of_interior)]
+    if rays.self_calibration is not None:
+        entity = rays.self_calibration.entity_of_image[image]
+        terms.append(Term(ADDITIONAL_PARAMETERS, entity, in_plane @ ideal.basis[ray]))
+    return tuple(terms)

@@ -1,0 +1,73 @@
+"""Joint cofactors of some object points, which the selected inverse does not hold.
+
+With N_j the normal matrix of point j, C_j its mixed part with exposures and system parameters, and S the
+reduced system,
+
+    Q_ij = δ_ij N_j⁻¹ + N_i⁻¹ C_iᵀ S⁻¹ C_j N_j⁻¹.
+
+S⁻¹ C_j N_j⁻¹ takes one solution with the factors that are there for each coordinate, so this is for
+some hundred points, not for all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.normal_equations import System, add_border_columns, whiten
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixed:
+    """C of k points: (r, 6, 3) of every ray with its image and point (0 … k − 1), (k, g, 3) of the border."""
+
+    of_rays: Floats
+    image: Ints
+    point: Ints
+    of_border: Floats
+
+
+def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
+    """Cofactor matrix (k, 3, k, 3) of object points (k,), all different and active; local axes, m²."""
+    k, n = len(points), system.layout.images
+    half = np.linalg.inv(solution.normals.point_factor[points])
+    own = np.swapaxes(half, 1, 2) @ half
+    mixed = _mixed(system, solution, points)
+    joint = np.zeros((k, 3, k, 3))
+    for j in range(k):
+        rays = np.flatnonzero(mixed.point == j)
+        for c in range(3):
+            of_exposures = np.zeros((n, 6))
+            np.add.at(of_exposures, mixed.image[rays], mixed.of_rays[rays] @ own[j, :, c])
+            x, border = solution.factorization.factor.solve(of_exposures, mixed.of_border[j] @ own[j, :, c])
+            projected = np.einsum("kgi,g->ki", mixed.of_border, border)
+            np.add.at(projected, mixed.point, np.einsum("rqi,rq->ri", mixed.of_rays, x[mixed.image]))
+            joint[:, :, j, c] = np.einsum("kil,kl->ki", own, projected)
+    joint[np.arange(k), :, np.arange(k), :] += own
+    return joint
+
+
+def _mixed(system: System, solution: Solution, points: Ints) -> _Mixed:
+    """Mixed parts of the normal equations, from the rays of these points alone."""
+    rays, g = system.observations.image_points, system.layout.border
+    place = np.full(system.layout.points, -1, dtype=np.int64)
+    place[points] = np.arange(len(points))
+    part = rays.only(np.flatnonzero((place[rays.point] >= 0) & rays.active))
+    equations = whiten(part, part.linearize(solution.state))
+    of_border = np.zeros((len(part.image), 2, g))
+    of_exposure, of_point = np.zeros((len(part.image), 2, 6)), np.zeros((len(part.image), 2, 3))
+    for term in equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            of_exposure = term.jacobian
+        elif term.block == OBJECT_POINT:
+            of_point = term.jacobian
+        else:
+            add_border_columns(of_border, system.layout.columns[term.block][term.index], term.jacobian)
+    point = place[part.point]
+    border = np.zeros((len(points), g, 3))
+    np.add.at(border, point, np.swapaxes(of_border, 1, 2) @ of_point)
+    return _Mixed(np.swapaxes(of_exposure, 1, 2) @ of_point, part.image, point, border)

@@ -1,0 +1,124 @@
+"""What an error of one observation alone does, and what can be seen of it.
+
+With e_i the standardized errors of observation i (m components) and T the inverse of their correlations over
+time (the unit matrix without any), an error of observation i alone shows in
+
+    z_i = Σ_j T_ij u_j,    u = W v,    with the cofactor  T_ii I − Σ_jk T_ij G_jk T_ki,    G = A Q Aᵀ
+
+because the neighbours' residuals let part of the error of i be expected. The sums run over i and its
+neighbours in the strip, so they need the cofactors of successive exposures and of those on either side of
+one. For an observation that takes no part z_i is T_ii times the difference between it and its prediction
+from the adjustment and its neighbours, and the second term is added in place of subtracted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.observations.base import Linearization, ObservationGroup
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
+from adjust.quality.cofactor import Cofactor
+from adjust.solve.normal_equations import add_border_columns, standardize
+
+
+@dataclass(frozen=True, eq=False)
+class SingleErrors:
+    """How every observation of a group answers to an error of its own.
+
+    Attributes
+    ----------
+    pull : (n, m) z, of residuals adjusted − observed; without correlation over time u = W v.
+    hat : (n, m, m) Σ_jk T_ij G_jk T_ki; without correlation the hat matrix G_ii.
+    leverage : (n, m, m) L = Σ_j G_ij T_ji: the standardized observation has Q_vv P = I − L; without
+        correlation the hat matrix.
+    weight : (n,) T_ii; without correlation 1.
+    """
+
+    pull: Floats
+    hat: Floats
+    leverage: Floats
+    weight: Floats
+
+    @property
+    def inside(self) -> Floats:
+        """Cofactor (n, m, m) of the pull of an observation that takes part."""
+        return self.weight[:, None, None] * np.eye(self.hat.shape[1]) - self.hat
+
+    @property
+    def outside(self) -> Floats:
+        """Cofactor (n, m, m) of the pull of an observation that takes no part."""
+        return self.weight[:, None, None] * np.eye(self.hat.shape[1]) + self.hat
+
+
+def single_errors(
+    group: ObservationGroup,
+    equations: Linearization,
+    layout: ParameterLayout,
+    cofactor: Cofactor,
+    taking_part: Bools | None = None,
+) -> SingleErrors:
+    """Errors of single observations of a group at the state where it was linearised.
+
+    Parameters
+    ----------
+    equations : as linearised, not whitened.
+    taking_part : (n,) observations in the adjustment that the cofactors belong to; None: those the group has.
+    """
+    alone = standardize(group, equations)
+    over_time, neighbours = group.stochastic.over_time, group.stochastic.neighbours
+    if over_time is None or neighbours is None:
+        hat = hat_matrices(alone, alone, layout, cofactor)
+        return SingleErrors(-alone.misclosure, hat, hat, np.ones(len(hat)))
+    if taking_part is not None:
+        neighbours = over_time.neighbours(taking_part)
+    pulled = alone.combined(neighbours, neighbours.weights)
+    return SingleErrors(
+        -pulled.misclosure,
+        hat_matrices(pulled, pulled, layout, cofactor),
+        hat_matrices(alone, pulled, layout, cofactor),
+        neighbours.weights.own,
+    )
+
+
+def hat_matrices(
+    equations: Linearization, others: Linearization, layout: ParameterLayout, cofactor: Cofactor
+) -> Floats:
+    """A Q Bᵀ (n, m, m) between the rows of each observation in one set of equations and in another."""
+    of_border, of_exposures, of_point = _by_kind(equations, layout)
+    same = others is equations
+    other_border, other_exposures, other_point = (
+        (of_border, of_exposures, of_point) if same else _by_kind(others, layout)
+    )
+    if of_point is not None and other_point is not None:
+        point, jacobian = of_point
+        return jacobian @ cofactor.of_points[point] @ np.swapaxes(other_point[1], 1, 2)
+    reduced = cofactor.reduced
+    transposed = np.swapaxes(other_border, 1, 2)
+    hat: Floats = of_border @ reduced.corner @ transposed
+    for image, jacobian in of_exposures:
+        hat = hat + jacobian @ reduced.border[image] @ transposed
+        for other, its in other_exposures:
+            hat = hat + jacobian @ reduced.between(image, other) @ np.swapaxes(its, 1, 2)
+    for other, its in other_exposures:
+        hat = hat + of_border @ np.swapaxes(its @ reduced.border[other], 1, 2)
+    return hat
+
+
+def _by_kind(
+    equations: Linearization, layout: ParameterLayout
+) -> tuple[Floats, list[tuple[Ints, Floats]], tuple[Ints, Floats] | None]:
+    """Jacobians (n, m, g) of the border, those of exposures and of object points with their indices."""
+    n, m = equations.misclosure.shape
+    of_border = np.zeros((n, m, layout.border))
+    of_exposures, of_point = list[tuple[Ints, Floats]](), None
+    for term in equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            of_exposures.append((term.index, term.jacobian))
+        elif term.block == OBJECT_POINT:
+            of_point = (term.index, term.jacobian)
+        else:
+            add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
+    return of_border, of_exposures, of_point

@@ -1,0 +1,64 @@
+"""Elimination of the object points from right-hand sides alone, compiled.
+
+The matrix is factorised already; what is left of s = b_q − N_qp N_pp⁻¹ b_p for another b is a walk over
+the rays: N_qp b = Σ A_qᵀ (A_p b), ray by ray.
+"""
+
+import numpy as np
+
+from adjust.compiled import kernel
+from adjust.observations.image_point_kernel import linearize_ray
+
+
+@kernel
+def subtract_eliminated(
+    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
+    slope, basis, inverse_sigma, active_point, compact, point_factor, rhs_point, rhs_exposure, rhs_border,
+):  # fmt: skip
+    """Subtract N_qp N_pp⁻¹ b_p of the object points first_point … last_point − 1.
+
+    rhs_point (m, 3, d) is b_p; rhs_exposure (n, 6, d) and rhs_border (k, d), of the system parameters
+    that rays touch, are changed. ideal, slope and basis are those of these points' rays alone.
+    """
+    width = rhs_point.shape[2]
+    misclosure = np.zeros(2)
+    of_exterior = np.zeros((2, 6))
+    of_system = np.zeros((2, compact.shape[1]))
+    of_point = np.zeros((2, 3))
+    solved = np.zeros((3, width))
+    base = point_start[first_point]
+    for j in range(first_point, last_point):
+        if not active_point[j]:
+            continue
+        lower = point_factor[j]
+        for t in range(width):
+            for k in range(3):
+                value = rhs_point[j, k, t]
+                for q in range(k):
+                    value -= lower[k, q] * solved[q, t]
+                solved[k, t] = value / lower[k, k]
+            for k in range(2, -1, -1):
+                value = solved[k, t]
+                for q in range(k + 1, 3):
+                    value -= lower[q, k] * solved[q, t]
+                solved[k, t] = value / lower[k, k]
+        for i in range(point_start[j], point_start[j + 1]):
+            e = image[i]
+            linearize_ray(
+                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
+                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
+                misclosure, of_exterior, of_system, of_point,
+            )  # fmt: skip
+            for c in range(2):
+                for t in range(width):
+                    seen = (
+                        of_point[c, 0] * solved[0, t]
+                        + of_point[c, 1] * solved[1, t]
+                        + of_point[c, 2] * solved[2, t]
+                    )
+                    for k in range(6):
+                        rhs_exposure[e, k, t] -= of_exterior[c, k] * seen
+                    for s in range(compact.shape[1]):
+                        g = compact[e, s]
+                        if g >= 0:
+                            rhs_border[g, t] -= of_system[c, s] * seen

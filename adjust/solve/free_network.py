@@ -1,0 +1,188 @@
+"""Free network: where observations leave the datum open, the approximate values carry it.
+
+The movements of the whole block that no observation notices are the columns of G: N G = 0. They are
+combinations of the seven similarity movements, and of system parameters that go with them (a GNSS shift
+with a shift of the block). Of the infinitely many solutions the one is taken whose corrections to the
+approximate values of chosen unknowns have the least norm; its inner constraints are
+
+    G_selᵀ (x − x⁰) = 0
+
+with the rows of the chosen unknowns in G_sel (Meissl 1962). The dense border of
+
+    [ N       G_sel ]
+    [ G_selᵀ    0   ]
+
+is never formed. A few unknowns of exposures, as many as there are open movements and as far apart as
+possible, get the weight w of an observation of their own, N + Hᵀ w H. As b ⟂ G, that moves nothing:
+H dx = 0. From this minimal datum a movement G t leads to the inner constraints; residuals and
+redundancy numbers notice none of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from adjust.arrays import Floats
+from adjust.errors import InconsistentBlockError
+from adjust.parameters import InnerConstraints, State
+from adjust.solve.datum import datum_basis, movements_of_points, noticed_movements
+from adjust.solve.full_vectors import FullVectors
+from adjust.solve.normal_equations import ReducedNormals, System, add_border_columns, whiten
+
+# Information below this part of what an exposure's own observations would give alone is rounding: with it
+# the normal equations would count as singular.
+_UNNOTICED = 1e-9
+# Part of a movement, squared, that must lie in exposures, or in the chosen unknowns.
+_MOVES = 1e-10
+# A system parameter that takes less than this part in a movement takes none.
+_STILL = 1e-12
+# No exposure is moved by the datum by more than this part of the σ it would have alone any more.
+_SETTLED = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class OpenMovements:
+    """The movements of a block that its observations leave open, at one state.
+
+    Attributes
+    ----------
+    vectors : G; its chosen rows are orthonormal, G_selᵀ G_sel = I.
+    constrained : the chosen unknowns.
+    """
+
+    vectors: FullVectors
+    constrained: InnerConstraints
+
+    @property
+    def defect(self) -> int:
+        """Number d of open movements."""
+        return self.vectors.count
+
+    @property
+    def selected(self) -> FullVectors:
+        """G_sel: the rows of the chosen unknowns, zero elsewhere."""
+        return _selected(self.vectors, self.constrained)
+
+    def held(self, normals: ReducedNormals) -> ReducedNormals:
+        """Normal equations N + Hᵀ w H: d unknowns of exposures hold the datum."""
+        n = normals.pattern.images
+        weight = normals.diagonal_exposure.ravel()
+        scaled = np.sqrt(weight)[:, None] * self.vectors.of_exposures.reshape(6 * n, self.defect)
+        # The first d pivots: each unknown that moves most with what the ones before leave free.
+        *_, order = scipy.linalg.qr(scaled.T, mode="economic", pivoting=True)
+        exposure, component = np.divmod(order[: self.defect], 6)
+        blocks = normals.blocks.copy()
+        blocks[normals.pattern.diagonal[exposure], component, component] += weight[order[: self.defect]]
+        return replace(normals, blocks=blocks)
+
+    def towards_approximate_values(
+        self, system: System, state: State, of_exposures: Floats, of_points: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """The movement G t, (n, 6), (g,), (m, 3), after which the inner constraints are kept.
+
+        G_selᵀ (x + dx + G t − x⁰) = 0 for increments dx of the exposures (n, 6) and points (m, 3).
+        """
+        start, chosen = system.block.approximate_state(), self.selected
+        centres = state.projection_centre + of_exposures[:, :3] - start.projection_centre
+        points = state.object_point + of_points - start.object_point
+        t = -np.einsum("nid,ni->d", chosen.of_exposures[:, :3], centres)
+        t -= np.einsum("mid,mi->d", chosen.of_points, points)
+        return self.vectors.of_exposures @ t, self.vectors.of_border @ t, self.vectors.of_points @ t
+
+
+def settled(normals: ReducedNormals, added: Floats) -> bool:
+    """Whether a movement (n, 6) added for the datum is negligible for every exposure."""
+    return bool(np.all(np.abs(added) * np.sqrt(normals.diagonal_exposure) < _SETTLED))
+
+
+def open_movements(system: System, state: State, normals: ReducedNormals) -> OpenMovements | None:
+    """The movements that nothing notices; None where the network is not free or nothing is open.
+
+    Image points notice none of the seven, and every system parameter they know; so the other groups decide.
+
+    Raises
+    ------
+    InconsistentBlockError : if the chosen unknowns cannot carry the datum.
+    """
+    if system.inner_constraints is None:
+        return None
+    movements = datum_basis(state)
+    coefficients, of_border = _unnoticed(system, state, normals, movements)
+    if coefficients.shape[1] == 0:
+        return None
+    of_points = movements_of_points(state, np.arange(system.layout.points)) @ coefficients
+    vectors = FullVectors(
+        movements @ coefficients, of_border, np.where(system.active_point[:, None, None], of_points, 0.0)
+    )
+    return OpenMovements(_orthonormal(vectors, system.inner_constraints), system.inner_constraints)
+
+
+def _unnoticed(
+    system: System, state: State, normals: ReducedNormals, movements: Floats
+) -> tuple[Floats, Floats]:
+    """Coefficients (7, d) of the similarity movements and rows (g, d) of the system parameters."""
+    g = system.layout.border
+    # What rays know does not move with the block.
+    along = np.setdiff1d(np.arange(g), system.ray_columns.border)
+    information = np.zeros((7 + len(along), 7 + len(along)))
+    for group in system.observations.others:
+        equations = whiten(group, group.linearize(state))
+        of_border = np.zeros((*equations.misclosure.shape, g))
+        for term in equations.terms:
+            if term.block in system.layout.columns:
+                columns = system.layout.columns[term.block][term.index]
+                add_border_columns(of_border, columns, term.jacobian)
+        noticed = np.concatenate([noticed_movements(equations, state, movements), of_border[:, :, along]], 2)
+        rows = noticed.reshape(-1, 7 + len(along))
+        information += rows.T @ rows
+    scale = _scale(normals, movements, normals.diagonal_border[along])
+    values, vectors = np.linalg.eigh(scale.T @ information @ scale)
+    null = vectors[:, values < _UNNOTICED]
+    null[7:][np.abs(null[7:]) < _STILL] = 0.0
+    # What moves system parameters only is no datum: it stays, and is refused as a singularity.
+    _, sizes, turned = np.linalg.svd(null[:7], full_matrices=False)
+    found = scale @ null @ turned[sizes**2 > _MOVES].T
+    of_border = np.zeros((g, found.shape[1]))
+    of_border[along] = found[7:]
+    return found[:7], of_border
+
+
+def _scale(normals: ReducedNormals, movements: Floats, diagonal: Floats) -> Floats:
+    """Units T of movements and system parameters: metres and radians cannot be compared.
+
+    TᵀC T of the information C is one where it is as large as that of one exposure, or of one system
+    parameter, if all else were known.
+    """
+    metric = np.einsum("nik,ni,nil->kl", movements, normals.diagonal_exposure, movements) / len(movements)
+    scale = np.diag(np.concatenate([np.ones(7), 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))]))
+    scale[:7, :7] = np.linalg.inv(np.linalg.cholesky(metric)).T
+    return scale
+
+
+def _selected(vectors: FullVectors, constrained: InnerConstraints) -> FullVectors:
+    """The rows of the chosen unknowns, zero elsewhere."""
+    of_exposures = np.zeros_like(vectors.of_exposures)
+    of_points = np.zeros_like(vectors.of_points)
+    if constrained != "object_points":
+        of_exposures[:, :3] = vectors.of_exposures[:, :3]
+    if constrained != "projection_centres":
+        of_points = vectors.of_points
+    return FullVectors(of_exposures, np.zeros_like(vectors.of_border), of_points)
+
+
+def _orthonormal(vectors: FullVectors, constrained: InnerConstraints) -> FullVectors:
+    """The same movements with G_selᵀ G_sel = I."""
+    chosen = _selected(vectors, constrained)
+    gram = chosen.dot(chosen)
+    values = np.linalg.eigvalsh(gram)
+    if values[0] <= _MOVES * values[-1]:
+        words = {"object_points": "object points", "projection_centres": "projection centres"}
+        named = words.get(constrained, "projection centres and object points")
+        raise InconsistentBlockError(
+            f"The {named} cannot carry the datum of a free network: a movement of the block that the "
+            "observations leave open does not move them, such as a rotation about the line on which they lie."
+        )
+    return vectors.times(np.linalg.inv(np.linalg.cholesky(gram)).T)

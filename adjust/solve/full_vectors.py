@@ -1,0 +1,117 @@
+"""Vectors over all unknowns, and solutions N x = b of the full normal equations for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.solve import elimination_kernel
+from adjust.solve.factorization import Factorization
+from adjust.solve.lanes import Lane, in_order, lanes
+from adjust.solve.normal_equations import System, substitute_back
+
+
+@dataclass(frozen=True, eq=False)
+class FullVectors:
+    """Some vectors (u, d) over the unknowns, in the three parts the normal equations have.
+
+    Attributes
+    ----------
+    of_exposures : (n, 6, d).  of_border : (g, d).
+    of_points : (m, 3, d); zero for object points that take no part.
+    """
+
+    of_exposures: Floats
+    of_border: Floats
+    of_points: Floats
+
+    @property
+    def count(self) -> int:
+        """Number d of vectors."""
+        return int(self.of_border.shape[1])
+
+    def times(self, matrix: Floats) -> FullVectors:
+        """Their combinations with a matrix (d, k)."""
+        return FullVectors(
+            self.of_exposures @ matrix, self.of_border @ matrix, np.asarray(self.of_points @ matrix)
+        )
+
+    def minus(self, other: FullVectors) -> FullVectors:
+        """Their differences from as many other vectors."""
+        return FullVectors(
+            self.of_exposures - other.of_exposures,
+            self.of_border - other.of_border,
+            self.of_points - other.of_points,
+        )
+
+    def dot(self, other: FullVectors) -> Floats:
+        """Scalar products (d, k) with k other vectors."""
+        products: Floats = (
+            self.of_exposures.reshape(-1, self.count).T @ other.of_exposures.reshape(-1, other.count)
+            + self.of_border.T @ other.of_border
+            + self.of_points.reshape(-1, self.count).T @ other.of_points.reshape(-1, other.count)
+        )
+        return products
+
+
+def solve_full(
+    system: System, state: State, factorization: Factorization, right_hand_sides: FullVectors
+) -> FullVectors:
+    """Solutions N x = b of the factorised normal equations for several b.
+
+    Parameters
+    ----------
+    state : that of linearisation.
+    """
+    normals = factorization.normals
+    rhs_exposure, rhs_border = _reduced(system, state, normals.point_factor, right_hand_sides)
+    parts = (rhs_exposure, rhs_border, right_hand_sides.of_points)
+    found = FullVectors(*(np.empty_like(part) for part in parts))
+    for t in range(right_hand_sides.count):
+        exposures, border = factorization.factor.solve(
+            np.ascontiguousarray(rhs_exposure[:, :, t]), np.ascontiguousarray(rhs_border[:, t])
+        )
+        with_load = replace(normals, point_rhs=np.ascontiguousarray(right_hand_sides.of_points[:, :, t]))
+        found.of_exposures[:, :, t], found.of_border[:, t] = exposures, border
+        found.of_points[:, :, t] = substitute_back(system, state, with_load, exposures, border)
+    return found
+
+
+def _reduced(system: System, state: State, point_factor: Floats, given: FullVectors) -> tuple[Floats, Floats]:
+    """Right-hand sides (n, 6, d) and (g, d) after elimination of the object points."""
+    rays, columns = system.observations.image_points, system.ray_columns
+
+    def work(lane: Lane) -> tuple[Floats, Floats]:
+        of_exposures = np.zeros_like(given.of_exposures)
+        of_border = np.zeros((len(columns.border), given.count))
+        ideal = system.ideal_rays(state, lane)
+        elimination_kernel.subtract_eliminated(
+            *lane,
+            system.point_start,
+            rays.image,
+            rays.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+            state.system[INTERIOR_ORIENTATION],
+            ideal.xy,
+            ideal.slope,
+            ideal.basis,
+            rays.inverse_sigma,
+            system.active_point,
+            columns.compact,
+            point_factor,
+            given.of_points,
+            of_exposures,
+            of_border,
+        )
+        return of_exposures, of_border
+
+    exposures, border = given.of_exposures.copy(), given.of_border.copy()
+    for of_exposures, of_border in in_order(work, lanes(system.point_start), system.threads):
+        exposures += of_exposures
+        border[columns.border] += of_border
+    return exposures, border

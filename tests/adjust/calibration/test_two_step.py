@@ -1,0 +1,249 @@
+"""Two-step calibration: closed cases, error rates, and recovery of what was put in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from adjust.calibration.orientation_differences import (
+    OrientationDifferences,
+    OrientationPairs,
+    misalignment_angles,
+    orientation_differences,
+)
+from adjust.calibration.outlying_strips import MountingRule, extreme_deviates, outlying_strips
+from adjust.calibration.robust_mean import robust_mean
+from adjust.calibration.strip_means import direction_groups, height_groups, strip_means
+from adjust.calibration.two_step import two_step_calibration
+from adjust.camera.interior import nominal_mounting
+from adjust.errors import InconsistentBlockError
+from adjust.geometry import rotation
+
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+BORESIGHT = np.deg2rad([0.2, -0.3, 0.5])
+LEVER_ARM = np.array([0.61, 0.34, -1.2])
+
+# The 54 values of the example of Rosner (1983).
+ROSNER = """
+-0.25 0.68 0.94 1.15 1.20 1.26 1.26 1.34 1.38 1.43 1.49 1.49 1.55 1.56 1.58 1.65 1.69 1.70 1.76 1.77 1.81 1.91
+1.94 1.96 1.99 2.06 2.09 2.10 2.14 2.15 2.23 2.24 2.26 2.35 2.37 2.40 2.47 2.54 2.62 2.64 2.90 2.92 2.92 2.93
+3.21 3.26 3.30 3.59 3.68 4.30 4.64 5.34 5.42 6.01
+"""
+
+
+def flown(
+    headings_deg: tuple[float, ...] = (0, 180, 0, 180, 90, 270, 0, 180),
+    per_strip: int = 30,
+    lever_arm: np.ndarray = LEVER_ARM,
+    shift: np.ndarray | None = None,
+    seed: int = 1,
+    noise: float = 1.0,
+    mount_deg: int = 90,
+    with_covariance: bool = False,
+) -> OrientationDifferences:
+    """Differences of a flight: strips with errors of 1 cm and 0.002°, exposures 1 cm and 0.001°."""
+    rng = np.random.default_rng(seed)
+    strip = np.repeat(np.arange(len(headings_deg)), per_strip)
+    n = len(strip)
+    heading = np.deg2rad(np.array(headings_deg))[strip]
+    angles = np.column_stack([heading, *np.deg2rad(rng.normal(0, 1.5, (2, n)))])
+    local_from_body = ENU_FROM_NED @ rotation.ned_from_body(angles)
+    body_from_camera = np.broadcast_to(nominal_mounting(mount_deg), (n, 3, 3))
+    error = rng.normal(0, np.deg2rad(0.002), (len(headings_deg), 3))[strip]
+    error = noise * (error + rng.normal(0, np.deg2rad(0.001), (n, 3)))
+    offset = noise * (rng.normal(0, 0.01, (len(headings_deg), 3))[strip] + rng.normal(0, 0.01, (n, 3)))
+    centre = rng.uniform(0, 5000, (n, 3))
+    added = np.zeros(3) if shift is None else shift
+    pairs = OrientationPairs(
+        centre,
+        local_from_body @ rotation.from_roll_pitch_yaw(BORESIGHT) @ rotation.exp(error) @ body_from_camera,
+        centre + np.einsum("nij,nj->ni", local_from_body, lever_arm + offset) + added,
+        local_from_body,
+        body_from_camera,
+        np.broadcast_to(np.eye(3), (n, 3, 3)),
+    )
+    covariance = np.diag([1e-10] * 3 + [1e-4] * 3) if with_covariance else None
+    return orientation_differences(
+        pairs,
+        strip,
+        np.zeros(n, dtype=np.int64),
+        np.arange(n, dtype=np.float64),
+        np.full(n, 2000.0),
+        None if covariance is None else np.broadcast_to(covariance, (n, 6, 6)),
+    )
+
+
+@pytest.mark.parametrize("mount_deg", [0, 90, 180, 270])
+def test_without_noise_boresight_and_lever_arm_come_back_exactly(mount_deg: int) -> None:
+    result = two_step_calibration(flown(noise=0.0, mount_deg=mount_deg))
+    for mean in (result.main.mean.plain, result.main.mean.robust):
+        np.testing.assert_allclose(misalignment_angles(mean[:3]), BORESIGHT, atol=1e-12)
+        np.testing.assert_allclose(mean[3:6], LEVER_ARM, atol=1e-9)
+    assert result.axes.axes == "body"
+    assert not result.outlying.outlying.any()
+
+
+def test_the_boresight_has_the_sign_of_the_conventions() -> None:
+    """R_c = R_INS R_B T and antenna = X0 + R_b l: level, flying north, camera turned to the right."""
+    body = ENU_FROM_NED[None]
+    pairs = OrientationPairs(
+        np.zeros((1, 3)),
+        body @ rotation.about_z(0.01) @ nominal_mounting(0),
+        np.array([[0.0, 0.3, 1.5]]),
+        body,
+        nominal_mounting(0)[None],
+        np.eye(3)[None],
+    )
+    zero = np.zeros(1, dtype=np.int64)
+    found = orientation_differences(pairs, zero, zero, np.zeros(1), np.ones(1))
+    np.testing.assert_allclose(found.misalignment, [[0, 0, 0.01]], atol=1e-15)
+    np.testing.assert_allclose(found.lever_arm, [[0.3, 0.0, -1.5]], atol=1e-15)
+    np.testing.assert_allclose(found.shift, [[0.0, 0.3, 1.5]], atol=1e-15)
+
+
+@pytest.mark.parametrize("with_covariance", [False, True])
+def test_truth_lies_within_the_stated_standard_deviations(with_covariance: bool) -> None:
+    """60 flights: the mean square of (found − true)/σ of eight strips is that of Student's t, 7 / 5."""
+    squares = []
+    for seed in range(60):
+        mean = two_step_calibration(flown(seed=seed, with_covariance=with_covariance)).groups[0].mean
+        error = np.concatenate(
+            [misalignment_angles(mean.robust[:3]) - BORESIGHT, mean.robust[3:6] - LEVER_ARM]
+        )
+        squares.append((error / mean.robust_sigma[:6]) ** 2)
+    assert 0.9 < np.mean(squares) < 2.0
+
+
+def test_a_map_fixed_shift_is_told_from_a_lever_arm() -> None:
+    shift = np.array([0.3, -0.2, 0.1])
+    result = two_step_calibration(flown(lever_arm=np.zeros(3), shift=shift))
+    assert result.axes.axes == "map"
+    assert result.axes.rms_map < 0.03 < result.axes.rms_body
+    np.testing.assert_allclose(result.main.mean.robust[6:], shift, atol=0.015)
+    assert result.outlying.mounting.max() == 0
+
+
+def test_one_direction_of_flight_leaves_the_axes_undecided() -> None:
+    result = two_step_calibration(flown(headings_deg=(10, 11, 9, 10, 10, 12)))
+    assert result.axes.axes == "undecided"
+    assert result.axes.directions == 1
+
+
+def remounted(differences: OrientationDifferences, strips: list[int], move: list[float]) -> None:
+    differences.lever_arm[np.isin(differences.strip, strips)] += move
+
+
+def test_strips_of_another_mounting_are_found_and_kept_out_of_the_mean() -> None:
+    differences = flown(headings_deg=(0, 180) * 7)
+    remounted(differences, [3, 4], [-0.3, -0.4, 0.0])
+    remounted(differences, [9], [0.0, 0.5, 0.0])
+    result = two_step_calibration(differences)
+    np.testing.assert_array_equal(result.outlying.mounting, [0, 0, 0, 1, 1, 0, 0, 0, 0, 2, 0, 0, 0, 0])
+    np.testing.assert_allclose(result.main.mean.plain[3:5], LEVER_ARM[:2], atol=0.01)
+    other = next(g for g in result.groups if g.scope == "mounting" and g.number == 1)
+    np.testing.assert_allclose(other.mean.plain[3:5], LEVER_ARM[:2] - np.array([0.3, 0.4]), atol=0.03)
+    assert other.strips == 2
+
+
+def test_a_strip_with_a_gnss_error_of_some_centimetres_is_outlying_and_no_mounting() -> None:
+    differences = flown(headings_deg=(0, 180) * 7)
+    remounted(differences, [5], [0.08, 0.0, 0.0])
+    found = two_step_calibration(differences).outlying
+    assert found.outlying[5, 3]
+    assert found.mounting.max() == 0
+
+
+def test_four_strips_are_too_few_to_call_one_outlying() -> None:
+    differences = flown(headings_deg=(0, 180, 0, 180))
+    remounted(differences, [1], [1.0, 0.0, 0.0])
+    result = two_step_calibration(differences)
+    assert not result.outlying.tested
+    assert not result.outlying.outlying.any()
+
+
+def test_strips_of_one_mounting_are_called_outlying_with_the_stated_probability() -> None:
+    """3,000 blocks of 20 strips at 5 %: 150 ± 12; Rosner's approximation is good from 15 values on."""
+    rng = np.random.default_rng(5)
+    rule = MountingRule(error_probability=0.05)
+    alarms = sum(bool(outlying_strips(rng.normal(size=(20, 6)), rule).outlying.any()) for _ in range(3000))
+    assert abs(alarms - 150) < 4 * 12
+
+
+def test_extreme_deviates_agree_with_the_example_of_rosner() -> None:
+    """Rosner (1983), 54 values: three outliers at 5 %, although the second alone would not be one."""
+    values = np.fromstring(ROSNER, sep=" ")
+    assert sorted(values[extreme_deviates(values, 0.05)]) == [5.34, 5.42, 6.01]
+
+
+def test_a_drift_is_the_change_over_the_strip() -> None:
+    differences = flown(noise=0.0, headings_deg=(0,))
+    differences.misalignment[:, 2] += np.linspace(0.0, 1e-4, 30)
+    found = strip_means(differences)
+    assert found.drift[0, 2] == pytest.approx(1e-4, rel=1e-9)
+    assert abs(found.drift[0, 1]) < 1e-12
+
+
+def test_headings_are_grouped_across_north() -> None:
+    np.testing.assert_array_equal(direction_groups(np.deg2rad([359, 181, 2, 179, 90])), [0, 2, 0, 2, 1])
+    np.testing.assert_array_equal(direction_groups(np.deg2rad([5.0, 8.0])), [0, 0])
+    assert len(set(direction_groups(np.deg2rad(np.arange(0, 360, 20.0))))) == 1
+
+
+def test_heights_are_grouped_by_gaps_of_a_tenth() -> None:
+    np.testing.assert_array_equal(height_groups(np.array([2340.0, 780, 800, 2300])), [1, 0, 0, 1])
+
+
+def test_the_mean_of_equal_strips_has_the_scatter_of_their_means() -> None:
+    """Closed case: σ = standard deviation of the strip means / √number of strips."""
+    rng = np.random.default_rng(2)
+    of_strip = rng.normal(size=6)
+    found = robust_mean(np.repeat(of_strip, 4)[:, None], np.repeat(np.arange(6), 4))
+    assert found.plain_sigma[0] == pytest.approx(of_strip.std(ddof=1) / np.sqrt(6))
+
+
+def test_a_tenth_of_gross_errors_moves_the_robust_mean_by_less_than_its_scatter() -> None:
+    values = np.random.default_rng(3).normal(size=(500, 2))
+    values[:50] += 1000.0
+    found = robust_mean(values, np.arange(500))
+    assert np.all(found.plain > 99.0)
+    assert np.all(np.abs(found.robust) < 0.35)
+    assert np.all(found.weight[:50] < 0.01)
+
+
+def test_the_robust_mean_of_normal_values_has_the_efficiency_of_huber() -> None:
+    """k = 1.5 costs 3.6 % of the variance; the stated σ is that of the means of 400 trials."""
+    rng = np.random.default_rng(4)
+    found = [robust_mean(rng.normal(size=(200, 1)), np.arange(200)) for _ in range(400)]
+    spread = np.std([item.robust[0] for item in found]) * np.sqrt(200)
+    stated = np.mean([item.robust_sigma[0] for item in found]) * np.sqrt(200)
+    assert spread == pytest.approx(np.sqrt(1.037), abs=0.09)
+    assert stated == pytest.approx(np.sqrt(1.037), abs=0.03)
+
+
+def test_weights_come_from_the_covariances() -> None:
+    """Two values of σ 1 and 2: the weighted mean is (4 a + b) / 5 as long as none is doubted."""
+    covariance = np.array([1.0, 4.0] * 20)[:, None, None]
+    values = np.array([0.0, 1.0] * 20)[:, None]
+    found = robust_mean(values, np.arange(40), covariance)
+    assert found.robust[0] == pytest.approx(0.2, abs=1e-9)
+
+
+@given(st.floats(-100, 100), st.floats(0.1, 10), st.integers(0, 1000))
+def test_the_robust_mean_follows_shift_and_scale(shift: float, scale: float, seed: int) -> None:
+    values = stats.t.rvs(2, size=(40, 2), random_state=seed)
+    cluster = np.repeat(np.arange(8), 5)
+    one, other = robust_mean(values, cluster), robust_mean(shift + scale * values, cluster)
+    np.testing.assert_allclose(other.robust, shift + scale * one.robust, atol=1e-6)
+    np.testing.assert_allclose(other.robust_sigma, scale * one.robust_sigma, rtol=1e-4)
+
+
+def test_no_pair_is_refused() -> None:
+    nothing = OrientationPairs(
+        *(np.zeros((0, *shape)) for shape in ((3,), (3, 3), (3,), (3, 3), (3, 3), (3, 3)))
+    )
+    none = np.zeros(0, dtype=np.int64)
+    with pytest.raises(InconsistentBlockError, match="no image"):
+        orientation_differences(nothing, none, none, np.zeros(0), np.zeros(0))
