@@ -11,9 +11,13 @@ import pandas as pd
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
-from adjust.errors import AdjustmentError
+from adjust.calibration.elimination import Elimination
+from adjust.calibration.elimination_rules import PRESETS
+from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection, columns_of
+from adjust.errors import AdjustmentError, DatumDefectError
 from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
+from adjust.parameters import ADDITIONAL_PARAMETERS
 from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
@@ -34,14 +38,28 @@ from tasks.block.block_input import (
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.parameter_tables import write_parameters
 from tasks.block.refracted_rays import without_refraction
+from tasks.block.residual_grid import block_grids, with_given_corrections
+from tasks.block.residual_grid_figures import (
+    residual_grid_figures,
+    residual_grid_sentences,
+    write_residual_autocorrelation,
+)
+from tasks.block.residual_grid_file import write_residual_grid
+from tasks.block.residual_table import write_residuals
 from tasks.block.result_tables import (
     AdjustedBlock,
-    write_control_residuals,
     write_exterior_orientations,
     write_object_points,
-    write_residuals,
+)
+from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
+from tasks.block.self_calibration_tables import (
+    eliminated_parameters,
+    self_calibration_figures,
+    self_calibration_sentences,
+    write_self_calibration,
 )
 from tasks.block.strip_motion import require_motion
+from tasks.block.surveyed_differences import write_control_residuals
 from tasks.block.variance_figures import with_estimated_sigmas
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
@@ -50,11 +68,17 @@ from tasks.first_run import announce_compilation
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.storage.artifact import Artifact
+from tasks.storage.json_text import JSON
 from tasks.storage.notes import Notes, write_notes
 from tasks.storage.store import stored
 from tasks.tables.parquet import read_table
 
 _log = logging.getLogger("aerocal")
+
+_FREE_NETWORK = (
+    'For that set adjustment.datum = "free_network"; then only what does not depend on the position, '
+    "attitude and scale of the whole block may be used."
+)
 
 
 @stored("bundle_adjustment")
@@ -77,9 +101,9 @@ def adjust_bundle(
         If the datum is not determined or the iteration diverges.
     """
     map_frame = MapFrame.of(project.crs, project.heights)
-    measured = read_table(image_points)
+    measured, camera_table = read_table(image_points), read_table(cameras)
     approximate = read_table(approximate_points)
-    given, frame, _ = oriented_images(read_table(exposures), read_table(cameras), measured, map_frame)
+    given, frame, _ = oriented_images(read_table(exposures), camera_table, measured, map_frame)
     require_motion(given, adjustment)
     surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
     if "control" not in adjustment.observe:
@@ -87,9 +111,23 @@ def adjust_bundle(
 
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
-    block = block_of(frame, given, tuple(start["point"]), x_in_local, adjustment)
-    observations, rows = _observations(block, given, surveyed, measured, adjustment)
-    result = _adjusted(block, observations, adjustment)
+    calibration = block_self_calibration(given, camera_table, adjustment.self_calibration)
+    block = block_of(frame, given, tuple(start["point"]), x_in_local, adjustment, calibration)
+    observations, rows = _observations(block, given, surveyed, measured, adjustment, calibration)
+    rays, fields = with_given_corrections(observations.image_points, block, adjustment.residual_grid)
+    observations = replace(observations, image_points=rays)
+    block, result, selection = _adjusted(block, observations, adjustment)
+    grids = block_grids(
+        block,
+        observations,
+        result,
+        fields,
+        camera_table,
+        adjustment.residual_grid,
+        _options(adjustment),
+        _report,
+    )
+    result = grids.result
 
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False
@@ -100,9 +138,23 @@ def adjust_bundle(
     write_object_points(folder, adjusted)
     write_residuals(folder, adjusted)
     write_control_residuals(folder, adjusted)
-    parameters = write_parameters(folder, adjusted, adjustment.confidence)
-    figures = adjustment_figures(adjusted, adjustment, parameters)
-    write_notes(folder, Notes(adjustment_problems(adjusted, adjustment), figures))
+    eliminated: frozenset[tuple[str, str]] = frozenset()
+    problems: tuple[str, ...] = ()
+    own_figures: JSON = None
+    if calibration is not None and selection is not None:
+        offered = write_self_calibration(folder, selection, calibration, sigma0)
+        eliminated = eliminated_parameters(offered)
+        own_figures = self_calibration_figures(selection, offered, adjustment)
+        problems = tuple(self_calibration_sentences(selection))
+    parameters = write_parameters(folder, adjusted, adjustment.confidence, eliminated)
+    write_residual_grid(folder, block.cameras, grids.grids, grids.fields, adjustment.confidence)
+    write_residual_autocorrelation(folder, block.cameras, grids)
+    figures = adjustment_figures(adjusted, adjustment, parameters) | {
+        "self_calibration": own_figures,
+        "residual_grid": residual_grid_figures(block.cameras, grids, adjustment.confidence),
+    }
+    of_images = residual_grid_sentences(block.cameras, grids, adjustment.confidence)
+    write_notes(folder, Notes((*adjustment_problems(adjusted, adjustment), *problems, *of_images), figures))
 
 
 def _observations(
@@ -111,9 +163,12 @@ def _observations(
     surveyed: SurveyedPoints,
     measured: pd.DataFrame,
     settings: AdjustmentSettings,
+    calibration: BlockSelfCalibration | None,
 ) -> tuple[Observations, np.ndarray]:
     """All observation groups of the block, and the rows of the image point table that are in it."""
-    rays, rows = image_point_observations(measured, block.images, block.points, block.camera_of_image)
+    rays, rows = image_point_observations(
+        measured, block.images, block.points, block.camera_of_image, calibration
+    )
     if settings.refraction == "standard":
         rays = without_refraction(rays, block)
     others: list[ObservationGroup] = []
@@ -121,15 +176,16 @@ def _observations(
     if "control" in settings.observe and control is not None:
         others.append(control)
     if "gnss" in settings.observe:
-        others.append(gnss_positions(block, given))
+        others.append(gnss_positions(block, given, settings))
     if "ins" in settings.observe and given.attitude_observed.any():
-        others.append(ins_attitudes(given))
-    return Observations(rays, (*others, *priors(block, settings))), rows
+        others.append(ins_attitudes(given, settings))
+    others += priors(block, settings)
+    prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
+    return Observations(rays, tuple(others if prior is None else [*others, prior])), rows
 
 
-def _adjusted(block: Block, observations: Observations, settings: AdjustmentSettings) -> AdjustmentResult:
-    """Run the adjustment and report its progress."""
-    options = AdjustmentOptions(
+def _options(settings: AdjustmentSettings) -> AdjustmentOptions:
+    return AdjustmentOptions(
         critical_value=settings.rejection.critical_value,
         test=settings.rejection.test,
         reference_variance=settings.rejection.reference_variance,
@@ -137,7 +193,17 @@ def _adjusted(block: Block, observations: Observations, settings: AdjustmentSett
         most_iterations=settings.max_iterations,
         confidence=settings.confidence,
         variance_components=settings.variance_components,
+        control_folds=settings.control_folds,
+        correlation_times=settings.estimate_correlation,
+        free_network=settings.inner_constraints if settings.datum == "free_network" else None,
     )
+
+
+def _adjusted(
+    block: Block, observations: Observations, settings: AdjustmentSettings
+) -> tuple[Block, AdjustmentResult, SelectedAdjustment | None]:
+    """Run the adjustment and report its progress; with additional parameters, choose those that are kept."""
+    options = _options(settings)
     _log.info(
         "bundle_adjustment: %d images, %d object points, %d observations, %d unknowns",
         len(block.images),
@@ -147,9 +213,25 @@ def _adjusted(block: Block, observations: Observations, settings: AdjustmentSett
     )
     announce_compilation()
     try:
-        return adjust_block(block, observations, options, _report)
+        if not columns_of(block.layout, ADDITIONAL_PARAMETERS).any():
+            return block, adjust_block(block, observations, options, _report), None
+        rules = PRESETS.get(settings.self_calibration.elimination)
+        found = adjust_with_selection(block, observations, options, rules, _report, _tell)
+        return found.block, found.result, found
+    except DatumDefectError as error:
+        remedy = f" {_FREE_NETWORK}" if error.of_block and options.free_network is None else ""
+        raise NotComputableError(f"{error}{remedy}") from error
     except AdjustmentError as error:
         raise NotComputableError(str(error)) from error
+
+
+def _tell(elimination: Elimination) -> None:
+    """One line when the additional parameters have been chosen."""
+    _log.info(
+        "bundle_adjustment: %d of %d additional parameters are kept",
+        int(elimination.kept.sum()),
+        int(elimination.candidates.sum()),
+    )
 
 
 def _report(iteration: Iteration) -> None:

@@ -30,14 +30,41 @@ PUBLISHED = (
     "residuals",
     "parameters",
     "correlations",
+    "self_calibration",
     "control_residuals",
     "check_points",
+    "residual_grid",
+    "residual_autocorrelation",
+    "direct_georeferencing",
+    "direct_georeferencing_models",
+    "y_parallaxes",
+    "stereo_models",
 )
+#: What a direct-georeferencing check without an adjustment publishes, beside what an adjustment left there.
+OF_CHECKS = (
+    "images",
+    "image_points",
+    "exposures",
+    "control_points",
+    "direct_georeferencing",
+    "direct_georeferencing_models",
+    "y_parallaxes",
+    "stereo_models",
+    "georeferencing_check",
+)
+#: Tables that other kinds of runs publish in their place.
+OF_SWEEPS = ("sweep",)
 #: Published besides the tables.
-DOCUMENTS = ("report",)
+DOCUMENTS = ("report", "georeferencing_check")
+EVERYTHING = (*PUBLISHED, *DOCUMENTS)
 
 
-def publish(store: Store, project: Project, stages: Sequence[Mapping[str, Artifact]]) -> Summary:
+def publish(
+    store: Store,
+    project: Project,
+    stages: Sequence[Mapping[str, Artifact]],
+    names: tuple[str, ...] = EVERYTHING,
+) -> Summary:
     """Put the result of a run into the output folder.
 
     Parameters
@@ -45,25 +72,41 @@ def publish(store: Store, project: Project, stages: Sequence[Mapping[str, Artifa
     store : the store of the output folder; its parent is where the files go.
     project : the project that was run; its gates are tested, its settings go into the manifest.
     stages : the outputs of the stages, in the order in which they ran.
+    names : of everything that a run of this kind publishes.
 
     Returns
     -------
     summary : what stands in summary.json.
     """
+    notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
+    summary = summary_of(notes, project.gates, timings_s(read_records(store.folder)))
+    artifacts = [outputs[name] for outputs in stages for name in outputs if name in names]
+    put_out(store, project, artifacts, summary, names)
+    return summary
+
+
+def put_out(
+    store: Store, project: Project, artifacts: Sequence[Artifact], summary: Summary, own: Sequence[str]
+) -> None:
+    """Put files and summary into the output folder, the manifest last.
+
+    Parameters
+    ----------
+    own : names of everything that such a run may publish: what is there of them and was not made now is
+        removed, unless somebody changed it. Files of other kinds of runs stay.
+    """
     directory = store.folder.parent
     records = read_records(store.folder)
-    notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
-    summary = summary_of(notes, project.gates, timings_s(records))
-    artifacts = [outputs[name] for outputs in stages for name in outputs if name in (*PUBLISHED, *DOCUMENTS)]
     with writing_into(directory):
         last = read_manifest(directory)
         for artifact in artifacts:
             _place(artifact, directory / artifact.path.name)
         manifest = manifest_of(artifacts, project, records)
-        _remove_outdated(directory, last, manifest)
+        if last is not None:
+            _remove_outdated(directory, last, manifest, own)
+            manifest = manifest.beside(last, own)
         write_summary(directory, summary)
         write_manifest(directory, manifest)
-    return summary
 
 
 def _place(artifact: Artifact, target: Path) -> None:
@@ -83,11 +126,9 @@ def _place(artifact: Artifact, target: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _remove_outdated(directory: Path, last: Manifest | None, manifest: Manifest) -> None:
-    """Remove tables that the last run published and this one did not, unless somebody changed them."""
-    if last is None:
-        return
-    for name in last.artifacts.keys() - manifest.artifacts.keys():
+def _remove_outdated(directory: Path, last: Manifest, manifest: Manifest, own: Sequence[str]) -> None:
+    """Remove files that the last run published and this one did not, unless somebody changed them."""
+    for name in (last.artifacts.keys() - manifest.artifacts.keys()) & set(own):
         entry = last.artifacts[name]
         path = directory / entry.file
         if path.is_file() and digest_of_file(path) == entry.sha256:

@@ -2,6 +2,8 @@
 
 A gate that is not in the project file is not tested. One that is there but whose figure does not
 exist (no check points, say) has not been passed: that is reported as failed and said in a sentence.
+A gate of a part that a run does not have (an adjustment, a direct-georeferencing check) is left to the run
+that has it, which is said, too.
 """
 
 from __future__ import annotations
@@ -15,6 +17,16 @@ from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.storage.json_text import JSON
 
 _AXES = ("x", "y", "z")
+#: Figures of a direct-georeferencing check, by their gates.
+_DIRECT = "direct_georeferencing"
+_DIRECT_FIGURES = {
+    "direct_georeferencing_rmse_m": "rmse_m",
+    "direct_georeferencing_max_m": "max_m",
+    "y_parallax_rms_um": "y_parallax_rms_um",
+    "y_parallax_max_um": "y_parallax_max_um",
+}
+#: The figure that every adjustment has, if only as null.
+_ADJUSTMENT = "sigma0"
 
 
 class GateResult(BaseModel):
@@ -24,7 +36,7 @@ class GateResult(BaseModel):
     ----------
     name : the figure, with ``_x``, ``_y``, ``_z`` for the component of one that has three.
     value, limit : the figure (null: it does not exist) and its limit, in `unit`.
-    unit : ``m``, or ``1`` for a ratio.
+    unit : ``m``, ``um``, or ``1`` for a ratio.
     bound : whether `limit` is the largest or the smallest value that passes.
     passed : whether the figure exists and keeps the limit.
     """
@@ -53,7 +65,11 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
         gate = getattr(gates, name)
         if gate is None:
             continue
-        tested = tuple(_results(name, gate, figures.get(name)))
+        if not _belongs_to_run(name, figures):
+            part = "direct-georeferencing check" if name in _DIRECT_FIGURES else "adjustment"
+            sentences.append(f"The gate {name} is not tested: this run made no {part}.")
+            continue
+        tested = tuple(_results(name, gate, _figure(name, figures)))
         results += tested
         if any(result.value is None for result in tested):
             sentences.append(
@@ -62,13 +78,26 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
     return tuple(results), tuple(sentences)
 
 
+def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:
+    """Whether the run has the part a gate is of; one without any known part has them all."""
+    parts = {_DIRECT: _DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
+    return parts[_DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not any(parts.values())
+
+
+def _figure(name: str, figures: Mapping[str, JSON]) -> JSON:
+    if name not in _DIRECT_FIGURES:
+        return figures.get(name)
+    direct = figures.get(_DIRECT)
+    return direct.get(_DIRECT_FIGURES[name]) if isinstance(direct, Mapping) else None
+
+
 def _results(name: str, gate: Gate | AxisGate, figure: JSON) -> Iterator[GateResult]:
     if isinstance(gate, Gate):
-        value = _number(figure)
+        value, unit = _number(figure), "um" if name.endswith("_um") else "1"
         if gate.max is not None:
-            yield _tested(name, value, gate.max, "1", "max")
+            yield _tested(name, value, gate.max, unit, "max")
         if gate.min is not None:
-            yield _tested(name, value, gate.min, "1", "min")
+            yield _tested(name, value, gate.min, unit, "min")
         return
     components = (
         figure if isinstance(figure, Sequence) and not isinstance(figure, str) else (None, None, None)

@@ -52,7 +52,10 @@ class ParameterFigure(BaseModel):
 
 
 class DirectGeoreferencing(BaseModel):
-    """Figures of the direct-georeferencing check."""
+    """Figures of the direct-georeferencing check.
+
+    ``rmse_m`` and ``max_m`` at the independent check points; null without any.
+    """
 
     model_config = ConfigDict(frozen=True, extra="allow")
 

@@ -6,11 +6,18 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.calibration.correlation import correlation_matrix
 from adjust.quality.redundancy import UNCONTROLLED
 from adjust.result import GroupResult, ObservationStatus
-from tasks.block.parameter_tables import correlation_matrix
-from tasks.block.result_tables import AdjustedBlock, surveyed_differences
-from tasks.block.variance_figures import variance_figures, variance_sentences
+from tasks.block.free_network_figures import free_network_figures, free_network_sentences
+from tasks.block.result_tables import AdjustedBlock
+from tasks.block.surveyed_differences import left_out_figures, surveyed_differences
+from tasks.block.variance_figures import (
+    correlation_figures,
+    correlation_sentences,
+    variance_figures,
+    variance_sentences,
+)
 from tasks.block.weak_modes import Parameter, weak_mode_sentences
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.storage.json_text import JSON
@@ -56,6 +63,8 @@ def adjustment_figures(
         "rmse_control_m": _rmse(control),
         "rmse_check_m": _rmse(check),
         "max_check_m": _largest(check),
+        "leave_one_out": left_out_figures(result.left_out_singly, adjusted.sigma0),
+        "k_fold": left_out_figures(result.left_out_by_fold, adjusted.sigma0),
         "parameters": [
             {str(name): value for name, value in row.items()} for row in parameters.to_dict("records")
         ],
@@ -73,6 +82,7 @@ def adjustment_figures(
         },
         "groups": [_group_figures(group) for group in result.groups],
         "variance_components": variance_figures(result),
+        "correlation_times": correlation_figures(result, settings.correlation_times_s),
         "datum": [
             {
                 "direction": share.direction,
@@ -81,6 +91,7 @@ def adjustment_figures(
             }
             for share in result.datum
         ],
+        "free_network": free_network_figures(result),
         "frame": adjusted.map_frame.description,
     }
 
@@ -134,7 +145,7 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
 def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> tuple[str, ...]:
     """What the user should know about the result, gravest first."""
     result = adjusted.result
-    problems = []
+    problems = free_network_sentences(result)
     test = result.test
     if test.redundancy <= 0:
         problems.append("The block has no redundancy: nothing controls the observations.")
@@ -154,6 +165,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
                 f"(redundancy {group.redundancy_sum:,.0f})."
             )
     problems += variance_sentences(result)
+    problems += correlation_sentences(result, settings.correlation_times_s)
     problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
     return tuple(problems)
 
@@ -162,7 +174,7 @@ def _correlated(adjusted: AdjustedBlock) -> list[str]:
     """Sentences about the system parameters that the block separates least."""
     names = adjusted.result.layout.border_names()
     parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
-    return weak_mode_sentences(parameters, correlation_matrix(adjusted.result))
+    return weak_mode_sentences(parameters, correlation_matrix(adjusted.result.cofactor.reduced.corner))
 
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:

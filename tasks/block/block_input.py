@@ -31,7 +31,8 @@ from adjust.parameters import (
     SystemParameters,
 )
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.strip_motion import strip_motion
+from tasks.block.self_calibration import BlockSelfCalibration
+from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings
@@ -134,7 +135,11 @@ def _turned(sigma: Floats, convergence: Floats) -> Floats:
 
 
 def image_point_observations(
-    table: pd.DataFrame, images: tuple[str, ...], points: tuple[str, ...], camera_of_image: Ints
+    table: pd.DataFrame,
+    images: tuple[str, ...],
+    points: tuple[str, ...],
+    camera_of_image: Ints,
+    calibration: BlockSelfCalibration | None = None,
 ) -> tuple[ImagePoints, Ints]:
     """Image points of the given images and points, sorted by point, and their rows in the table."""
     image = pd.Index(images).get_indexer(pd.Index(table["image"])).astype(np.int64)
@@ -148,6 +153,7 @@ def image_point_observations(
         table[["x_mm", "y_mm"]].to_numpy(np.float64)[rows] * 1e-3,
         table[["sigma_x_mm", "sigma_y_mm"]].to_numpy(np.float64)[rows] * 1e-3,
         np.ones(len(rows), dtype=bool),
+        None if calibration is None else calibration.model,
     )
     return observations, rows
 
@@ -188,6 +194,7 @@ def block_of(
     points: tuple[str, ...],
     object_point: Floats,
     settings: AdjustmentSettings,
+    calibration: BlockSelfCalibration | None = None,
 ) -> Block:
     """The block of the given images and object points (m, 3) with their approximate values."""
     centre, local_from_camera = given.orientations()
@@ -199,15 +206,16 @@ def block_of(
         given.flights,
         given.flight_of_image,
         points,
-        system_parameters(given, settings),
+        system_parameters(given, settings) + (() if calibration is None else (calibration.parameters,)),
         centre,
         local_from_camera,
         object_point,
     )
 
 
-def gnss_positions(block: Block, given: GivenOrientations) -> GnssPositions:
+def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
     """GNSS positions of all images, weighted along grid east, grid north, up."""
+    model = StochasticModel.from_sigma(given.position_sigma)
     return GnssPositions(
         np.arange(len(given.image), dtype=np.int64),
         given.camera,
@@ -215,22 +223,23 @@ def gnss_positions(block: Block, given: GivenOrientations) -> GnssPositions:
         given.observed,
         given.local_from_grid,
         given.body_from_camera,
-        StochasticModel.from_sigma(given.position_sigma),
+        over_time(model, given, np.arange(len(given.image)), settings.gnss_correlation_s),
         strip_motion(given),
     )
 
 
-def ins_attitudes(given: GivenOrientations) -> InsAttitudes:
+def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> InsAttitudes:
     """INS attitudes of the images that have one, weighted in body axes."""
     observed = np.flatnonzero(given.attitude_observed)
+    model = StochasticModel.from_covariance(
+        given.attitude_covariance()[observed], np.ones((len(observed), 3), dtype=bool)
+    )
     return InsAttitudes(
         observed.astype(np.int64),
         given.camera[observed],
         given.local_from_body()[observed],
         given.body_from_camera[observed],
-        StochasticModel.from_covariance(
-            given.attitude_covariance()[observed], np.ones((len(observed), 3), dtype=bool)
-        ),
+        over_time(model, given, observed, settings.ins_correlation_s),
     )
 
 
@@ -267,11 +276,13 @@ def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservatio
     }
     groups = []
     for parameters in block.system:
+        if parameters.family.name not in sigmas:
+            continue
         sigma = np.where(parameters.free, sigmas[parameters.family.name], np.nan)
         if np.isfinite(sigma).any():
             groups.append(
                 DirectObservations(
-                    parameters.family.name,
+                    parameters.family,
                     np.arange(len(parameters.entities), dtype=np.int64),
                     parameters.values,
                     StochasticModel.from_sigma(sigma),

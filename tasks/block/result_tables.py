@@ -6,11 +6,14 @@ Standard deviations are multiplied by the σ0 the project asks for (a posteriori
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
@@ -19,20 +22,18 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION
-from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.tables import schemas
-from tasks.tables.parquet import write_table
+from tasks.tables.geometry import box_around
+from tasks.tables.names import Names
+from tasks.tables.parquet import write_row_groups, write_table
 
-STATUS_NAMES = {
-    ObservationStatus.USED: "used",
-    ObservationStatus.REJECTED: "rejected",
-    ObservationStatus.UNCONTROLLED: "uncontrolled",
-    ObservationStatus.NOT_USED: "not_used",
-}
 _DEGREE = float(np.rad2deg(1.0))
+#: Rows of a long table that are put into columns at once: some ten megabytes.
+PIECE = 50_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,168 +83,76 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
         schemas.EXTERIOR_ORIENTATIONS,
         {
             "image": adjusted.block.images,
-            **_columns("{}_m", "xyz", x_in_map),
-            **_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
-            **_columns("sigma_{}_m", "xyz", of_position),
-            **_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
+            **xyz_columns("{}_m", "xyz", x_in_map),
+            **xyz_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
+            **xyz_columns("sigma_{}_m", "xyz", of_position),
+            **xyz_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
         },
         adjusted.map_frame,
     )
 
 
-def write_object_points(folder: Path, adjusted: AdjustedBlock) -> None:
-    """object_points.parquet: the points that took part, with standard deviations along the grid axes."""
-    active = np.flatnonzero(adjusted.result.active_point)
-    x_in_local = adjusted.result.state.object_point[active]
-    x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, x_in_local)
-    grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
-    cofactor = adjusted.result.cofactor.of_points[active]
-    write_table(
+def write_object_points(folder: Path, adjusted: AdjustedBlock, piece: int = PIECE) -> None:
+    """object_points.parquet: the points that took part, with standard deviations along the grid axes.
+
+    Parameters
+    ----------
+    piece : how many points are put into columns at once; nothing but memory depends on it.
+    """
+    names = Names.of(adjusted.block.points)
+    points = np.flatnonzero(adjusted.result.active_point)
+    points = points[np.argsort(names.rank[points])]
+    parts = [points[start : start + piece] for start in range(0, len(points), piece)]
+    x_in_map = np.empty((len(adjusted.block.points), 3))
+    for part in parts:
+        x_in_local = adjusted.result.state.object_point[part]
+        x_in_map[part] = map_from_local(adjusted.map_frame, adjusted.frame, x_in_local)
+    rays = adjusted.rays_used
+    write_row_groups(
         folder / "object_points.parquet",
         schemas.OBJECT_POINTS,
-        {
-            "point": np.array(adjusted.block.points, dtype=object)[active],
-            **_columns("{}_m", "xyz", x_in_map),
-            **_columns("sigma_{}_m", "xyz", _sigmas(np.swapaxes(grid, 1, 2), cofactor, adjusted.sigma0)),
-            "rays": adjusted.rays_used[active],
-        },
+        (_object_points(adjusted, names.take(part), part, x_in_map[part], rays[part]) for part in parts),
         adjusted.map_frame,
+        box_around(x_in_map[points]),
     )
 
 
-def write_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
-    """residuals.parquet: every component of every observation, also what was rejected or never used."""
-    parts = [_group_rows(adjusted.block, group) for group in adjusted.result.groups]
-    unused = adjusted.unused
-    for component in ("x", "y"):
-        parts.append(
-            pd.DataFrame(
-                {
-                    "group": ImagePoints.name,
-                    "image": unused["image"],
-                    "point": unused["point"],
-                    "component": component,
-                    "residual": np.nan,
-                    "sigma": unused[f"sigma_{component}_mm"] * 1e3,
-                    "unit": "um",
-                    "redundancy": np.nan,
-                    "standardized": np.nan,
-                    "mdb": np.nan,
-                    "external": np.nan,
-                    "status": "not_used",
-                }
-            )
-        )
-    table = pd.concat([part for part in parts if len(part)], ignore_index=True)
-    write_table(
-        folder / "residuals.parquet",
-        schemas.RESIDUALS,
-        {name: table[name].to_numpy() for name in table.columns},
-    )
+def _object_points(
+    adjusted: AdjustedBlock, names: pa.Array, points: Ints, x_in_map: Floats, rays: Ints
+) -> Mapping[str, Any]:
+    """Columns of some object points (k,)."""
+    grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
+    sigmas = _sigmas(np.swapaxes(grid, 1, 2), adjusted.result.cofactor.of_points[points], adjusted.sigma0)
+    return {
+        "point": names,
+        **xyz_columns("{}_m", "xyz", x_in_map),
+        **xyz_columns("sigma_{}_m", "xyz", sigmas),
+        "rays": rays,
+    }
 
 
-def _group_rows(block: Block, group: GroupResult) -> pd.DataFrame:
-    """One row for each observed component of a group."""
-    observations = group.group
-    unit, factor = reported_unit_of(observations)
-    row, component = np.nonzero(np.isfinite(group.sigma))
-    image, point = observations.image[row], observations.point[row]
-    names = np.array([STATUS_NAMES[status] for status in ObservationStatus], dtype=object)
-    titles = np.full(len(row), observations.name, dtype=object)
-    if isinstance(observations, DirectObservations):
-        entities = next(p.entities for p in block.system if p.family.name == observations.family)
-        titles = np.array(
-            [f"{observations.name}:{entities[e]}" for e in observations.entity[row]], dtype=object
-        )
-    return pd.DataFrame(
-        {
-            "group": titles,
-            "image": _names(block.images, image),
-            "point": _names(block.points, point),
-            "component": np.array(observations.components, dtype=object)[component],
-            "residual": group.residual[row, component] * factor,
-            "sigma": group.sigma[row, component] * factor,
-            "unit": unit,
-            "redundancy": group.redundancy[row, component],
-            "standardized": group.standardized[row, component],
-            "mdb": group.detectable[row, component] * factor,
-            "external": group.external[row, component],
-            "status": names[group.status[row, component]],
-        }
-    )
-
-
-def reported_unit_of(observations: ObservationGroup) -> tuple[str, float]:
-    """Unit in the tables and the factor from SI and radians."""
+def reported_unit_of(observations: ObservationGroup, component: int = 0) -> tuple[str, float]:
+    """Unit of a component in the tables and the factor from SI and radians."""
     if isinstance(observations, ImagePoints):
         return "um", 1e6
-    if isinstance(observations, DirectObservations) and observations.family == INTERIOR_ORIENTATION:
-        return "um", 1e6
-    return ("deg", _DEGREE) if observations.unit == "rad" else (observations.unit, 1.0)
+    unit: str = observations.unit
+    if isinstance(observations, DirectObservations):
+        if observations.family.name == INTERIOR_ORIENTATION:
+            return "um", 1e6
+        unit = observations.family.unit_of(component)
+    return ("deg", _DEGREE) if unit == "rad" else (unit, 1.0)
 
 
-def _names(names: tuple[str, ...], index: Ints) -> np.ndarray:
-    """Names (n,) of indices; None for −1."""
-    return np.array([*names, None], dtype=object)[index]
-
-
-def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
-    """control_residuals.parquet and check_points.parquet: computed − given along east, north, up.
-
-    The predicted standard deviation of a control residual is that of v (√(σ² − q)), that of a check
-    point contains its survey (√(σ² + q)).
-    """
-    for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):
-        table = surveyed_differences(adjusted, is_check)
-        write_table(
-            folder / f"{schema.name}.parquet",
-            schema,
-            {name: table[name].to_numpy() for name in table.columns},
-        )
-
-
-def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:
-    """Columns of control_residuals or check_points for the points that took part."""
-    surveyed, result = adjusted.surveyed, adjusted.result
-    index = pd.Index(adjusted.block.points).get_indexer(pd.Index(surveyed.name))
-    chosen = np.flatnonzero((index >= 0) & (surveyed.is_check == is_check))
-    chosen = chosen[result.active_point[index[chosen]]]
-    points = index[chosen]
-    computed = result.state.object_point[points]
-    given = surveyed.x_in_local[chosen]
-    anchor = np.where(np.isfinite(given), given, computed)
-    axes = np.array(adjusted.frame.local_from_enu(anchor))
-    difference = np.einsum("nji,nj->ni", axes, computed - anchor)
-    if len(chosen):
-        difference[:, 2] = adjusted.frame.height(computed) - surveyed.height[chosen]
-    difference = np.where(surveyed.present[chosen], difference, np.nan)
-    spread = _variances(np.swapaxes(axes, 1, 2), result.cofactor.of_points[points]) * adjusted.sigma0**2
-    given_variance = np.diagonal(surveyed.covariance[chosen], axis1=1, axis2=2)
-    if is_check:
-        variance = given_variance + spread
-    else:
-        variance = np.maximum(given_variance * adjusted.sigma0**2 - spread, 0.0)
-    sigma = np.where(surveyed.present[chosen], np.sqrt(variance), np.nan)
-    return pd.DataFrame(
-        {
-            "point": np.array(surveyed.name, dtype=object)[chosen],
-            **_columns("{}_m", ("dx", "dy", "dz"), difference),
-            **_columns("sigma_{}_m", ("dx", "dy", "dz"), sigma),
-            "rays": adjusted.rays_used[points],
-        }
-    )
-
-
-def _variances(target_from_source: Floats, cofactor: Floats) -> Floats:
+def variances(target_from_source: Floats, cofactor: Floats) -> Floats:
     """Diagonals (n, 3) of T Q Tᵀ."""
     return np.asarray(np.einsum("nij,njk,nik->ni", target_from_source, cofactor, target_from_source))
 
 
 def _sigmas(target_from_source: Floats, cofactor: Floats, sigma0: float) -> Floats:
     """Standard deviations (n, 3) along the target axes."""
-    return np.asarray(sigma0 * np.sqrt(_variances(target_from_source, cofactor)))
+    return np.asarray(sigma0 * np.sqrt(variances(target_from_source, cofactor)))
 
 
-def _columns(pattern: str, names: str | tuple[str, ...], values: Floats) -> dict[str, Floats]:
+def xyz_columns(pattern: str, names: str | tuple[str, ...], values: Floats) -> dict[str, Floats]:
     """Columns of an array (n, k), named by a pattern."""
     return {pattern.format(name): values[:, k] for k, name in enumerate(names)}

@@ -1,10 +1,12 @@
-"""Time and velocity of exposures along their strips."""
+"""Time and velocity of exposures along their strips, and errors that are correlated over that time."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.observations.base import StochasticModel
+from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import StripMotion
 from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
@@ -34,14 +36,28 @@ def strips_in_time(strip: Ints, time: Floats) -> list[Ints]:
     return [part for part in parts if np.isfinite(time[part]).all()]
 
 
+def over_time(
+    model: StochasticModel, given: GivenOrientations, rows: Ints, correlation_s: float | None
+) -> StochasticModel:
+    """Weights of some images (k,) with errors correlated along their strips; None: as they are."""
+    if correlation_s is None:
+        return model
+    names = [(given.flight[i], given.strip[i]) for i in rows]
+    number = {name: index for index, name in enumerate(dict.fromkeys(names))}
+    strip = np.array([number[name] for name in names], dtype=np.int64)
+    return model.correlated(GaussMarkov(strip, given.time_s[rows], correlation_s))
+
+
 def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> None:
     """Refuse parameters of strips and times where the delivery has neither.
 
     Raises
     ------
     InputError
-        If a strip bias or drift is free without strips, or a drift or time offset without times.
+        If a strip bias or drift is free without strips, or a drift or time offset without times; if a
+        correlation time is given without either, or with two exposures of a strip at the same time.
     """
+    require_successive_times(given, settings)
     for parameter in ("gnss_strip_bias", "gnss_drift"):
         if parameter in settings.free and not all(given.strip):
             raise InputError(
@@ -55,4 +71,48 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
                 "The exposures have no times.",
                 "Add a time column (seconds) to the exposures, or take it out of adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
+            )
+
+
+def require_successive_times(given: GivenOrientations, settings: AdjustmentSettings) -> None:
+    """Refuse errors correlated over time where strips or times are missing, or times are the same.
+
+    Raises
+    ------
+    InputError
+        If a correlation time is given and the exposures do not allow it.
+    """
+    keys = [
+        key
+        for key, value in (
+            ("gnss_correlation_s", settings.gnss_correlation_s),
+            ("ins_correlation_s", settings.ins_correlation_s),
+        )
+        if value is not None
+    ]
+    if not keys:
+        return
+    entity, remedy = f"adjustment.{keys[0]}", f"or take {' and '.join(keys)} out of the adjustment."
+    if not all(given.strip):
+        raise InputError(
+            "The exposures name no strips, along which errors could be correlated.",
+            f"Add a strip column to the exposures, {remedy}",
+            entity=entity,
+        )
+    if not np.isfinite(given.time_s).all():
+        raise InputError(
+            "The exposures have no times, over which errors could be correlated.",
+            f"Add a time column (seconds) to the exposures, {remedy}",
+            entity=entity,
+        )
+    seen: dict[tuple[str, str, float], str] = {}
+    for place in zip(given.flight, given.strip, given.time_s.tolist(), given.image, strict=True):
+        image = place[3]
+        other = seen.setdefault(place[:3], image)
+        if other != image:
+            raise InputError(
+                f"Images {other} and {image} of strip {place[1]} have the same time; errors that are "
+                "correlated over time would be the same for both.",
+                f"Correct the times or the strips, {remedy}",
+                entity=entity,
             )

@@ -1,12 +1,15 @@
-"""Variance components as figures, in sentences, and in the standard deviations of the control points."""
+"""Variance components and correlation times as figures, in sentences, and in the σ of the control points."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
 from adjust.observations.control_point import ControlPoints
+from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.variance_components import VarianceComponent
 from adjust.result import AdjustmentResult
 from tasks.block.block_input import SurveyedPoints
@@ -38,6 +41,70 @@ def _row(result: AdjustmentResult, component: VarianceComponent) -> JSON:
         "redundancy": component.redundancy,
         "degrees_of_freedom": component.degrees_of_freedom,
     }
+
+
+def correlation_figures(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> JSON:
+    """A row for each group whose errors are correlated over time; null without any.
+
+    Parameters
+    ----------
+    stated_s : group → the correlation time of the project, s.
+    """
+    estimated = {item.name: item for item in result.correlation_times}
+    observed = {group.group.name for group in result.groups}
+    rows: list[JSON] = []
+    for name, seconds in stated_s.items():
+        if seconds is None or name not in observed:
+            continue
+        item = estimated.get(name)
+        verdict = "stated" if item is None else item.verdict
+        known = item is not None and verdict != "stated"
+        rows.append(
+            {
+                "group": name,
+                "stated_s": seconds,
+                "correlation_s": seconds if item is None else item.seconds,
+                "lower_s": item.lower if item is not None and known else None,
+                "upper_s": item.upper if item is not None and known and isfinite(item.upper) else None,
+                "verdict": verdict,
+            }
+        )
+    return rows or None
+
+
+def correlation_sentences(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> list[str]:
+    """What the residuals say about correlation times: other than stated, none, or not to be told."""
+    return [
+        sentence
+        for item in result.correlation_times
+        if (sentence := _about_correlation(item, stated_s.get(item.name))) is not None
+    ]
+
+
+def _about_correlation(item: CorrelationTime, stated_s: float | None) -> str | None:
+    """One sentence about a correlation time; None where it is as stated."""
+    whose = f"the errors of {item.name.replace('_', ' ')}"
+    if item.verdict == "stated":
+        return f"Too little redundancy to estimate how long {whose} last: it stays at {item.seconds:.3g} s."
+    if item.verdict == "undetermined":
+        return f"The residuals do not tell whether {whose} are correlated over time."
+    if item.verdict == "none":
+        return (
+            f"The residuals show no correlation over time in {whose} (correlation time below "
+            f"{item.upper:.3g} s); the adjustment uses {item.seconds:.3g} s."
+        )
+    if item.verdict == "longer":
+        return (
+            f"How long {whose} last cannot be told: longer than {item.lower:.3g} s, as a bias of every strip "
+            f"would; the adjustment uses {item.seconds:.3g} s."
+        )
+    if stated_s is not None and item.lower <= stated_s <= item.upper:
+        return None
+    stated = "" if stated_s is None else f", not {stated_s:.3g} s as stated"
+    return (
+        f"The correlation time of {whose} is {item.seconds:.3g} s ({item.lower:.3g} to {item.upper:.3g} s)"
+        f"{stated}; the adjustment uses it."
+    )
 
 
 def variance_sentences(result: AdjustmentResult) -> list[str]:

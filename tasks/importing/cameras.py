@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
@@ -53,9 +54,9 @@ def camera_record(camera: CameraInput) -> CameraRecord:
     )
 
 
-def _row(name: str, camera: CameraInput) -> dict[str, str | int | float]:
+def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
     record = camera_record(camera)
-    row: dict[str, str | int | float] = {
+    row: dict[str, str | int | float | None] = {
         "camera": name,
         "columns": record.columns,
         "rows": record.rows,
@@ -65,6 +66,9 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float]:
         "principal_point_y_mm": record.principal_point_mm[1],
         "pixel_origin": camera.pixel_origin,
         "mount_deg": camera.mount_deg,
+        "calibration_axes_deg": camera.calibration_axes_deg,
+        "tiles": None if camera.tiles is None else camera.tiles.model_dump_json(),
+        "additional_parameters": json.dumps(camera.additional_parameters, sort_keys=True),
     }
     row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
     names = ("roll", "pitch", "yaw")

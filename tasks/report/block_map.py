@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,10 @@ from markupsafe import Markup
 
 from adjust.arrays import Floats
 from tasks.report import axes, markup, palette
-from tasks.report.axes import round_length
+from tasks.report.difference_arrows import ArrowScale, arrows, symbol
 from tasks.report.footprints import footprints, overlap
-from tasks.report.legend import Swatch, arrow_scale, swatches
+from tasks.report.legend import Swatch, swatches
 from tasks.report.map_plot import MapPlot
-from tasks.report.markup import Attribute
 from tasks.report.material import Material
 from tasks.report.raster import Classes, Raster, cells
 from tasks.report.surveyed_points import differences
@@ -27,7 +25,6 @@ MOST_OUTLINES = 600
 # Above this many images each strip is one element: single names would take several megabytes.
 _MOST_NAMED = 3000
 _MOST_STRIP_NAMES = 40
-_LONGEST_ARROW = 46.0
 _SINGLE = "#f6c9a8"
 # The overlap is the ground on which all symbols stand.
 _DARKEST = 0.68
@@ -182,33 +179,16 @@ def _surveyed(material: Material) -> pd.DataFrame:
     return joined
 
 
-@dataclass(frozen=True)
-class _ArrowScale:
-    """Drawing units of a metre of difference, and the round length of the scale arrow."""
-
-    unit: float
-    length_m: float
-
-    @classmethod
-    def of(cls, surveyed: pd.DataFrame) -> _ArrowScale | None:
-        """The scale at which the largest difference is long; None without any difference."""
-        plan = np.hypot(surveyed["dx_m"].fillna(0.0), surveyed["dy_m"].fillna(0.0))
-        largest = float(max(plan.max(), surveyed["dz_m"].abs().fillna(0.0).max()))
-        if not largest > 0.0:
-            return None
-        return cls(_LONGEST_ARROW / largest, round_length(largest))
-
-
 def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, float]:
     """Symbols, arrows and their legend; returns the height under the legend too."""
-    scale = _ArrowScale.of(surveyed)
+    scale = ArrowScale.of(surveyed)
     drawn = []
     for row in surveyed.to_dict("records"):
         place = plot.x.at(float(row["x_m"])), plot.y.at(float(row["y_m"]))
         took_part, is_check = bool(row["took_part"]), bool(row["is_check"])
         if scale is not None and took_part:
-            drawn += _arrows(row, place, scale)
-        drawn.append(_symbol(place, is_check, took_part, _words(row, is_check, took_part)))
+            drawn += arrows(row, place, scale)
+        drawn.append(symbol(place, is_check, took_part, _words(row, is_check, took_part)))
     x = plot.x.start
     for is_check, took_part, words, width in (
         (False, True, "control point", 120.0),
@@ -216,28 +196,13 @@ def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, fl
         (False, False, "takes no part (hollow)", 170.0),
     ):
         drawn += [
-            _symbol((x + 7, y + 10), is_check, took_part, ""),
+            symbol((x + 7, y + 10), is_check, took_part, ""),
             markup.text(x + 20, y + 14, words, "start"),
         ]
         x += width
     if scale is not None:
-        length, words = scale.length_m * scale.unit, _length(scale.length_m)
-        drawn.append(arrow_scale(x + 10, y + 10, length, f"{words} in plan", "plan"))
-        drawn.append(
-            arrow_scale(
-                x + 30 + length + 110,
-                y + 18,
-                0.35 * length,
-                "in height, up = too high",
-                "height",
-                upright=True,
-            )
-        )
+        drawn.append(scale.legend(x + 10, y + 10))
     return markup.group("surveyed", drawn), y + 26
-
-
-def _length(metres: float) -> str:
-    return f"{metres * 100:g} cm" if metres < 1.0 else f"{metres:g} m"
 
 
 def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
@@ -251,26 +216,3 @@ def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
         if np.isfinite(float(row[f"{name}_m"]))
     ]
     return f"{kind} {row['point']}: {', '.join(shown)}"
-
-
-def _arrows(row: Mapping[Hashable, Any], place: tuple[float, float], scale: _ArrowScale) -> list[Markup]:
-    """Arrow of the plan difference, and one straight up or down for the height."""
-    dx, dy, dz = (float(np.nan_to_num(float(row[f"{name}_m"]))) * scale.unit for name in ("dx", "dy", "dz"))
-    arrows = []
-    if dx or dy:
-        arrows.append(markup.element("path", {"class": "plan", "d": markup.arrow(*place, dx, -dy)}))
-    if dz:
-        arrows.append(markup.element("path", {"class": "height", "d": markup.arrow(*place, 0.0, -dz)}))
-    return arrows
-
-
-def _symbol(place: tuple[float, float], is_check: bool, took_part: bool, words: str) -> Markup:
-    """A triangle for control, a circle for a check point; hollow if it takes no part."""
-    x, y = place
-    named = [markup.title(words)] if words else []
-    css = "point" if took_part else "point hollow"
-    if is_check:
-        circle: dict[str, Attribute] = {"class": css, "cx": x, "cy": y, "r": 5.0}
-        return markup.element("circle", circle, *named)
-    data = markup.path_of(np.array([x, x + 6, x - 6]), np.array([y - 7, y + 4.5, y + 4.5]), closed=True)
-    return markup.element("path", {"class": css, "d": data}, *named)

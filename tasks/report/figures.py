@@ -43,16 +43,102 @@ class DatumFigure(_Figure):
     held_by: Mapping[str, float] = {}
 
 
+class LeftOutFigure(_Figure):
+    """Control points predicted without their fold; null where none of them is known."""
+
+    folds: int
+    points: int
+    rmse_m: tuple[float | None, ...]
+
+
+class FreeNetworkFigure(_Figure):
+    """The open directions of the datum of a free network, and whose approximate values fix them."""
+
+    inner_constraints: str
+    defect: int
+    open: tuple[str, ...] = ()
+
+
+class GroupTestFigure(_Figure):
+    """F-test of a group of additional parameters against zero, all of them together."""
+
+    group: str
+    parameters: int
+    statistic: float
+    critical: float
+    probability: float
+    significant: bool
+
+
+class FlightTestFigure(_Figure):
+    """F-test whether the additional parameters of one camera differ between two flights."""
+
+    first: str
+    second: str
+    parameters: int
+    statistic: float
+    critical: float
+    probability: float
+    differ: bool
+
+
+class SelfCalibrationFigures(_Figure):
+    """Self-calibration: what was selected, how it was reduced, and the tests of groups and of flights."""
+
+    parameters: str
+    elimination: str
+    offered: int
+    kept: int
+    sigma0_of_all: float | None = None
+    groups: tuple[GroupTestFigure, ...] = ()
+    flights: tuple[FlightTestFigure, ...] = ()
+
+
+class GridStepFigure(_Figure):
+    """After a number of corrections by mean residuals: σ0, the RMS of the means and what chance gives, µm."""
+
+    number: int
+    sigma0: float | None = None
+    rms_um: float
+    noise_um: float
+
+
+class CrossStepFigure(_Figure):
+    """The RMS of the mean residuals of images that took no part in their correction, µm."""
+
+    number: int
+    mean_rms_um: float
+
+
+class GridIterationFigure(_Figure):
+    """Corrections by mean residuals, before the first one and after each."""
+
+    taken: int
+    stopped_because: str
+    steps: tuple[GridStepFigure, ...]
+    cross_validation: tuple[CrossStepFigure, ...] = ()
+
+
+class ResidualGridFigure(_Figure):
+    """Mean residuals; ``iteration`` is null where they were not used as corrections."""
+
+    iteration: GridIterationFigure | None = None
+
+
 class AdjustmentFigures(_Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
     groups: tuple[GroupFigure, ...] = ()
     global_test: GlobalTestFigure | None = None
     datum: tuple[DatumFigure, ...] = ()
+    k_fold: LeftOutFigure | None = None
+    free_network: FreeNetworkFigure | None = None
     image_rms_px: tuple[float | None, ...] | None = None
     critical_value: float | None = None
     rejected_per_pass: tuple[int, ...] = ()
     sigma_scaled_by: float | None = None
+    self_calibration: SelfCalibrationFigures | None = None
+    residual_grid: ResidualGridFigure = ResidualGridFigure()
     frame: str = ""
 
 
@@ -75,6 +161,10 @@ _GATE_WORDS = {
     "rmse_control_m": "RMS at control points",
     "rmse_check_m": "RMS at check points",
     "max_check_m": "largest difference at check points",
+    "direct_georeferencing_rmse_m": "RMS at check points georeferenced directly",
+    "direct_georeferencing_max_m": "largest difference at check points georeferenced directly",
+    "y_parallax_rms_um": "RMS of the y-parallaxes",
+    "y_parallax_max_um": "largest y-parallax",
 }
 
 

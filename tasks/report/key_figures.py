@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from tasks.quality_gates import GateResult
 from tasks.report.figures import gate_words, group_words
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, numbers, text_column
@@ -27,19 +29,21 @@ class Verdict:
 def verdict(material: Material) -> Verdict:
     """Gates and global test in one sentence."""
     gates = material.summary.gates
+    free = material.figures.free_network
+    what = "The free network" if free is not None and free.defect else "The block"
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
         verb = "are" if len(failed) > 1 else "is"
-        return Verdict("failed", f"The block is adjusted, but {of} {verb} not kept ({named}); {test}.")
+        return Verdict("failed", f"{what} is adjusted, but {of} {verb} not kept ({named}); {test}.")
     if gates:
         kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
     else:
         kept = "no limits are set in the project"
     link = "and" if good else "but"
-    return Verdict("good" if good else "attention", f"The block is adjusted, {kept}, {link} {test}.")
+    return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
 
 
 def _test_words(material: Material) -> tuple[str, bool]:
@@ -60,12 +64,14 @@ def key_table(material: Material) -> Table:
     counts = summary.counts
     rms = figures.image_rms_px or (None, None)
     height = material.oriented["z_m"] - material.oriented["ground_m"]
+    free = figures.free_network
+    redundancy = f"redundancy n − u + {free.defect}" if free and free.defect else "redundancy n − u"
     rows = [
         _row("sigma0", "σ0 a posteriori / a priori", "", (summary.sigma0,), 3),
         _row("sigma0_um", "σ0 of an image coordinate", "µm", (summary.sigma0_um,), 2),
         _row("sigma0_px", "σ0 of an image coordinate", "px", (summary.sigma0_px,), 3),
         _row("image_rms_px", "RMS of the image residuals x, y", "px", rms, 3),
-        _row("redundancy", "redundancy n − u", "", (summary.redundancy,), 0),
+        _row("redundancy", redundancy, "", (summary.redundancy,), 0),
         _row("images", "images", "", (counts.images,), 0),
         _row("object_points", "object points", "", (counts.object_points,), 0),
         _row("image_points", "image points used", "", (counts.image_points,), 0),
@@ -125,7 +131,7 @@ def group_table(material: Material) -> Table:
     return Table("groups", "Observation groups", columns, rows)
 
 
-def gate_table(material: Material) -> Table:
+def gate_table(gates: Sequence[GateResult]) -> Table:
     """The limits of the project and what became of them."""
     columns = (
         text_column("gate", "limit of"),
@@ -143,10 +149,10 @@ def gate_table(material: Material) -> Table:
                 Number(gate.value, 3),
                 "≤" if gate.bound == "max" else "≥",
                 Number(gate.limit, 3),
-                "" if gate.unit == "1" else gate.unit,
+                {"1": "", "um": "µm"}.get(gate.unit, gate.unit),
                 "kept" if gate.passed else "not kept",
             ),
         )
-        for gate in material.summary.gates
+        for gate in gates
     )
     return Table("gates", "Limits set in the project", columns, rows)

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.calibration.residual_grid import LEAST_REDUNDANCY
 from adjust.camera.interior import FrameCamera
 from tasks.importing.cameras import frame_cameras
 from tasks.report.figures import AdjustmentFigures
@@ -33,14 +34,17 @@ class Material:
     project : the settings of the run.
     summary : what summary.json says, without timings.
     cameras : by name.
+    camera_table : as cameras.parquet, with the layout of the CCD images and the calibration axes.
     images : of the block, with their orientation (left join: an image without attitude has none).
     image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
-        check_points : the tables of these names.
+        check_points, residual_grid, residual_autocorrelation : the tables of these names.
+    self_calibration : the additional parameters that were offered; empty without any.
     """
 
     project: Project
     summary: Summary
     cameras: Mapping[str, FrameCamera]
+    camera_table: pd.DataFrame
     images: pd.DataFrame
     image_points: pd.DataFrame
     control_points: pd.DataFrame
@@ -50,6 +54,9 @@ class Material:
     correlations: pd.DataFrame
     control_residuals: pd.DataFrame
     check_points: pd.DataFrame
+    residual_grid: pd.DataFrame
+    residual_autocorrelation: pd.DataFrame
+    self_calibration: pd.DataFrame
 
     @cached_property
     def figures(self) -> AdjustmentFigures:
@@ -83,17 +90,22 @@ class Material:
 
     @cached_property
     def image_residuals(self) -> pd.DataFrame:
-        """One row for each measured image point: camera, x_mm, y_mm, vx_um, vy_um, wx, wy, used.
+        """One row for each image point: camera, x_mm, y_mm, vx_um, vy_um, wx, wy, used, shows_x, shows_y.
 
-        ``used`` says that both components took part.
+        ``used`` says that both components took part; ``shows_x`` and ``shows_y`` that a component shows
+        errors, because others control it: these make the mean residuals.
         """
         own = self.residuals[self.residuals["group"] == IMAGE_POINTS]
-        columns = ["image", "point", "residual", "standardized", "status"]
+        columns = ["image", "point", "residual", "standardized", "redundancy", "status"]
         first, second = (own.loc[own["component"] == name, columns] for name in ("x", "y"))
         pairs = first.merge(second, on=["image", "point"], suffixes=("_x", "_y"), validate="one_to_one")
         places = self.image_points[["image", "point", "x_mm", "y_mm"]]
         joined = pairs.merge(places, on=["image", "point"], validate="one_to_one")
         camera_of = dict(zip(self.images["image"], self.images["camera"], strict=True))
+        shows = {
+            name: (joined[f"status_{name}"] == "used") & (joined[f"redundancy_{name}"] > LEAST_REDUNDANCY)
+            for name in ("x", "y")
+        }
         return pd.DataFrame(
             {
                 "image": joined["image"],
@@ -106,6 +118,8 @@ class Material:
                 "wx": joined["standardized_x"],
                 "wy": joined["standardized_y"],
                 "used": joined["status_x"].isin(TOOK_PART) & joined["status_y"].isin(TOOK_PART),
+                "shows_x": shows["x"],
+                "shows_y": shows["y"],
             }
         )
 
@@ -137,13 +151,19 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
             "correlations",
             "control_residuals",
             "check_points",
+            "residual_grid",
+            "residual_autocorrelation",
         )
     }
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
+    offered = tables.get("self_calibration")
+    camera_table = read_table(tables["cameras"])
     return Material(
         project=project,
         summary=summary_of([read_notes(outputs["notes"]) for outputs in stages], project.gates, {}),
-        cameras=frame_cameras(read_table(tables["cameras"])),
+        cameras=frame_cameras(camera_table),
+        camera_table=camera_table,
+        self_calibration=pd.DataFrame() if offered is None else read_table(offered),
         **read,
     )

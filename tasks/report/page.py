@@ -12,18 +12,25 @@ from markupsafe import Markup
 
 from tasks.report import (
     block_map,
+    correlations,
     datum,
+    grid_iteration,
     histogram,
+    image_errors,
+    image_errors_plot,
     key_figures,
     orientation_precision,
     point_precision,
     provenance,
+    residual_correlation,
     residual_field,
+    self_calibration,
     surveyed_points,
     suspicious,
     system_parameters,
 )
 from tasks.report.material import IMAGE_POINTS, Material
+from tasks.report.residual_field import ResidualField
 from tasks.report.table import Table
 
 #: Package data: part of the digest of every source that reaches this module.
@@ -51,6 +58,10 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     tables = {table.name: table for table in _tables(material, files, software)}
     plots = {plot.name: plot.drawing for plot in _plots(material)}
     fields = residual_field.residual_fields(material)
+    errors = image_errors.image_errors(material)
+    pairs = image_errors_plot.before_and_after(material)
+    of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
+    tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
     page: str = (
         _environment()
         .get_template("page.html.j2")
@@ -61,11 +72,16 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
             problems=material.summary.problems,
             figures=material.figures,
             summary=material.summary,
-            tables=tables | {"image-residuals": residual_field.field_table(fields)},
+            tables=tables,
             plots=plots,
-            fields=[(field, residual_field.field_plot(field)) for field in fields],
+            fields=[(field, _field_plots(field)) for field in fields],
+            confidence=material.project.adjustment.confidence,
+            calibrated=not material.self_calibration.empty,
+            image_errors=[
+                (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
+            ],
+            comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
             outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
-            least_in_cell=residual_field.LEAST_IN_CELL,
         )
     )
     return page
@@ -75,7 +91,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
     return (
         key_figures.key_table(material),
         key_figures.group_table(material),
-        key_figures.gate_table(material),
+        key_figures.gate_table(material.summary.gates),
         histogram.standardized_table(material),
         surveyed_points.statistics(material),
         surveyed_points.point_table(material, is_check=False),
@@ -83,6 +99,9 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         orientation_precision.orientation_table(material),
         point_precision.point_table(material),
         system_parameters.parameter_table(material),
+        self_calibration.offered_table(material),
+        self_calibration.group_table(material),
+        self_calibration.flight_table(material),
         datum.datum_table(material),
         suspicious.rejected_table(material),
         suspicious.uncontrolled_images(material),
@@ -91,6 +110,21 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         provenance.files_table(material.project, files),
         provenance.versions_table(software),
     )
+
+
+def _residual_tables(material: Material, fields: Sequence[ResidualField]) -> tuple[Table, ...]:
+    """Figures of the residuals of each camera, and how they were used as corrections."""
+    of_cameras = residual_field.field_table(fields, material.project.adjustment.confidence)
+    iteration = material.figures.residual_grid.iteration
+    return (of_cameras,) if iteration is None else (of_cameras, grid_iteration.iteration_table(iteration))
+
+
+def _field_plots(field: ResidualField) -> dict[str, Markup]:
+    """Mean residuals of a camera, and what was added to its image coordinates."""
+    plots = {"mean": residual_field.field_plot(field, field.mean, "Mean residuals")}
+    if field.correction is not None:
+        plots["correction"] = residual_field.field_plot(field, field.correction, "Corrections")
+    return plots
 
 
 def _plots(material: Material) -> list[Plot]:
@@ -102,7 +136,8 @@ def _plots(material: Material) -> list[Plot]:
         "histogram": histogram.histogram_plot(material)
         if len(histogram.standardized(material, IMAGE_POINTS))
         else None,
-        "correlations": system_parameters.correlation_plot(material),
+        "residual-correlation": residual_correlation.correlation_plot(material),
+        "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]

@@ -1,157 +1,195 @@
-"""Mean image residuals in sub-areas of the format: what is left of systematic image errors."""
+"""Mean image residuals in sub-areas of the format, and corrections by them, from residual_grid.parquet."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats
+from adjust.calibration.residual_grid import residual_grid
 from adjust.camera.interior import FrameCamera
+from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.report import axes, markup
-from tasks.report.axes import Scale, round_length
+from tasks.report.axes import round_length
+from tasks.report.format_plot import FormatPlot
 from tasks.report.legend import arrow_scale
 from tasks.report.material import Material
 from tasks.report.table import Column, Row, Table, numbers, text_column
 
-_MOST_CELLS = 25
-_AIM_PER_CELL = 25
-# A mean of fewer residuals says too little to be drawn.
-LEAST_IN_CELL = 5
-# χ² with two degrees of freedom, 95 %.
-_CHI2_95 = 5.991
 _MM = 1e3
 
 
 @dataclass(frozen=True, eq=False)
+class Vectors:
+    """Vectors in the sub-areas; arrays (rows, columns), µm, NaN where there is none."""
+
+    x_um: Floats
+    y_um: Floats
+
+    @property
+    def drawn(self) -> Bools:
+        """(rows, columns) whether a coordinate is known at least; the other one then counts as zero."""
+        return np.asarray(np.isfinite(self.x_um) | np.isfinite(self.y_um))
+
+    @property
+    def largest_um(self) -> float:
+        """Length of the longest vector, µm; NaN without any."""
+        length = np.hypot(np.nan_to_num(self.x_um), np.nan_to_num(self.y_um))[self.drawn]
+        return float(length.max()) if len(length) else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
 class ResidualField:
-    """Mean residuals of one camera in equal cells of its format; arrays (rows, columns), row 0 at the bottom.
+    """Mean residuals of one camera; arrays (rows, columns), row 0 at the bottom.
 
     Attributes
     ----------
     camera : the camera.
-    x_mm, y_mm : (columns,), (rows,) middles of the cells.
-    vx_um, vy_um : means, µm; NaN in cells with fewer than ``LEAST_IN_CELL`` image points.
-    count : number of image points.
-    significant : the mean vector differs from zero at 95 %, with the scatter of all residuals of the camera.
-    rms_um : (2,) root mean square of all its residuals x, y.
+    x_mm, y_mm : (columns,), (rows,) middles of the sub-areas.
+    seams_x_mm, seams_y_mm : where CCD images meet.
+    mean : mean residuals.
+    correction : what was added to the image coordinates before; None where nothing was.
+    significant : the mean vector differs from zero.
+    image_points : of the camera that took part with both coordinates.
+    rms_um : (2,) root mean square of all their residuals x, y.
     """
 
     camera: FrameCamera
     x_mm: Floats
     y_mm: Floats
-    vx_um: Floats
-    vy_um: Floats
-    count: Ints
+    seams_x_mm: Floats
+    seams_y_mm: Floats
+    mean: Vectors
+    correction: Vectors | None
     significant: Bools
+    image_points: int
     rms_um: tuple[float, float]
 
     @property
-    def drawn(self) -> Bools:
-        """(rows, columns) whether a cell has enough points."""
-        return np.isfinite(self.vx_um)
-
-    @property
-    def largest_um(self) -> float:
-        """Length of the longest mean vector, µm; NaN without any."""
-        length = np.hypot(self.vx_um, self.vy_um)[self.drawn]
-        return float(length.max()) if len(length) else float("nan")
+    def longest_um(self) -> float:
+        """Length of the longest vector of both kinds, µm: they are drawn at the same scale."""
+        lengths = [self.mean.largest_um, *([] if self.correction is None else [self.correction.largest_um])]
+        return float(np.nanmax([0.0, *lengths]))
 
 
 def residual_fields(material: Material) -> tuple[ResidualField, ...]:
     """The field of every camera with image points that took part, by name."""
     table = material.image_residuals
     used = table[table["used"]]
+    by_camera = dict(tuple(used.groupby("camera", sort=True)))
     return tuple(
-        residual_field(material.cameras[str(name)], own) for name, own in used.groupby("camera", sort=True)
+        residual_field(material.cameras[str(name)], own, by_camera.get(name, used.iloc[:0]))
+        for name, own in material.residual_grid.groupby("camera", sort=True)
     )
 
 
-def residual_field(camera: FrameCamera, table: pd.DataFrame) -> ResidualField:
-    """The field of one camera from its image points (x_mm, y_mm, vx_um, vy_um)."""
-    side = int(np.clip(np.sqrt(len(table) / _AIM_PER_CELL), 1, _MOST_CELLS))
-    half_x, half_y = (half * _MM for half in camera.half_format)
-    column = _cell(table["x_mm"].to_numpy(np.float64), half_x, side)
-    row = _cell(table["y_mm"].to_numpy(np.float64), half_y, side)
-    cell = row * side + column
-    v = table[["vx_um", "vy_um"]].to_numpy(np.float64)
-    count = np.bincount(cell, minlength=side * side)
-    sums = [np.bincount(cell, weights=v[:, k], minlength=side * side) for k in (0, 1)]
-    enough = count >= LEAST_IN_CELL
-    mean = np.array([np.where(enough, s / np.maximum(count, 1), np.nan) for s in sums])
-    square = np.mean(v**2, axis=0)
-    statistic = count * np.sum(mean**2 / np.maximum(square, 1e-12)[:, None], axis=0)
-    middles = (np.arange(side) + 0.5) / side * 2.0 - 1.0
-    shape = (side, side)
+def residual_field(camera: FrameCamera, grid: pd.DataFrame, points: pd.DataFrame) -> ResidualField:
+    """The field of one camera from its rows of residual_grid.parquet and its image points."""
+    grid = grid.sort_values(["row", "column"])
+    shape = (int(grid["row"].max()) + 1, int(grid["column"].max()) + 1)
+
+    def cells(name: str) -> Floats:
+        return grid[name].to_numpy(np.float64).reshape(shape)
+
+    x, y = cells("x_mm")[0], cells("y_mm")[:, 0]
+    has_correction = bool(grid["correction_x_um"].notna().any())
     return ResidualField(
         camera,
-        middles * half_x,
-        middles * half_y,
-        mean[0].reshape(shape),
-        mean[1].reshape(shape),
-        count.reshape(shape).astype(np.int64),
-        (np.nan_to_num(statistic) > _CHI2_95).reshape(shape),
-        (float(np.sqrt(square[0])), float(np.sqrt(square[1]))),
+        x,
+        y,
+        _seams(x, cells("width_mm")[0], cells("tile_x")[0]),
+        _seams(y, cells("height_mm")[:, 0], cells("tile_y")[:, 0]),
+        Vectors(cells("mean_vx_um"), cells("mean_vy_um")),
+        Vectors(cells("correction_x_um"), cells("correction_y_um")) if has_correction else None,
+        grid["significant"].to_numpy(bool).reshape(shape),
+        len(points),
+        _rms(points),
     )
 
 
-def _cell(values_mm: Floats, half_mm: float, side: int) -> Ints:
-    """Number of the cell along one axis; what lies on or beyond the border belongs to the outermost one."""
-    return np.clip(np.floor((values_mm + half_mm) / (2.0 * half_mm) * side), 0, side - 1).astype(np.int64)
+def _seams(middle: Floats, width: Floats, tile: Floats) -> Floats:
+    """Places between neighbouring sub-areas of different CCD images."""
+    before = np.flatnonzero(np.diff(tile) != 0.0)
+    return np.asarray(middle[before] + 0.5 * width[before])
 
 
-def field_plot(field: ResidualField) -> Markup:
-    """Vectors of the mean residuals over the format, with a scale arrow."""
-    half_x, half_y = (half * _MM for half in field.camera.half_format)
-    left, top = 70.0, 10.0
-    unit = min((axes.WIDTH - left - 12.0) / (2 * half_x), 640.0 / (2 * half_y))
-    left += 0.5 * (axes.WIDTH - left - 12.0 - 2 * half_x * unit)
-    x = Scale(-half_x, half_x, left, left + 2 * half_x * unit)
-    y = Scale(-half_y, half_y, top + 2 * half_y * unit, top)
-    parts = [
-        axes.horizontal_axis(x, top, y.start, "x of the image [mm]"),
-        axes.vertical_axis(y, x.start, x.end, "y of the image [mm]"),
-        axes.frame(x.start, top, x.end, y.start),
-    ]
-    bottom = y.start + 52
-    if field.largest_um > 0.0:
-        cell = min(2 * half_x, 2 * half_y) * unit / len(field.x_mm)
-        per_um = min(max(0.95 * cell, 14.0), 60.0) / field.largest_um
-        parts += _vectors(field, x, y, per_um)
-        length = round_length(1.5 * field.largest_um)
-        parts.append(arrow_scale(x.start, bottom + 6, length * per_um, f"{length:g} µm", "mean"))
-        shift = x.start + length * per_um + 100
-        parts.append(arrow_scale(shift, bottom + 6, 24.0, "not significant (95 %)", "mean weak"))
+def with_residuals(
+    field: ResidualField, grid: pd.DataFrame, points: pd.DataFrame, confidence: float
+) -> ResidualField:
+    """The field of other residuals in the same sub-areas, such as those without a correction.
+
+    Parameters
+    ----------
+    grid : the camera's rows of residual_grid.parquet.
+    points : its image points (x_mm, y_mm, vx_um, vy_um, shows_x, shows_y).
+    """
+    shape = field.significant.shape
+    found = residual_grid(
+        residual_grid_cells(grid),
+        points[["x_mm", "y_mm"]].to_numpy(np.float64) / _MM,
+        points[["vx_um", "vy_um"]].to_numpy(np.float64),
+        points[["shows_x", "shows_y"]].to_numpy(bool),
+    )
+    mean = Vectors(found.mean[:, 0].reshape(shape), found.mean[:, 1].reshape(shape))
+    significant = found.significant(confidence).reshape(shape)
+    return replace(field, mean=mean, correction=None, significant=significant, rms_um=_rms(points))
+
+
+def _rms(points: pd.DataFrame) -> tuple[float, float]:
+    """Root mean square of the residuals in x and y, µm; NaN without any."""
+    v = points[["vx_um", "vy_um"]].to_numpy(np.float64)
+    square = np.mean(v**2, axis=0) if len(v) else np.full(2, np.nan)
+    return float(np.sqrt(square[0])), float(np.sqrt(square[1]))
+
+
+def field_plot(field: ResidualField, vectors: Vectors, words: str) -> Markup:
+    """Vectors over the format, with the borders of the CCD images and a scale arrow.
+
+    Parameters
+    ----------
+    vectors : the means, or the correction, of the field.
+    words : what is drawn, for who cannot see it.
+    """
+    plot = FormatPlot.within(field.camera.half_format, 70.0, 10.0, axes.WIDTH - 82.0, 640.0)
+    parts = [*plot.marks(), plot.seams(field.seams_x_mm.tolist(), field.seams_y_mm.tolist())]
+    bottom = plot.bottom + 52
+    if field.longest_um > 0.0:
+        per_um = arrow_length(field, plot) / field.longest_um
+        parts += field_vectors(field, vectors, plot, per_um)
+        length = round_length(1.5 * field.longest_um)
+        parts.append(arrow_scale(plot.left, bottom + 6, length * per_um, f"{length:g} µm", "mean"))
+        if vectors is field.mean:
+            shift = plot.left + length * per_um + 100
+            parts.append(arrow_scale(shift, bottom + 6, 24.0, "not significant", "mean weak"))
         bottom += 22
-    return markup.svg(axes.WIDTH, bottom, f"Mean residuals of camera {field.camera.name}", *parts)
+    return markup.svg(axes.WIDTH, bottom, f"{words} of camera {field.camera.name}", *parts)
 
 
-def _vectors(field: ResidualField, x: Scale, y: Scale, per_um: float) -> list[Markup]:
-    """One path each for the significant vectors and the others."""
+def arrow_length(field: ResidualField, plot: FormatPlot) -> float:
+    """Length of the longest arrow, drawing units: about a sub-area."""
+    width = (plot.x.end - plot.x.start) / len(field.x_mm)
+    height = (plot.y.start - plot.y.end) / len(field.y_mm)
+    return min(max(0.95 * min(width, height), 14.0), 60.0)
+
+
+def field_vectors(field: ResidualField, vectors: Vectors, plot: FormatPlot, per_um: float) -> list[Markup]:
+    """One path each for the vectors that are significant and, of means, for the others."""
+    x, y = np.meshgrid(field.x_mm, field.y_mm)
+    is_weak = ~field.significant if vectors is field.mean else np.zeros_like(field.significant)
     paths = []
-    for css, chosen in (
-        ("mean weak", field.drawn & ~field.significant),
-        ("mean", field.drawn & field.significant),
-    ):
-        data = "".join(
-            markup.arrow(
-                x.at(float(field.x_mm[c])),
-                y.at(float(field.y_mm[r])),
-                float(field.vx_um[r, c]) * per_um,
-                -float(field.vy_um[r, c]) * per_um,
-                4.0,
-            )
-            for r, c in np.argwhere(chosen)
-        )
-        if data:
-            paths.append(markup.element("path", {"class": css, "d": data}))
-    return paths
+    for css, chosen in (("mean weak", vectors.drawn & is_weak), ("mean", vectors.drawn & ~is_weak)):
+        at = np.column_stack([x[chosen], y[chosen]])
+        v = np.nan_to_num(np.column_stack([vectors.x_um[chosen], vectors.y_um[chosen]]))
+        paths.append(plot.vectors(at, v * per_um, css))
+    return [path for path in paths if path]
 
 
-def field_table(fields: tuple[ResidualField, ...]) -> Table:
-    """Figures of the residuals of each camera."""
+def field_table(fields: Sequence[ResidualField], confidence: float) -> Table:
+    """Figures of the residuals of each camera; `confidence` is that of the tests."""
     columns = (
         text_column("camera", "camera"),
         Column("image_points", "image points"),
@@ -159,23 +197,24 @@ def field_table(fields: tuple[ResidualField, ...]) -> Table:
         Column("rms_y_um", "RMS y", "µm"),
         Column("rms_x_px", "RMS x", "px"),
         Column("rms_y_px", "RMS y", "px"),
-        Column("cells", "sub-areas drawn"),
+        Column("cells", "sub-areas with a mean"),
         Column("significant", "of them significant"),
+        Column("by_chance", "expected by chance"),
         Column("largest_um", "largest mean", "µm"),
     )
     rows = []
     for field in fields:
-        pixel_um = field.camera.pixel_size * 1e6
+        pixel_um, known = field.camera.pixel_size * 1e6, float(field.mean.drawn.sum())
         rows.append(
             Row(
                 field.camera.name,
                 (
                     field.camera.name,
-                    *numbers((float(field.count.sum()),), 0),
+                    *numbers((float(field.image_points),), 0),
                     *numbers(field.rms_um, 2),
                     *numbers((v / pixel_um for v in field.rms_um), 3),
-                    *numbers((float(field.drawn.sum()), float(field.significant.sum())), 0),
-                    *numbers((field.largest_um,), 2),
+                    *numbers((known, float(field.significant.sum()), (1.0 - confidence) * known), 0),
+                    *numbers((field.mean.largest_um,), 2),
                 ),
             )
         )

@@ -12,6 +12,8 @@ from tasks.report.material import Material
 from tasks.report.table import Column, Row, Table, components, numbers, text_column
 
 AXES = ("dx", "dy", "dz")
+#: What the columns of control points begin with that come from adjustments without the point.
+LEFT_OUT = "loo_"
 _HEADINGS = ("east", "north", "up")
 MOST_ROWS = 100
 
@@ -19,18 +21,25 @@ MOST_ROWS = 100
 def differences(material: Material, is_check: bool) -> pd.DataFrame:
     """The table of control or check points with, for each axis, the difference in GSD and over its σ.
 
-    Columns added: is_check, gsd_m, d{x,y,z}_gsd, d{x,y,z}_ratio (|d|/σ), and ``largest`` of the ratios.
+    Columns added: is_check, gsd_m, d{x,y,z}_gsd, d{x,y,z}_ratio (|d|/σ), and ``largest`` of the ratios; for
+    control points also loo_d{x,y,z}_gsd and ``loo_largest``, each from the adjustment without the point.
     """
     table = (material.check_points if is_check else material.control_residuals).copy()
     table["is_check"] = is_check
     table["gsd_m"] = material.gsd_at(table["point"]) if len(table) else np.zeros(0)
-    for axis in AXES:
-        d, sigma = (table[name].to_numpy(np.float64) for name in (f"{axis}_m", f"sigma_{axis}_m"))
-        table[f"{axis}_gsd"] = d / table["gsd_m"].to_numpy(np.float64)
-        table[f"{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
-    ratios = table[[f"{axis}_ratio" for axis in AXES]]
-    table["largest"] = ratios.max(axis=1)
+    for prefix in ("",) if is_check else ("", LEFT_OUT):
+        for axis in (f"{prefix}{axis}" for axis in AXES):
+            d, sigma = (table[name].to_numpy(np.float64) for name in (f"{axis}_m", f"sigma_{axis}_m"))
+            table[f"{axis}_gsd"] = d / table["gsd_m"].to_numpy(np.float64)
+            table[f"{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
+        table[f"{prefix}largest"] = table[[f"{prefix}{axis}_ratio" for axis in AXES]].max(axis=1)
     return table
+
+
+_LEFT_OUT_COLUMNS = (
+    *components("loo_{}_m", [f"without it, d {h}" for h in _HEADINGS], "m", AXES),
+    Column("loo_largest", "without it, |d|/σ"),
+)
 
 
 def point_table(material: Material, is_check: bool) -> Table:
@@ -47,6 +56,7 @@ def point_table(material: Material, is_check: bool) -> Table:
         *components("{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", AXES),
         *components("{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", AXES),
         Column("rays", "rays"),
+        *(() if is_check else _LEFT_OUT_COLUMNS),
     )
     rows = tuple(
         Row(
@@ -58,6 +68,8 @@ def point_table(material: Material, is_check: bool) -> Table:
                 *numbers((row[f"{axis}_gsd"] for axis in AXES), 2, plus=True),
                 *numbers((row[f"{axis}_ratio"] for axis in AXES), 1),
                 *numbers((row["rays"],), 0),
+                *(() if is_check else numbers((row[f"{LEFT_OUT}{axis}_m"] for axis in AXES), 3, plus=True)),
+                *(() if is_check else numbers((row[f"{LEFT_OUT}largest"],), 1)),
             ),
         )
         for row in shown.to_dict("records")
@@ -70,24 +82,37 @@ def point_table(material: Material, is_check: bool) -> Table:
 def statistics(material: Material) -> Table:
     """Mean, root mean square and largest difference of control and of check points, in metres and in GSD."""
     rows = []
-    for is_check, kind in ((False, "control"), (True, "check")):
+    for key, kind, is_check, prefix in _KINDS:
         table = differences(material, is_check)
         if len(table) == 0:
             continue
         for name, words, figure in _FIGURES:
-            metres = [_of(table[f"{axis}_m"], figure) for axis in AXES]
-            in_gsd = [_of(table[f"{axis}_gsd"], figure) for axis in AXES]
-            counted = numbers((float(table[f"{axis}_m"].notna().sum()) for axis in AXES), 0)
+            metres = [_of(table[f"{prefix}{axis}_m"], figure) for axis in AXES]
+            in_gsd = [_of(table[f"{prefix}{axis}_gsd"], figure) for axis in AXES]
+            counted = numbers((float(table[f"{prefix}{axis}_m"].notna().sum()) for axis in AXES), 0)
             plus = name == "mean"
             cells = (*numbers(metres, 3, plus=plus), *numbers(in_gsd, 2, plus=plus), *counted)
-            rows.append(Row(f"{kind}:{name}", (f"{kind} points, {words}", *cells)))
+            rows.append(Row(f"{key}:{name}", (f"{kind}, {words}", *cells)))
     columns = (
         text_column("figure", "figure"),
         *components("{}_m", _HEADINGS, "m", AXES),
         *components("{}_gsd", _HEADINGS, "GSD", AXES),
         *components("{}_count", [f"n {h}" for h in _HEADINGS], "", AXES),
     )
-    return Table("surveyed-statistics", "Differences at control and check points", columns, tuple(rows))
+    caption = "Differences at control and check points"
+    return Table("surveyed-statistics", caption, columns, tuple(rows), _folds(material))
+
+
+def _folds(material: Material) -> str:
+    """A sentence about control points left out a fold at a time; empty where that was not asked for."""
+    found = material.figures.k_fold
+    if found is None:
+        return ""
+    each = ", ".join("–" if value is None else f"{value:.3f}" for value in found.rmse_m)
+    return (
+        f"Control points, left out in {found.folds} folds, each over the whole area: "
+        f"RMS {each} m (x, y, z) at {found.points} points."
+    )
 
 
 def _of(values: pd.Series, figure: Callable[[Floats], float]) -> float | None:
@@ -99,6 +124,11 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+_KINDS = (
+    ("control", "control points", False, ""),
+    ("left-out", "control points, each left out", False, LEFT_OUT),
+    ("check", "check points", True, ""),
+)
 _FIGURES: tuple[tuple[str, str, Callable[[Floats], float]], ...] = (
     ("rms", "RMS", _rms),
     ("mean", "mean", lambda values: float(np.mean(values))),

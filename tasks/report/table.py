@@ -13,6 +13,8 @@ from typing import TypeAlias
 
 #: Shown where a number does not exist.
 NONE = "–"
+# With more decimals than this a number is shown as a power of ten: 1.014e−9 and not 0.000000001014.
+_MOST_DECIMALS = 7
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,8 @@ class Number:
     Attributes
     ----------
     value : the full value; None or NaN: it does not exist.
-    decimals : digits shown after the point.
+    decimals : digits shown after the point; with more than seven the number is a power of ten, to the same
+        place.
     plus : whether a positive number shows its sign.
     """
 
@@ -43,7 +46,12 @@ class Number:
     def __str__(self) -> str:
         if self.value is None or not self.exists:
             return NONE
-        text = f"{self.value:{'+' if self.plus else ''},.{self.decimals}f}"
+        sign = "+" if self.plus else ""
+        if self.decimals > _MOST_DECIMALS and self.value != 0.0:
+            digits = max(_exponent(self.value) + self.decimals, 0)
+            mantissa, exponent = f"{self.value:{sign}.{digits}e}".split("e")
+            return f"{mantissa}e{int(exponent)}".replace("-", "−")
+        text = f"{self.value:{sign},.{self.decimals if self.decimals <= _MOST_DECIMALS else 0}f}"
         # A zero that was rounded has no sign.
         if not text.strip("+-0.,"):
             text = text.lstrip("+-")
@@ -114,8 +122,12 @@ def numbers(values: Iterable[float | None], decimals: int, *, plus: bool = False
 
 
 def decimals_for(value: float | None, digits: int = 2) -> int:
-    """Decimals that show `digits` significant digits of a value, such as a standard deviation; 0 to 9."""
+    """Decimals that show `digits` significant digits of a value, such as a standard deviation; 0 or more."""
     if value is None or not math.isfinite(value) or value == 0.0:
         return 0
-    exponent = int(f"{abs(value):.{digits - 1}e}".split("e")[1])
-    return min(max(digits - 1 - exponent, 0), 9)
+    return max(digits - 1 - _exponent(value, digits - 1), 0)
+
+
+def _exponent(value: float, digits: int = 17) -> int:
+    """Power of ten of a value that is rounded to so many digits behind the first."""
+    return int(f"{abs(value):.{digits}e}".split("e")[1])

@@ -8,6 +8,8 @@ from pydantic import Field, model_validator
 
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple
+from tasks.settings.residual_grid import ResidualGridSettings
+from tasks.settings.self_calibration import SelfCalibrationSettings
 
 FreeParameter: TypeAlias = Literal[
     "boresight",
@@ -110,6 +112,26 @@ class AdjustmentSettings(Settings):
         "`ins` the exposures still give approximate values; without `control` the control points become "
         "check points.",
     )
+    self_calibration: SelfCalibrationSettings = Field(
+        default_factory=SelfCalibrationSettings, description="Additional parameters of the cameras."
+    )
+    datum: Literal["observations", "free_network"] = Field(
+        default="observations",
+        description="What fixes the block in space: `observations` (what they leave open is an error), or "
+        "`free_network`: what they leave open (of three shifts, three rotations, scale) is fixed by inner "
+        "constraints on approximate values. For blocks without GNSS and control, and for height control "
+        "only.",
+    )
+    inner_constraints: Literal["object_points", "projection_centres", "both"] = Field(
+        default="object_points",
+        description="The unknowns of a free network whose corrections to their approximate values get the "
+        "least norm: `object_points` (from intersection with the exposures as given), `projection_centres` "
+        "(as given) or `both`. Standard deviations are those of this datum.",
+    )
+    residual_grid: ResidualGridSettings = Field(
+        default_factory=ResidualGridSettings,
+        description="Mean residuals in sub-areas of the image, and their use as corrections.",
+    )
     refraction: Literal["standard", "none"] = Field(
         default="standard",
         description="Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or `none`, for "
@@ -129,6 +151,28 @@ class AdjustmentSettings(Settings):
         "the priors of each kind of parameter; what has a redundancy below 10 keeps its stated σ. Systematic "
         "errors that are not modelled end up in these factors.",
     )
+    control_folds: Annotated[int, Field(ge=2)] | None = Field(
+        default=None,
+        description="Number of folds the control points are dealt into, each over the whole area, to be "
+        "predicted by the adjustment without their fold (`k_fold` in summary.json). Leaving out one at a "
+        "time is always done; both cost no further adjustment.",
+    )
+    gnss_correlation_s: Positive | None = Field(
+        default=None,
+        description="Correlation time τ of the errors of GNSS positions, s: those of two exposures of a "
+        "strip Δt apart are correlated by exp(−Δt/τ) (first-order Gauss–Markov). Left out: they count as "
+        "independent; if they are not, shifts, lever arm and principal point look better than they are. "
+        "Needs strips and times.",
+    )
+    ins_correlation_s: Positive | None = Field(
+        default=None,
+        description="The same for roll, pitch and yaw of INS attitudes, s; matters for the boresight.",
+    )
+    estimate_correlation: bool = Field(
+        default=False,
+        description="Whether the stated correlation times are only a start and are estimated from the "
+        "residuals. Best with `variance_components = true`: wrong σ and wrong correlation times look alike.",
+    )
     max_iterations: Annotated[int, Field(ge=1)] = Field(
         default=20,
         description="Iterations after which the adjustment counts as divergent; good starts need 2 to 5.",
@@ -140,8 +184,23 @@ class AdjustmentSettings(Settings):
         default_factory=Priors, description="Standard deviations of the initial values of free parameters."
     )
 
+    @property
+    def correlation_times_s(self) -> dict[str, float | None]:
+        """Stated correlation times of the groups that can have one, s."""
+        return {"gnss_positions": self.gnss_correlation_s, "ins_attitudes": self.ins_correlation_s}
+
     @model_validator(mode="after")
     def _free_only_once(self) -> AdjustmentSettings:
         if len(set(self.free)) != len(self.free):
             raise trouble("A parameter is named twice in `free`.", "Name each of them once.")
+        return self
+
+    @model_validator(mode="after")
+    def _correlation_has_a_start(self) -> AdjustmentSettings:
+        if self.estimate_correlation and self.gnss_correlation_s is None and self.ins_correlation_s is None:
+            raise trouble(
+                "`estimate_correlation` has no correlation time to start from.",
+                "Give `gnss_correlation_s`, `ins_correlation_s` or both; some exposure intervals are a good "
+                "start.",
+            )
         return self

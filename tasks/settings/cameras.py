@@ -13,6 +13,23 @@ from tasks.settings.coordinates import Finite, Positive, Triple
 _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm")
 
 
+class CcdTiles(Settings):
+    """The CCD images a composed image consists of; 3 × 3 of them have two seams each way."""
+
+    seams_x_mm: tuple[Finite, ...] = Field(
+        description="Where CCD images meet along x of the calibration axes, ascending, mm."
+    )
+    seams_y_mm: tuple[Finite, ...] = Field(description="The same along y, mm.")
+    blend_mm: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(
+        default=0.0, description="Width over which neighbours are mixed linearly; 0: a hard switch, mm."
+    )
+    perspective: Literal["master4", "outer8", "rotation8"] = Field(
+        default="master4",
+        description="Form of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs "
+        "(`master4`), one for each of the eight outer CCDs (`outer8`), or their rotations (`rotation8`).",
+    )
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -34,6 +51,20 @@ class CameraInput(Settings):
     mount_deg: Literal[0, 90, 180, 270] = Field(
         description="κ_mount: the nominal turn of the camera in the aircraft, T = diag(1, −1, −1) "
         "R_z(κ_mount); 0: image x (columns) points forward, 90: forward is −y (down the rows)."
+    )
+    calibration_axes_deg: Literal[0, 90, 180, 270] = Field(
+        default=0,
+        description="Turn from the image axes to the axes in which additional parameters are defined, "
+        "counter-clockwise, degrees. BLUH and UltraCam sets have x along flight: 0 if the columns run along "
+        "flight, 90 or 270 if they run across.",
+    )
+    tiles: CcdTiles | None = Field(
+        default=None, description="Layout of the CCD images; without it that of the parameter set holds."
+    )
+    additional_parameters: dict[str, Finite] = Field(
+        default_factory=dict,
+        description='Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published units: '
+        "the initial value if the parameter is free, else fixed.",
     )
     lever_arm_m: Triple = Field(
         default=(0.0, 0.0, 0.0),

@@ -89,7 +89,12 @@ def one_table_or_several(value: object) -> object:
 
 
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+NotNegativePair: TypeAlias = tuple[NotNegative, NotNegative]
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 PositiveTriple: TypeAlias = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(one_or_three)]
+NotNegativeTriple: TypeAlias = Annotated[
+    tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)
+]
 PositivePair: TypeAlias = Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)]
 Triple: TypeAlias = tuple[Finite, Finite, Finite]

@@ -17,11 +17,15 @@ from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
-from tasks.settings.cameras import CameraInput
+from tasks.settings.cameras import CameraInput, CcdTiles
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
+from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import ControlInput, ExposureSigma, ExposuresInput, ImagePointsInput, Inputs
 from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
+from tasks.settings.residual_grid import ResidualGridSettings
+from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 
 _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("project file", Project, "The top level."),
@@ -33,6 +37,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ),
     ("heights.linear_alteration", LinearAlteration, ""),
     ("[cameras.NAME]", CameraInput, "Either `file` and `format`, or the five values of the image."),
+    ("cameras.NAME.tiles", CcdTiles, ""),
     ("[inputs]", Inputs, "`[inputs.KIND]` for one file, `[[inputs.KIND]]` for each of several."),
     ("[inputs.image_points]", ImagePointsInput, ""),
     ("[inputs.exposures]", ExposuresInput, ""),
@@ -41,15 +46,26 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[inputs.control]", ControlInput, ""),
     ("[adjustment]", AdjustmentSettings, ""),
     ("adjustment.rejection", Rejection, ""),
+    ("[adjustment.self_calibration]", SelfCalibrationSettings, ""),
+    ("[adjustment.residual_grid]", ResidualGridSettings, ""),
     (
         "[adjustment.priors]",
         Priors,
         "A free parameter without a prior is determined by the other observations alone.",
     ),
+    ("[direct_georeferencing]", DirectGeoreferencingSettings, ""),
+    (
+        "direct_georeferencing.calibration",
+        CalibrationInput,
+        'One text: `"cameras"`, `"adjustment"` or the folder of results; it stands for these keys.',
+    ),
     ("[checks]", ChecksSettings, ""),
     ("[gates]", Gates, "A gate that is not given is not tested."),
-    ("gates.sigma0", Gate, ""),
+    ("gates.sigma0, gates of y-parallaxes", Gate, ""),
     ("the other gates", AxisGate, ""),
+    ("[sweep]", SweepSettings, ""),
+    ("[sweep.blocks.NAME]", BlockSelection, ""),
+    ("[sweep.control.NAME]", ControlScenario, ""),
 )
 
 _OPENING = """\
@@ -117,7 +133,8 @@ def _kind(annotation: Any, field: FieldInfo | None = None) -> str:
     if origin is dict:
         return "tables"
     if isinstance(annotation, type) and issubclass(annotation, Settings):
-        return "text or table" if annotation in (Heights, Rejection) else "table"
+        from_text = (Heights, Rejection, CalibrationInput)
+        return "text or table" if annotation in from_text else "table"
     if field is not None and annotation is Path:
         return "path"
     names = {str: "text", float: "number", int: "whole number", Path: "path", bool: "true, false"}
@@ -135,9 +152,11 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "**required**"
     value = field.default
+    if isinstance(value, CalibrationInput):
+        return '`"cameras"`'
     if value is PydanticUndefined or isinstance(value, Settings):
         return "see its table"
-    if value is None or value == ():
+    if value is None or value == () or isinstance(value, dict):
         return "–"
     return f"`{_toml(value)}`"
 

@@ -1,4 +1,4 @@
-"""Read a project file."""
+"""Read a project file, and the variants of it that its sweep computes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from tasks.errors import InputError
 from tasks.settings.base import PathContext
+from tasks.settings.key_lines import line_of_key
 from tasks.settings.project import Project
-from tasks.settings.settings_file import SettingsKind, read_settings_file
+from tasks.settings.settings_file import SettingsFile, SettingsKind, read_settings_file
 
 PROJECT_FILE = SettingsKind(Project, "project file", "docs/project-file.md")
 
@@ -38,9 +40,57 @@ def load_project(
         With the file, the line and the key: not TOML, an unknown or missing key, a value that cannot be, a
         file that does not exist, a variable that is not set.
     """
+    source, context = _opened(path, overrides, data, environment, roots)
+    return cast(Project, source.validated(context))
+
+
+def load_variants(
+    path: Path,
+    overrides: Sequence[str] = (),
+    data: Path | None = None,
+    *,
+    environment: Mapping[str, str] | None = None,
+    roots: Sequence[Path] = (),
+) -> dict[str, Project]:
+    """The variants of a project's sweep by name, in their order: each a project with some settings changed.
+
+    Parameters as of `load_project`.
+
+    Raises
+    ------
+    InputError
+        As `load_project`; if there is no sweep; with the variant, if what it changes is wrong.
+    """
+    source, context = _opened(path, overrides, data, environment, roots)
+    sweep = cast(Project, source.validated(context)).sweep
+    if sweep is None:
+        raise InputError(
+            "The project has no table [sweep].", "Add one: docs/sweep.md shows what it can say.", file=path
+        )
+    variants = {}
+    for name, changes in sweep.changes().items():
+        place = ("sweep", "variants" if name in sweep.variants else "parameters", name)
+        try:
+            changed = source.changed(changes, f"Variant '{name}'", without="sweep")
+            variants[name] = cast(Project, changed.validated(context))
+        except InputError as error:
+            what = error.what if error.entity is None else f"{error.entity}: {error.what}"
+            line = line_of_key(source.text, place)
+            raise InputError(what, error.remedy, path, line, ".".join(place)) from error
+    return variants
+
+
+def _opened(
+    path: Path,
+    overrides: Sequence[str],
+    data: Path | None,
+    environment: Mapping[str, str] | None,
+    roots: Sequence[Path],
+) -> tuple[SettingsFile, PathContext]:
+    """The file with its overrides, and how its paths are read."""
     source = read_settings_file(path, PROJECT_FILE)
     source.replace(overrides)
     context = PathContext(path.resolve().parent, data, roots=tuple(roots))
     if environment is not None:
         context = replace(context, environment=environment)
-    return cast(Project, source.validated(context))
+    return source, context

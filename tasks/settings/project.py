@@ -10,8 +10,10 @@ from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.base import Settings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.coordinates import Heights
+from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import Inputs
 from tasks.settings.quality import ChecksSettings, Gates
+from tasks.settings.sweep import SweepSettings
 
 
 class ProjectSettings(Settings):
@@ -30,6 +32,9 @@ class ProjectSettings(Settings):
 class Project(Settings):
     """A project file."""
 
+    # What a sweep varies is no setting of the project itself.
+    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep"})
+
     version: Literal[1] = Field(description="Version of the project file, 1.")
     project: ProjectSettings = Field(description="Name and coordinate system of the results.")
     cameras: dict[str, CameraInput] = Field(
@@ -39,7 +44,13 @@ class Project(Settings):
     adjustment: AdjustmentSettings = Field(
         default_factory=AdjustmentSettings, description="The bundle adjustment."
     )
+    direct_georeferencing: DirectGeoreferencingSettings = Field(
+        default_factory=DirectGeoreferencingSettings, description="The direct-georeferencing check."
+    )
     checks: ChecksSettings = Field(
         default_factory=ChecksSettings, description="When something looks wrong before the adjustment."
     )
     gates: Gates = Field(default_factory=Gates, description="What the result must keep.")
+    sweep: SweepSettings | None = Field(
+        default=None, description="Scenarios that `aerocal sweep` computes side by side."
+    )

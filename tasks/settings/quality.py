@@ -52,8 +52,22 @@ class Gates(Settings):
     rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
 
+    direct_georeferencing_rmse_m: AxisGate | None = Field(
+        default=None,
+        description="RMS of the differences at independent check points, georeferenced directly.",
+    )
+    direct_georeferencing_max_m: AxisGate | None = Field(
+        default=None, description="Largest of these differences."
+    )
+    y_parallax_rms_um: Gate | None = Field(
+        default=None, description="RMS of the y-parallaxes of all stereo models, µm, e.g. `{ max = 8.0 }`."
+    )
+    y_parallax_max_um: Gate | None = Field(default=None, description="Largest of these y-parallaxes, µm.")
+
     @model_validator(mode="after")
     def _not_empty(self) -> Gates:
-        if self.sigma0 is not None and self.sigma0.min is None and self.sigma0.max is None:
-            raise trouble("The gate has no limit.", "Give `max`, `min` or both.")
+        for name in type(self).model_fields:
+            gate = getattr(self, name)
+            if isinstance(gate, Gate) and gate.min is None and gate.max is None:
+                raise trouble(f"The gate {name} has no limit.", "Give `max`, `min` or both.")
         return self

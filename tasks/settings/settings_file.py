@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import tomllib
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
@@ -68,6 +69,19 @@ class SettingsFile:
         for override in overrides:
             _apply(self.content, override, self.kind)
 
+    def changed(self, changes: Mapping[str, object], said: str, without: str) -> SettingsFile:
+        """A file that differs in some values and lacks one table; `said` opens the messages.
+
+        Raises
+        ------
+        InputError
+            If a key is not one that such a file can have.
+        """
+        content = {key: value for key, value in copy.deepcopy(self.content).items() if key != without}
+        for key, value in changes.items():
+            _put(content, key, copy.deepcopy(value), f"{said}: {key}", self.kind)
+        return SettingsFile(self.kind, self.path, self.text, content)
+
     def validated(self, context: PathContext) -> Settings:
         """The settings, an instance of the kind's model.
 
@@ -126,21 +140,25 @@ def _apply(content: Table, override: str, kind: SettingsKind) -> None:
     if not equals:
         raise InputError(f"--set {override} has no value.", "Write --set KEY=VALUE.")
     try:
-        nested = tomllib.loads(f"{key_text.strip()} = 0")
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"--set {override}: this is not a key.", "Write it with dots, as in adjustment.max_iterations=10."
-        ) from error
-    try:
         value = tomllib.loads(f"value = {value_text}")["value"]
     except tomllib.TOMLDecodeError:
         value = value_text
-    keys = _keys_of(nested)
-    _check_key(keys, content, override, kind)
+    _put(content, key_text, value, f"--set {override}", kind)
+
+
+def _put(content: Table, key_text: str, value: object, said: str, kind: SettingsKind) -> None:
+    """Put a value under a dotted key; `said` is what the user wrote, for messages."""
+    try:
+        keys = _keys_of(tomllib.loads(f"{key_text.strip()} = 0"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"{said}: this is not a key.", "Write it with dots, as in adjustment.max_iterations=10."
+        ) from error
+    _check_key(keys, content, said, kind)
     table: Any = content
     for key in keys[:-1]:
-        table = _inner(table, key, override)
-    table[_index(table, keys[-1], override)] = value
+        table = _inner(table, key, said)
+    table[_index(table, keys[-1], said)] = value
 
 
 def _keys_of(nested: Table) -> tuple[str, ...]:
@@ -152,26 +170,26 @@ def _keys_of(nested: Table) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _inner(table: Any, key: str, override: str) -> Any:
-    position = _index(table, key, override)
+def _inner(table: Any, key: str, said: str) -> Any:
+    position = _index(table, key, said)
     if isinstance(table, dict) and not isinstance(table.get(position), dict | list):
         # "ellipsoidal", "none": a value that stands for a table gives way to the table.
         table[position] = {}
     return table[position]
 
 
-def _index(table: Any, key: str, override: str) -> Any:
+def _index(table: Any, key: str, said: str) -> Any:
     if isinstance(table, dict):
         return key
     if key.isdecimal() and int(key) < len(table):
         return int(key)
     raise InputError(
-        f"--set {override}: there are {len(table)} tables here, and '{key}' is none of them.",
+        f"{said}: there are {len(table)} tables here, and '{key}' is none of them.",
         f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
     )
 
 
-def _check_key(keys: Sequence[str], content: Table, override: str, kind: SettingsKind) -> None:
+def _check_key(keys: Sequence[str], content: Table, said: str, kind: SettingsKind) -> None:
     """Refuse a key that no such file has; tables with free names (cameras) must exist already."""
     model: Any = kind.model
     table: Any = content
@@ -180,9 +198,7 @@ def _check_key(keys: Sequence[str], content: Table, override: str, kind: Setting
             known = _known_keys(model, table)
             if key not in known:
                 place = ".".join(keys[:depth]) or f"the {kind.name}"
-                raise InputError(
-                    f"--set {override}: there is no key '{key}' in {place}.", did_you_mean(key, known)
-                )
+                raise InputError(f"{said}: there is no key '{key}' in {place}.", did_you_mean(key, known))
             model = _model_below(model, key)
         table = _below(table, key)
 

@@ -6,26 +6,25 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tasks.settings.adjustment import FreeParameter
+from tasks.settings.adjustment import FreeParameter, ObservedGroup
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import (
     LOCAL,
     Finite,
+    NotNegative,
+    NotNegativeTriple,
     Positive,
     PositiveTriple,
     Triple,
-    one_or_three,
     one_or_two,
     one_table_or_several,
 )
+from tasks.settings.self_calibration import Selection
+from tasks.settings.sweep import SweepSettings
 
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-NotNegativeTriple: TypeAlias = Annotated[
-    tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)
-]
 Part: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
 Pair: TypeAlias = tuple[Finite, Finite]
-SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins"]
+SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins", "ins_markov"]
 
 
 def _one_or_several(value: object) -> object:
@@ -54,6 +53,10 @@ class SimulatedProject(Settings):
         default=None,
         description="System parameters the project estimates. Left out: those whose truth differs from "
         "what the project states.",
+    )
+    observe: tuple[ObservedGroup, ...] | None = Field(
+        default=None,
+        description="Observations besides the image points that the project uses; left out: all of them.",
     )
 
     @model_validator(mode="after")
@@ -196,6 +199,11 @@ class SimulatedControl(Settings):
     margin: Part = Field(
         default=0.03, description="Part of the sides of the covered area left free along its borders."
     )
+    extent_m: tuple[Positive, Positive] | None = Field(
+        default=None,
+        description="Sides east, north of a rectangle about the origin in which the points lie, m; left out: "
+        "the covered area.",
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> SimulatedControl:
@@ -234,16 +242,22 @@ class SimulatedNoise(Settings):
 
     image_um: Positive = Field(description="σ of image coordinates, µm.")
     control_m: PositiveTriple = Field(default=(0.02, 0.02, 0.02), description="σ of surveyed points, m.")
-    gnss_m: PositiveTriple = Field(default=(0.05, 0.05, 0.05), description="σ of positions, white, m.")
-    ins_deg: PositiveTriple = Field(
-        default=(0.003, 0.003, 0.008), description="σ of roll, pitch, heading, degrees."
+    gnss_m: NotNegativeTriple = Field(default=(0.05, 0.05, 0.05), description="σ of positions, white, m.")
+    ins_deg: NotNegativeTriple = Field(
+        default=(0.003, 0.003, 0.008), description="σ of roll, pitch, heading, white, degrees."
     )
     gnss_markov_m: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0),
         description="σ of the part of the positions' noise that is correlated over time within a strip "
-        "(first-order Gauss–Markov), m.",
+        "(first-order Gauss–Markov), m. The project states the σ of both parts together; if `gnss_m` is 0 it "
+        "states the correlation time, too.",
     )
     gnss_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
+    ins_markov_deg: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="The same for roll, pitch, heading, degrees; stated likewise if `ins_deg` is 0.",
+    )
+    ins_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
     level: NotNegative = Field(
         default=1.0, description="Factor of all noise that is added; 0: free of noise, stated σ unchanged."
     )
@@ -253,6 +267,19 @@ class SimulatedNoise(Settings):
     gross_errors: SimulatedGrossErrors = Field(
         default_factory=SimulatedGrossErrors, description="Gross errors."
     )
+
+    @model_validator(mode="after")
+    def _some_noise(self) -> SimulatedNoise:
+        for white, markov, name in (
+            (self.gnss_m, self.gnss_markov_m, "gnss"),
+            (self.ins_deg, self.ins_markov_deg, "ins"),
+        ):
+            if not all(one > 0.0 or other > 0.0 for one, other in zip(white, markov, strict=True)):
+                raise trouble(
+                    f"The σ of a component of `{name}` is zero, white and correlated.",
+                    "Give one of the two; `level = 0` leaves the noise out and keeps the stated σ.",
+                )
+        return self
 
 
 class SimulatedImageErrors(Settings):
@@ -265,6 +292,11 @@ class SimulatedImageErrors(Settings):
     corner_um: NotNegative = Field(default=0.0, description="RMS of the displacements of the corners, µm.")
     seams_mm: tuple[Positive, Positive] | None = Field(
         default=None, description="Seams from the centre along image x, y, mm; left out: equal thirds."
+    )
+    additional_um: dict[Selection, Finite] = Field(
+        default={},
+        description='Errors of the form of additional parameters, e.g. `{ "bluh:10" = 0.8 }`: the largest '
+        "error of each in the format, µm; a negative number turns it round.",
     )
 
 
@@ -319,6 +351,9 @@ class Simulation(Settings):
     )
     noise: SimulatedNoise = Field(description="Noise and gross errors.")
     truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
+    sweep: SweepSettings | None = Field(
+        default=None, description="The `[sweep]` of the project, as in docs/project-file.md."
+    )
 
     @model_validator(mode="after")
     def _flights_exist(self) -> Simulation:

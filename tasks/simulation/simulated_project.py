@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from adjust.simulate.block import SimulatedBlock
@@ -24,11 +25,15 @@ def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
         "inputs": _inputs(simulation, block),
         "adjustment": _adjustment(simulation, block),
     }
+    if simulation.sweep is not None:
+        content["sweep"] = simulation.sweep.model_dump(mode="json", exclude_unset=True)
     return opening + toml_text(content)
 
 
 def _camera(simulation: Simulation) -> Mapping[str, TomlValue]:
-    camera = simulation.camera
+    camera, seams = simulation.camera, simulation.truth.image_errors.seams_mm
+    # Where the CCD images meet is known of a camera; what they do wrong is not.
+    tiles = {} if seams is None else {"tiles": _tiles(seams)}
     return {
         "columns": camera.columns,
         "rows": camera.rows,
@@ -37,7 +42,13 @@ def _camera(simulation: Simulation) -> Mapping[str, TomlValue]:
         "principal_point_mm": camera.principal_point_mm,
         "pixel_origin": "corner",
         "mount_deg": camera.mount_deg,
+        **tiles,
     }
+
+
+def _tiles(seams_mm: tuple[float, float]) -> Mapping[str, TomlValue]:
+    x, y = seams_mm
+    return {"seams_x_mm": [-x, x], "seams_y_mm": [-y, y]}
 
 
 def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlValue]:
@@ -60,7 +71,10 @@ def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlV
             "angles": {"order": order, "unit": "deg", "reference": reference},
             "sigma": {
                 "position_m": [float(sigma) for sigma in block.specification.noise.stated_gnss],
-                "attitude_deg": noise.ins_deg,
+                "attitude_deg": [
+                    math.hypot(white, markov)
+                    for white, markov in zip(noise.ins_deg, noise.ins_markov_deg, strict=True)
+                ],
             },
         },
     }
@@ -78,6 +92,14 @@ def _adjustment(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, T
         "refraction": "standard" if truth.refraction else "none",
         "rejection": {"critical_value": 4.13} if has_gross_errors else "none",
     }
+    if simulation.project.observe is not None:
+        adjustment["observe"] = simulation.project.observe
+    # White noise beside it would need a model of its own; the correlation is then left unsaid.
+    noise = simulation.noise
+    if min(noise.gnss_markov_m) > 0.0 and not any(noise.gnss_m):
+        adjustment["gnss_correlation_s"] = noise.gnss_correlation_s
+    if min(noise.ins_markov_deg) > 0.0 and not any(noise.ins_deg):
+        adjustment["ins_correlation_s"] = noise.ins_correlation_s
     priors: dict[str, TomlValue] = {}
     if "gnss_strip_bias" in free and min(truth.strip_bias_m) > 0.0:
         priors["gnss_strip_bias_m"] = truth.strip_bias_m

@@ -40,6 +40,7 @@ _SOURCES = {
     "gnss": Source.GNSS_WHITE,
     "gnss_markov": Source.GNSS_MARKOV,
     "ins": Source.INS_NOISE,
+    "ins_markov": Source.INS_MARKOV,
 }
 Triple = tuple[float, float, float]
 
@@ -140,7 +141,15 @@ def _survey_layout(control: SimulatedControl) -> SurveyLayout:
     if as_control is None and control.check_fraction > 0.0:
         as_control = round(number * (1.0 - control.check_fraction))
     return SurveyLayout(
-        control.layout, control.kind, columns, rows, count, control.places_m, as_control, control.margin
+        control.layout,
+        control.kind,
+        columns,
+        rows,
+        count,
+        control.places_m,
+        as_control,
+        control.margin,
+        control.extent_m,
     )
 
 
@@ -152,6 +161,8 @@ def _noise(noise: SimulatedNoise) -> NoiseSpecification:
         ins=_radians(noise.ins_deg),
         gnss_markov=noise.gnss_markov_m,
         gnss_correlation_time=noise.gnss_correlation_s,
+        ins_markov=_radians(noise.ins_markov_deg),
+        ins_correlation_time=noise.ins_correlation_s,
         level=noise.level,
         silent=frozenset(_SOURCES[name] for name in noise.silent),
     )
@@ -176,7 +187,11 @@ def _image_errors(truth: SimulatedTruth) -> ImageErrorSpecification:
     errors = truth.image_errors
     seams = None if errors.seams_mm is None else (errors.seams_mm[0] * _MM, errors.seams_mm[1] * _MM)
     return ImageErrorSpecification(
-        errors.radial_um * _UM, errors.tile_um * _UM, errors.corner_um * _UM, seams
+        errors.radial_um * _UM,
+        errors.tile_um * _UM,
+        errors.corner_um * _UM,
+        seams,
+        tuple((selection, size * _UM) for selection, size in errors.additional_um.items()),
     )
 
 

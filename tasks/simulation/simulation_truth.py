@@ -183,7 +183,7 @@ def _write_parameters(folder: Path, block: SimulatedBlock) -> None:
     }
     rows: list[tuple[str, str, float, float, str]] = []
     for name, values in block.true_state().system.items():
-        unit, factor = reported_unit(name)
+        unit, factor = reported_unit(FAMILIES[name])
         stated = np.zeros_like(values)
         if name == INTERIOR_ORIENTATION:
             stated = certified_interior(specification.cameras)

@@ -7,7 +7,7 @@ tables of two runs can be compared byte for byte.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import cast
@@ -59,7 +59,8 @@ class Manifest(BaseModel):
 
     Attributes
     ----------
-    artifacts : by name, the published files.
+    artifacts : by name, the published files; those of another kind of run in the same folder (a sweep beside
+        an adjustment) stay, the other fields are about the last run.
     stages : what the stages did in this run, in the order in which they ended.
     inputs : path of each delivered file → digest of its bytes.
     settings : the project file with all defaults.
@@ -77,6 +78,11 @@ class Manifest(BaseModel):
     versions: Mapping[str, str]
     times: Mapping[str, str]
 
+    def beside(self, other: Manifest, own: Collection[str]) -> Manifest:
+        """The manifest with the files of other kinds of runs added: those whose names are not in `own`."""
+        others = {name: entry for name, entry in other.artifacts.items() if name not in own}
+        return self.model_copy(update={"artifacts": {**others, **self.artifacts}})
+
 
 def manifest_of(artifacts: Sequence[Artifact], project: Project, records: Sequence[StageRecord]) -> Manifest:
     """Describe a finished run.
@@ -89,7 +95,7 @@ def manifest_of(artifacts: Sequence[Artifact], project: Project, records: Sequen
     """
     return Manifest(
         contract_version=CONTRACT_VERSION,
-        artifacts={artifact.name: _entry(artifact) for artifact in artifacts},
+        artifacts={_name(artifact, artifacts): _entry(artifact) for artifact in artifacts},
         stages=tuple(
             StageEntry(stage=record.stage, key=record.key, reused=record.reused, seconds=record.seconds)
             for record in records
@@ -112,6 +118,12 @@ def read_manifest(directory: Path) -> Manifest | None:
         return Manifest.model_validate(read_json(directory / MANIFEST))
     except (OSError, ValueError, ValidationError):
         return None
+
+
+def _name(artifact: Artifact, published: Sequence[Artifact]) -> str:
+    """Its stem; the name of the file for a page beside a table of the same stem."""
+    alone = sum(other.name == artifact.name for other in published) == 1
+    return artifact.name if alone or artifact.path.suffix == ".parquet" else artifact.path.name
 
 
 def _entry(artifact: Artifact) -> ManifestEntry:

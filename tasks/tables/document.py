@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from tasks.publish import PUBLISHED
+from tasks.publish import OF_SWEEPS, PUBLISHED
 from tasks.tables.schemas import SCHEMAS, Column, TableSchema
 
 MARKER = "<!-- The rest is written by python -m tasks.tables.document from tasks/tables/schemas.py. -->"
@@ -33,14 +33,14 @@ def with_tables(page: str) -> str:
 def _tables() -> Iterator[str]:
     yield "## Published tables"
     yield ""
-    for name in PUBLISHED:
+    for name in (*PUBLISHED, *OF_SWEEPS):
         yield from _section(SCHEMAS[name])
     yield "## Tables that stay in the store"
     yield ""
     yield "Intermediate results below `.store/`, in the same form."
     yield ""
     for name, schema in SCHEMAS.items():
-        if name not in PUBLISHED:
+        if name not in (*PUBLISHED, *OF_SWEEPS):
             yield from _section(schema)
 
 

@@ -1,40 +1,32 @@
 """Write and read the tables of `tasks.tables.schemas`: checked, sorted, with units and frame in the file.
 
-A table is written once by one stage. What does not fit its schema is a defect of that stage and raises
-ValueError: a missing column, a number that is not finite where it must be, two rows with the same key. The
-bytes depend on the content only (no times, no host, no paths).
+A table is written once by one stage, at once or row group by row group. What does not fit its schema is a
+defect of that stage and raises ValueError: a missing column, a number that is not finite where it must be,
+two rows with the same key. The bytes depend on the content only: not on times, host, paths, or the pieces a
+table came in.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from tasks.coordinates.crs import MapFrame
 from tasks.storage.artifact import Artifact, verified
 from tasks.storage.installation import InstallationError
-from tasks.tables.schemas import SCHEMAS, Column, TableSchema
-from tasks.tables.well_known_binary import points_z
+from tasks.tables.arrow_columns import arrow_schema, typed_table
+from tasks.tables.geometry import GEOMETRY, Box, box_of, description, with_geometry
+from tasks.tables.key_order import ascending, order_of
+from tasks.tables.schemas import SCHEMAS, TableSchema
 
 METADATA = b"aerocal"
-GEOMETRY = "geometry"
-_ROW_GROUP = 100_000
-_ARROW = {
-    "string": pa.string(),
-    "float64": pa.float64(),
-    "int32": pa.int32(),
-    "int64": pa.int64(),
-    "bool": pa.bool_(),
-}
+ROW_GROUP = 100_000
 
 
 def write_table(
@@ -63,25 +55,89 @@ def write_table(
     ValueError
         If the columns do not fit the schema.
     """
-    unknown = sorted(set(columns) - {column.name for column in schema.columns})
-    if unknown:
-        raise ValueError(f"{schema.name}: no such columns: {', '.join(unknown)}")
-    if schema.coordinates and frame is None:
-        raise ValueError(f"{schema.name}: coordinates need a CRS")
-    rows = len(next(iter(columns.values())))
-    table = pa.table({column.name: _array(schema, column, columns, rows) for column in schema.columns})
+    _require_frame(schema, frame)
+    table = typed_table(schema, columns)
     for name, values in (extra or {}).items():
         if name not in table.column_names and name != GEOMETRY:
             table = table.append_column(name, values)
-    table = table.take(pa.array(_order(table, schema)))
+    table = table.take(pa.array(order_of(table, schema)))
+    return _write(path, schema, table.schema, [table], frame, box_of(table, schema))
+
+
+def write_row_groups(
+    path: Path,
+    schema: TableSchema,
+    chunks: Iterable[Mapping[str, Any]],
+    frame: MapFrame | None = None,
+    box: Box | None = None,
+) -> int:
+    """Write a table that never is in memory as a whole; the same bytes as :func:`write_table` writes.
+
+    Parameters
+    ----------
+    chunks : the columns of consecutive rows, as for :func:`write_table`; any number of rows in each, all in
+        the order of the key.
+    box : of all coordinates; needed beforehand, because it stands in the description of the geometry.
+
+    Returns
+    -------
+    rows : number of rows written.
+
+    Raises
+    ------
+    ValueError
+        If the columns do not fit the schema, or the rows are not in the order of its key.
+    """
+    _require_frame(schema, frame)
+    tables = ascending((typed_table(schema, columns) for columns in chunks), schema)
+    return _write(path, schema, arrow_schema(schema), tables, frame, box)
+
+
+def _require_frame(schema: TableSchema, frame: MapFrame | None) -> None:
+    if schema.coordinates and frame is None:
+        raise ValueError(f"{schema.name}: coordinates need a CRS")
+
+
+def _write(
+    path: Path,
+    schema: TableSchema,
+    fields: pa.Schema,
+    tables: Iterable[pa.Table],
+    frame: MapFrame | None,
+    box: Box | None,
+) -> int:
+    """Write sorted tables one after the other; the number of rows."""
     metadata = {METADATA: json.dumps(_metadata(schema, frame), sort_keys=True, ensure_ascii=False).encode()}
     if schema.coordinates and frame is not None:
-        table, geo = _with_geometry(table, schema, frame)
-        metadata[b"geo"] = json.dumps(geo, sort_keys=True).encode()
-    pq.write_table(
-        table.replace_schema_metadata(metadata), path, compression="zstd", row_group_size=_ROW_GROUP
-    )
+        fields = fields.append(pa.field(GEOMETRY, pa.binary()))
+        metadata[b"geo"] = json.dumps(description(frame, box), sort_keys=True).encode()
+    rows = 0
+    with pq.ParquetWriter(path, fields.with_metadata(metadata), compression="zstd") as writer:
+        for group in _row_groups(tables):
+            rows += len(group)
+            complete = with_geometry(group, schema) if schema.coordinates else group
+            writer.write_table(complete.replace_schema_metadata(metadata), row_group_size=ROW_GROUP)
+        if rows == 0:
+            # Not every reader takes a file without any row group.
+            writer.write_table(writer.schema.empty_table())
     return rows
+
+
+def _row_groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
+    """The rows of all tables in groups of the same size but the last, each in one piece."""
+    pieces: list[pa.Table] = []
+    waiting = 0
+    for table in tables:
+        pieces.append(table)
+        waiting += len(table)
+        if waiting >= ROW_GROUP:
+            joined = pa.concat_tables(pieces)
+            full = waiting - waiting % ROW_GROUP
+            for start in range(0, full, ROW_GROUP):
+                yield joined.slice(start, ROW_GROUP).combine_chunks()
+            pieces, waiting = [joined.slice(full)], waiting - full
+    if waiting:
+        yield pa.concat_tables(pieces).combine_chunks()
 
 
 def read_table(artifact: Artifact) -> pd.DataFrame:
@@ -107,59 +163,6 @@ def read_table(artifact: Artifact) -> pd.DataFrame:
     return cast(pd.DataFrame, table.to_pandas())
 
 
-def _array(schema: TableSchema, column: Column, columns: Mapping[str, Any], rows: int) -> pa.Array:
-    """One column in its type, checked against the schema."""
-    name = f"{schema.name}.{column.name}"
-    if column.name not in columns:
-        if not column.nullable:
-            raise ValueError(f"{name}: the column is missing")
-        return pa.nulls(rows, _ARROW[column.type])
-    values = columns[column.name]
-    if isinstance(values, pa.ChunkedArray):
-        values = values.combine_chunks()
-    if not isinstance(values, pa.Array):
-        values = pa.array(values, from_pandas=True)
-    array = values if values.type == _ARROW[column.type] else values.cast(_ARROW[column.type])
-    if column.type == "float64":
-        array = pc.if_else(pc.is_nan(array), pa.scalar(None, pa.float64()), array)
-        if bool(pc.any(pc.is_inf(array)).as_py()):
-            raise ValueError(f"{name}: infinite")
-    if len(array) != rows:
-        raise ValueError(f"{name}: {len(array)} rows, but {rows} in the first column")
-    if array.null_count and not column.nullable:
-        raise ValueError(f"{name}: {array.null_count} rows are null or NaN")
-    if column.values:
-        strange = pc.unique(array).drop_null().to_pylist()
-        if set(strange) - set(column.values):
-            raise ValueError(f"{name}: {sorted(set(strange) - set(column.values))} not in {column.values}")
-    return array
-
-
-def _order(table: pa.Table, schema: TableSchema) -> NDArray[np.int64]:
-    """Row numbers in the order of the key; two rows with the same key are refused."""
-    ranks = [_rank(table[name].combine_chunks()) for name in schema.key]
-    order = np.lexsort(ranks[::-1]).astype(np.int64)
-    same = np.ones(max(len(order) - 1, 0), dtype=bool)
-    for rank in ranks:
-        same &= rank[order[1:]] == rank[order[:-1]]
-    if same.any():
-        row = int(order[int(np.argmax(same))])
-        key = ", ".join(str(table[name][row].as_py()) for name in schema.key)
-        raise ValueError(f"{schema.name}: two rows have the key ({key})")
-    return order
-
-
-def _rank(array: pa.Array) -> NDArray[np.int64]:
-    """Rank (n,) of each text among the distinct ones; null comes last."""
-    encoded = array.dictionary_encode()
-    rank_of = np.empty(len(encoded.dictionary) + 1, dtype=np.int64)
-    by_name = pc.sort_indices(encoded.dictionary).to_numpy(zero_copy_only=False).astype(np.int64)
-    rank_of[by_name] = np.arange(len(by_name))
-    rank_of[-1] = len(by_name)
-    indices = encoded.indices.fill_null(len(by_name))
-    return np.asarray(rank_of[indices.to_numpy(zero_copy_only=False).astype(np.int64)])
-
-
 def _metadata(schema: TableSchema, frame: MapFrame | None) -> dict[str, object]:
     described: dict[str, object] = {
         "schema": schema.name,
@@ -173,26 +176,3 @@ def _metadata(schema: TableSchema, frame: MapFrame | None) -> dict[str, object]:
     if frame is not None:
         described |= {"crs": frame.name, "heights": frame.heights_description}
     return described
-
-
-def _with_geometry(
-    table: pa.Table, schema: TableSchema, frame: MapFrame
-) -> tuple[pa.Table, dict[str, object]]:
-    """The table with its geometry column, and the GeoParquet 1.1 description of that."""
-    x, y, z = (
-        table[name].combine_chunks().to_numpy(zero_copy_only=False).astype(np.float64)
-        for name in schema.coordinates
-    )
-    crs = frame.projjson
-    column: dict[str, object] = {
-        "encoding": "WKB",
-        "geometry_types": ["Point Z"],
-        "crs": None if crs is None else json.loads(crs),
-        "edges": "planar",
-    }
-    known = np.isfinite(x) & np.isfinite(y)
-    if known.any() and np.isfinite(z).any():
-        corners = [f(values[np.isfinite(values)]) for f in (np.min, np.max) for values in (x, y, z)]
-        column["bbox"] = [float(corner) for corner in corners]
-    geo: dict[str, object] = {"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}}
-    return table.append_column(GEOMETRY, points_z(x, y, z)), geo

@@ -12,6 +12,8 @@ from adjust.simulate.flight_plan import flight_plan
 from adjust.simulate.truth import block_truth
 from tasks.settings.load_simulation import load_simulation, preset_names
 from tasks.simulation.simulation_input import block_specification
+from tasks.sweep.published import published_table
+from tasks.sweep.scenario import scenarios
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,42 @@ FLIGHTS = {
 }
 
 
-def test_every_preset_but_the_combined_one_is_in_the_table() -> None:
-    assert set(preset_names()) == {*FLIGHTS, "uce-calibration"}
+#: The same flights with errors of the camera and their scenarios.
+VAIHINGEN = {
+    "vaihingen-ucx-high": "ucx-20cm",
+    "vaihingen-ucx-low": "ucx-8cm",
+    "vaihingen-dmc-high": "dmc-20cm",
+    "vaihingen-dmc-low": "dmc-8cm",
+}
+
+
+def test_every_preset_but_the_combined_ones_is_in_the_table() -> None:
+    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield"}
+
+
+@pytest.mark.parametrize(("name", "flight"), list(VAIHINGEN.items()))
+def test_the_vaihingen_twins_are_the_flights_with_scenarios_of_the_print(name: str, flight: str) -> None:
+    twin, plain = load_simulation(name), load_simulation(flight)
+    assert twin.camera == plain.camera
+    unnamed = [lines.model_copy(update={"flight": "1"}) for lines in twin.flight]
+    assert unnamed == list(plain.flight)
+    assert (twin.points, twin.control, twin.terrain) == (plain.points, plain.control, plain.terrain)
+    assert twin.sweep is not None
+    assert twin.sweep.compare_with is not None
+    own = {(one.block, one.control, one.variant) for one in scenarios(twin.sweep)}
+    assert own <= set(published_table(twin.sweep.compare_with).figures)
+    assert len(own) == 3
+
+
+@pytest.mark.parametrize("camera", ["ucx", "dmc"])
+def test_both_flights_of_a_vaihingen_twin_have_the_same_camera_with_the_same_errors(camera: str) -> None:
+    high, low = (
+        block_truth(block_specification(load_simulation(f"vaihingen-{camera}-{height}")))
+        for height in ("high", "low")
+    )
+    places = np.random.default_rng(2).uniform(-0.03, 0.03, (200, 2))
+    np.testing.assert_array_equal(*(truth.image_errors[0].error(places) for truth in (high, low)))
+    assert np.abs(high.image_errors[0].error(places)).max() > 1e-7
 
 
 @pytest.mark.parametrize("name", list(FLIGHTS))
@@ -83,6 +119,24 @@ def test_the_test_field_has_its_points_image_points_and_control() -> None:
     assert len(truth.surveyed) == 84
     # Crossing lines with 60 % both ways: up to 18 images see a point when all are detected.
     assert 12 <= np.bincount(truth.point).max() <= 18
+
+
+def test_the_test_field_of_both_heights_has_the_published_size_and_scenarios() -> None:
+    simulation = load_simulation("uce-testfield")
+    truth = block_truth(block_specification(simulation))
+    assert len(truth.plan.images) == 228
+    assert np.bincount(truth.plan.flight).tolist() == [200, 28]
+    assert len(truth.points) == pytest.approx(5300, rel=0.01)
+    assert 25_000 < len(truth.xy) < 34_000
+    assert len(truth.surveyed) == 84
+    # Every surveyed point lies in the low flight, so that all blocks have 84.
+    low = truth.plan.flight[truth.image] == truth.plan.flights.index("low")
+    seen = np.bincount(truth.point[low], minlength=len(truth.points))[truth.surveyed]
+    assert seen.min() >= 2
+    assert simulation.sweep is not None
+    assert published_table("uce-2012").figures.keys() <= {
+        (one.block, one.control, one.variant) for one in scenarios(simulation.sweep)
+    }
 
 
 def test_the_burn_in_flight_has_its_control_and_nearly_its_degrees_of_freedom() -> None:

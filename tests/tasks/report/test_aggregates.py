@@ -11,13 +11,13 @@ import pytest
 
 from adjust.camera.interior import FrameCamera
 from tasks.report.block_map import overlap_classes
+from tasks.report.correlations import correlation_matrix
 from tasks.report.footprints import footprints, overlap
 from tasks.report.histogram import histogram
 from tasks.report.map_plot import MapPlot
 from tasks.report.point_precision import height_classes
 from tasks.report.raster import Classes, Raster, cells
-from tasks.report.residual_field import LEAST_IN_CELL, residual_field
-from tasks.report.system_parameters import correlation_matrix
+from tasks.report.residual_field import field_plot, residual_field, with_residuals
 
 CAMERA = FrameCamera("C", 4000, 3000, 5e-6, 0.05, (1e-4, -2e-4), "corner", 0)
 
@@ -146,52 +146,110 @@ def test_one_value_everywhere_still_has_classes() -> None:
     assert len(height_classes(np.full(10, 0.25)).words) >= 2
 
 
-def _residuals(number: int) -> pd.DataFrame:
+def _grid(columns: int = 4, rows: int = 3, *, corrected: bool = False) -> pd.DataFrame:
+    """Rows of residual_grid.parquet in the order of the file, with a seam before column 3."""
     random = np.random.default_rng(5)
-    # Points on and beyond the border of the format, as lens distortion and rounding bring them.
-    x, y = random.uniform(-10.01, 10.01, number), random.uniform(-7.51, 7.51, number)
-    noise = random.normal(0, 1.0, (2, number))
-    return pd.DataFrame({"x_mm": x, "y_mm": y, "vx_um": noise[0] + (x > 5), "vy_um": noise[1]})
-
-
-@pytest.mark.parametrize("number", [1, 24, 130, 2000])
-def test_means_in_sub_areas_are_those_of_their_points(number: int) -> None:
-    table = _residuals(number)
-    field = residual_field(CAMERA, table)
-    side = len(field.x_mm)
-    assert side == min(25, max(1, int(math.sqrt(number / 25))))
-    assert field.count.sum() == number
-    square = (table["vx_um"] ** 2).mean(), (table["vy_um"] ** 2).mean()
-    assert field.rms_um == pytest.approx(tuple(math.sqrt(s) for s in square))
-    inner_x, inner_y = np.linspace(-10, 10, side + 1)[1:-1], np.linspace(-7.5, 7.5, side + 1)[1:-1]
-    column = [sum(x >= edge for edge in inner_x) for x in table["x_mm"]]
-    row = [sum(y >= edge for edge in inner_y) for y in table["y_mm"]]
-    for r, c in np.ndindex(side, side):
-        own = table[(np.array(row) == r) & (np.array(column) == c)]
-        assert field.count[r, c] == len(own)
-        if len(own) < LEAST_IN_CELL:
-            assert not field.drawn[r, c]
-            continue
-        means = own["vx_um"].mean(), own["vy_um"].mean()
-        assert (field.vx_um[r, c], field.vy_um[r, c]) == pytest.approx(means)
-        statistic = len(own) * (means[0] ** 2 / square[0] + means[1] ** 2 / square[1])
-        assert field.significant[r, c] == (statistic > 5.991)
-
-
-def test_noise_alone_is_called_significant_in_one_sub_area_of_twenty() -> None:
-    random = np.random.default_rng(11)
-    number = 60_000
+    column, row = (part.ravel() for part in np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij"))
+    number = columns * rows
     table = pd.DataFrame(
         {
-            "x_mm": random.uniform(-10, 10, number),
-            "y_mm": random.uniform(-7.5, 7.5, number),
-            "vx_um": random.normal(0, 0.7, number),
-            "vy_um": random.normal(0, 1.1, number),
+            "camera": "C",
+            "column": column,
+            "row": row,
+            "x_mm": (column + 0.5) * 20.0 / columns - 10.0,
+            "y_mm": (row + 0.5) * 15.0 / rows - 7.5,
+            "width_mm": 20.0 / columns,
+            "height_mm": 15.0 / rows,
+            "tile_x": (column >= 3).astype(int),
+            "tile_y": 0,
+            "count": random.integers(0, 90, number),
+            "mean_vx_um": random.normal(0, 1, number),
+            "mean_vy_um": random.normal(0, 1, number),
+            "significant": random.uniform(size=number) < 0.5,
+            "correction_x_um": random.normal(0, 1, number) if corrected else np.nan,
+            "correction_y_um": random.normal(0, 1, number) if corrected else np.nan,
         }
     )
-    field = residual_field(CAMERA, table)
-    # 625 sub-areas: a standard deviation of 0.9 % about 5 %.
-    assert 0.02 < field.significant.mean() < 0.08
+    return table.assign(mean_vx_um=table["mean_vx_um"].where(table["column"] != 1))
+
+
+def test_the_field_of_a_camera_holds_the_rows_of_the_table_in_their_places() -> None:
+    table = _grid()
+    points = pd.DataFrame({"vx_um": [1.0, -2.0, 2.0], "vy_um": [0.0, 3.0, 4.0]})
+    field = residual_field(CAMERA, table, points)
+    assert field.mean.x_um.shape == (3, 4)
+    for item in table.to_dict("records"):
+        place = (item["row"], item["column"])
+        assert field.x_mm[item["column"]] == item["x_mm"]
+        assert field.y_mm[item["row"]] == item["y_mm"]
+        assert field.mean.x_um[place] == pytest.approx(item["mean_vx_um"], nan_ok=True)
+        assert field.mean.y_um[place] == item["mean_vy_um"]
+        assert field.significant[place] == item["significant"]
+    assert field.seams_x_mm.tolist() == [5.0]
+    assert field.seams_y_mm.tolist() == []
+    assert field.correction is None
+    assert field.image_points == 3
+    assert field.rms_um == pytest.approx((math.sqrt(3.0), math.sqrt(25.0 / 3.0)))
+    lengths = np.hypot(table["mean_vx_um"].fillna(0.0), table["mean_vy_um"])
+    assert field.mean.largest_um == pytest.approx(lengths.max())
+
+
+def test_other_residuals_are_averaged_in_the_same_sub_areas() -> None:
+    random = np.random.default_rng(9)
+    table = _grid()
+    points = pd.DataFrame(
+        {
+            "x_mm": random.uniform(-10, 10, 600),
+            "y_mm": random.uniform(-7.5, 7.5, 600),
+            "vx_um": random.normal(0.5, 1, 600),
+            "vy_um": random.normal(0, 1, 600),
+            "shows_x": random.uniform(size=600) < 0.8,
+            "shows_y": True,
+        }
+    )
+    field = with_residuals(residual_field(CAMERA, table, points), table, points, 0.95)
+    for item in table.to_dict("records"):
+        own = points[
+            (points["x_mm"] - item["x_mm"]).abs().lt(0.5 * item["width_mm"])
+            & (points["y_mm"] - item["y_mm"]).abs().lt(0.5 * item["height_mm"])
+        ]
+        place = (item["row"], item["column"])
+        assert field.mean.x_um[place] == pytest.approx(own.loc[own["shows_x"], "vx_um"].mean())
+        assert field.mean.y_um[place] == pytest.approx(own["vy_um"].mean())
+    assert field.significant.mean() > 0.3
+    assert field.rms_um[0] == pytest.approx(np.sqrt((points["vx_um"] ** 2).mean()))
+
+
+def test_means_and_corrections_are_drawn_at_the_same_scale() -> None:
+    field = residual_field(CAMERA, _grid(corrected=True), pd.DataFrame({"vx_um": [1.0], "vy_um": [1.0]}))
+    assert field.correction is not None
+    assert field.longest_um == max(field.mean.largest_um, field.correction.largest_um)
+    scales = [
+        re.search(r">([\d.]+) µm<", field_plot(field, vectors, "Vectors"))
+        for vectors in (field.mean, field.correction)
+    ]
+    assert scales[0] is not None
+    assert scales[1] is not None
+    assert scales[0][1] == scales[1][1]
+
+
+def test_every_vector_is_drawn_dark_or_weak_and_every_seam_as_a_line() -> None:
+    field = residual_field(CAMERA, _grid(), pd.DataFrame({"vx_um": [1.0], "vy_um": [1.0]}))
+    drawing = field_plot(field, field.mean, "Mean residuals")
+    weak, dark = (re.search(rf'<path class="{css}" d="([^"]*)"', drawing) for css in ("mean weak", "mean"))
+    assert weak is not None
+    assert dark is not None
+    # An arrow begins twice: its shaft, and its head.
+    assert weak[1].count("M") == 2 * int((~field.significant).sum())
+    assert dark[1].count("M") == 2 * int(field.significant.sum())
+    seams = re.search(r'<g class="seams">(.*?)</g>', drawing)
+    assert seams is not None
+    assert seams[1].count("<line") == 1
+
+
+def test_a_camera_whose_points_were_all_rejected_has_no_rms() -> None:
+    field = residual_field(CAMERA, _grid(), pd.DataFrame({"vx_um": [], "vy_um": []}))
+    assert np.isnan(field.rms_um).all()
 
 
 def test_a_histogram_loses_nothing() -> None:

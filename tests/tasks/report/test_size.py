@@ -52,6 +52,7 @@ def stages(tmp_path_factory: pytest.TempPathFactory, project: Project) -> list[d
     _write_points(folder, random, points)
     _write_rays(folder, random, images, points)
     _write_surveyed(folder, random, points)
+    _write_residual_grid(folder, random)
     _write_parameters(folder, random)
     figures = {"sigma0": 1.0, "redundancy": 5e5, "counts": {"images": IMAGES}}
     write_notes(folder, Notes(("A problem of a large block.",), figures))
@@ -179,6 +180,41 @@ def _write_surveyed(folder: Path, random: np.random.Generator, points: np.ndarra
                 "rays": np.full(len(own), 5),
             },
         )
+
+
+def _write_residual_grid(folder: Path, random: np.random.Generator) -> None:
+    column, row = (part.ravel() for part in np.meshgrid(np.arange(25), np.arange(25)))
+    write_table(
+        folder / "residual_grid.parquet",
+        schemas.RESIDUAL_GRID,
+        {
+            "camera": ["C"] * 625,
+            "column": column,
+            "row": row,
+            "x_mm": (column - 12.0) * 0.02,
+            "y_mm": (row - 12.0) * 0.016,
+            "width_mm": np.full(625, 0.02),
+            "height_mm": np.full(625, 0.016),
+            **{name: np.zeros(625, dtype=int) for name in ("tile_x", "tile_y")},
+            **{name: np.full(625, 800) for name in ("count", "count_vx", "count_vy")},
+            **{f"mean_v{axis}_um": random.normal(0, 0.2, 625) for axis in "xy"},
+            "significant": random.uniform(size=625) < 0.5,
+        },
+    )
+    distances = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+    write_table(
+        folder / "residual_autocorrelation.parquet",
+        schemas.RESIDUAL_AUTOCORRELATION,
+        {
+            "camera": ["C"] * 12,
+            "component": ["x"] * 6 + ["y"] * 6,
+            "distance_to_mm": np.tile(distances, 2),
+            "distance_from_mm": np.tile([0.0, *distances[:-1]], 2),
+            "pairs": np.full(12, 10**9),
+            "correlation": random.uniform(-0.1, 0.3, 12),
+            "correlated": random.uniform(size=12) < 0.5,
+        },
+    )
 
 
 def _write_parameters(folder: Path, random: np.random.Generator) -> None:

@@ -15,6 +15,12 @@ from tasks.report.table import Number, decimals_for
         (-0.0256, 3, True, "−0.026"),
         (0.00003, 3, True, "0.000"),
         (-0.00003, 3, False, "0.000"),
+        (1.01449e-9, 12, False, "1.014e−9"),
+        (-1.01449e-9, 12, True, "−1.014e−9"),
+        (1.01449e-9, 10, True, "+1.0e−9"),
+        (4e-12, 10, False, "4e−12"),
+        (0.5, 9, False, "5.00000000e−1"),
+        (0.0, 12, False, "0"),
         (None, 3, False, "–"),
         (float("nan"), 3, False, "–"),
         (float("inf"), 0, False, "–"),
@@ -30,7 +36,8 @@ def test_the_full_value_reads_back_exactly() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sigma", "decimals"), [(0.00081, 5), (0.0996, 2), (0.13, 2), (12.0, 0), (0.0, 0), (None, 0), (1e-30, 9)]
+    ("sigma", "decimals"),
+    [(0.00081, 5), (0.0996, 2), (0.13, 2), (12.0, 0), (0.0, 0), (None, 0), (1.5e-10, 11), (9.96e-10, 10)],
 )
 def test_a_standard_deviation_gets_two_digits(sigma: float | None, decimals: int) -> None:
     assert decimals_for(sigma) == decimals

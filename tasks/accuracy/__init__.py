@@ -1,0 +1,1 @@
+"""Statements about accuracy as published standards want them."""

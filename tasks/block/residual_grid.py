@@ -1,0 +1,223 @@
+"""Mean residuals of the images of each camera, and their use as corrections of the image coordinates.
+
+The order: corrections from a file, if the project names one, are there from the beginning. The block is
+adjusted (and its additional parameters chosen). Then, if asked for, mean residuals are added to the image
+coordinates until the cross-validation refuses; the last adjustment is a complete one again.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from adjust.adjustment import adjust_block
+from adjust.arrays import Bools, Floats
+from adjust.block import Block
+from adjust.calibration.autocorrelation import Autocorrelation, autocorrelation
+from adjust.calibration.controlled_residuals import controlled
+from adjust.calibration.format_cells import FormatCells, Seams
+from adjust.calibration.grid_iteration import GridIteration, iterate_grid
+from adjust.calibration.grid_smoothing import Smoothing
+from adjust.calibration.image_correction import CorrectionField, corrected
+from adjust.calibration.image_sets import GridRule
+from adjust.calibration.parameter_selection import without_priors_of_held
+from adjust.calibration.residual_grid import ResidualGrid, residual_grids
+from adjust.camera.additional.calibration_axes import calibration_from_image
+from adjust.camera.interior import FrameCamera
+from adjust.errors import AdjustmentError
+from adjust.observations.image_point import ImagePoints
+from adjust.options import AdjustmentOptions
+from adjust.result import AdjustmentResult
+from adjust.solve.gauss_newton import Progress
+from adjust.solve.normal_equations import Observations
+from tasks.block.residual_grid_file import read_corrections
+from tasks.errors import InputError, NotComputableError
+from tasks.settings.residual_grid import ResidualGridSettings
+
+_log = logging.getLogger("aerocal")
+_MM = 1e-3
+_UM = 1e-6
+_MOST_CELLS = 25
+_AIM_PER_CELL = 25
+
+Fields = tuple[CorrectionField | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockGrids:
+    """What the residuals of a block say about its cameras; one entry for each camera, None without images.
+
+    Attributes
+    ----------
+    result : of the adjustment with all corrections.
+    grids : mean residuals that are left.
+    fields : corrections of the image coordinates; None where there are none.
+    autocorrelations : of the residuals that are left.
+    iteration : how the corrections were found; None where they were not iterated.
+    """
+
+    result: AdjustmentResult
+    grids: tuple[ResidualGrid | None, ...]
+    fields: Fields
+    autocorrelations: tuple[Autocorrelation | None, ...]
+    iteration: GridIteration | None
+
+
+def with_given_corrections(
+    rays: ImagePoints, block: Block, settings: ResidualGridSettings
+) -> tuple[ImagePoints, Fields]:
+    """The image points corrected by the residual grids the settings name.
+
+    Raises
+    ------
+    InputError
+        If a file does not fit a camera.
+    """
+    nothing: Fields = (None,) * len(block.cameras)
+    if not settings.file:
+        return rays, nothing
+    fields = read_corrections(settings.file, block.cameras, _image_points(rays, block) > 0)
+    return corrected(rays, fields, block.camera_of_image, settings.interpolation), fields
+
+
+def block_grids(
+    block: Block,
+    observations: Observations,
+    result: AdjustmentResult,
+    fields: Fields,
+    cameras: pd.DataFrame,
+    settings: ResidualGridSettings,
+    options: AdjustmentOptions,
+    progress: Progress,
+) -> BlockGrids:
+    """Mean residuals of an adjusted block, after their iteration where that is asked for.
+
+    Parameters
+    ----------
+    observations : of the block as stated, the image points with the corrections `fields`.
+    result : of their adjustment.
+    cameras : cameras.parquet, for the seams of composed images.
+
+    Raises
+    ------
+    InputError
+        If there are fewer sub-areas than CCD images.
+    NotComputableError
+        If an adjustment with corrections fails.
+    """
+    rays = observations.image_points
+    cells = _cells(rays, block, fields, cameras, settings)
+    iteration = None
+    if settings.iterations > 0:
+        try:
+            iteration = _iterated(block, result, cells, fields, settings, options)
+            if iteration.taken:
+                fields = iteration.fields
+                observations = replace(
+                    without_priors_of_held(block, observations),
+                    image_points=corrected(rays, fields, block.camera_of_image, settings.interpolation),
+                )
+                result = adjust_block(block, observations, options, progress)
+        except AdjustmentError as error:
+            raise NotComputableError(f"With corrections by mean residuals: {error}") from error
+    residual, chosen = result.groups[0].residual, controlled(result.groups[0])
+    grids = residual_grids(cells, block.camera_of_image, rays.image, rays.xy, residual, chosen)
+    correlations = _autocorrelations(block, rays, residual, chosen)
+    return BlockGrids(result, grids, fields, correlations, iteration)
+
+
+def _image_points(rays: ImagePoints, block: Block) -> np.ndarray:
+    """Number of image points of every camera."""
+    return np.bincount(block.camera_of_image[rays.image], minlength=len(block.cameras))
+
+
+def _cells(
+    rays: ImagePoints,
+    block: Block,
+    fields: Fields,
+    cameras: pd.DataFrame,
+    settings: ResidualGridSettings,
+) -> tuple[FormatCells | None, ...]:
+    """The sub-areas of every camera that has image points; those of its corrections where there are some."""
+    found: list[FormatCells | None] = []
+    for camera, count, field in zip(block.cameras, _image_points(rays, block), fields, strict=True):
+        if count == 0 or field is not None:
+            found.append(None if field is None else field.cells)
+        else:
+            found.append(_cells_of(camera, _seams(camera, cameras), int(count), settings.cells))
+    return tuple(found)
+
+
+def _cells_of(camera: FrameCamera, seams: Seams, count: int, number: int | None) -> FormatCells:
+    tiles = max(len(seams.x), len(seams.y)) + 1
+    if number is None:
+        number = max(tiles, int(np.clip(np.sqrt(count / _AIM_PER_CELL), 1, _MOST_CELLS)))
+    if number < tiles:
+        raise InputError(
+            f"{number} × {number} sub-areas are fewer than the CCD images of the camera.",
+            f"Set adjustment.residual_grid.cells to {tiles} at least.",
+            entity=f"camera {camera.name}",
+        )
+    return FormatCells.of(camera.half_format, number, seams)
+
+
+def _seams(camera: FrameCamera, cameras: pd.DataFrame) -> Seams:
+    """Seams of a camera in the image system, from those in its calibration axes."""
+    row = cameras[cameras["camera"] == camera.name]
+    tiles, turn_deg = row["tiles"].item(), int(row["calibration_axes_deg"].item())
+    if not isinstance(tiles, str):
+        return Seams()
+    layout, turned = json.loads(tiles), calibration_from_image(turn_deg)
+    found: list[tuple[float, ...]] = [(), ()]
+    for axis, name in enumerate(("seams_x_mm", "seams_y_mm")):
+        # A calibration axis is an image axis or its opposite.
+        own = int(np.argmax(np.abs(turned[axis])))
+        values = turned[axis, own] * np.array(layout[name], dtype=np.float64) * _MM
+        found[own] = tuple(float(value) for value in np.sort(values) + camera.principal_point[own])
+    return Seams(*found)
+
+
+def _iterated(
+    block: Block,
+    result: AdjustmentResult,
+    cells: Sequence[FormatCells | None],
+    fields: Fields,
+    settings: ResidualGridSettings,
+    options: AdjustmentOptions,
+) -> GridIteration:
+    rule = GridRule(
+        settings.iterations,
+        Smoothing(settings.smoothing, settings.smoothing_width),
+        settings.interpolation,
+        settings.cross_validation,
+    )
+    start = tuple(
+        CorrectionField.zero(own) if own is not None and field is None else field
+        for own, field in zip(cells, fields, strict=True)
+    )
+    found = iterate_grid(block, result, cells, block.camera_of_image, rule, options, start)
+    for step in found.steps:
+        _log.info(
+            "bundle_adjustment: corrected %d times by mean residuals: σ0 %.4f, means of %.3f µm are left",
+            step.number,
+            step.sigma0,
+            step.rms / _UM,
+        )
+    return found
+
+
+def _autocorrelations(
+    block: Block, rays: ImagePoints, residual: Floats, chosen: Bools
+) -> tuple[Autocorrelation | None, ...]:
+    camera = block.camera_of_image[rays.image]
+    found = []
+    for number in range(len(block.cameras)):
+        rows = np.flatnonzero(camera == number)
+        v = np.where(chosen[rows], residual[rows], np.nan)
+        found.append(autocorrelation(rays.image[rows], rays.xy[rows], v) if len(rows) else None)
+    return tuple(found)

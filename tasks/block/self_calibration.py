@@ -1,0 +1,157 @@
+"""The additional parameters of a block, from its cameras and the settings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats
+from adjust.camera.additional.base import ImageFormat, Tiles
+from adjust.camera.additional.calibration_axes import format_in_calibration_axes
+from adjust.camera.additional.effect import effects
+from adjust.camera.additional.register import REGISTER, AdditionalParameters, additional_parameters
+from adjust.camera.additional.selection import NOTHING, selected
+from adjust.camera.additional.self_calibration import SelfCalibration
+from adjust.errors import AdditionalParametersError
+from adjust.observations.base import StochasticModel
+from adjust.observations.direct import DirectObservations
+from adjust.parameters import SystemParameters, additional_family
+from tasks.block.given_orientations import GivenOrientations
+from tasks.errors import InputError
+from tasks.settings.self_calibration import SelfCalibrationSettings
+
+_MM = 1e-3
+_UM = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSelfCalibration:
+    """Additional parameters of a block.
+
+    Attributes
+    ----------
+    model : which parameters each image has.
+    parameters : their given values and which are free, one row for each entity.
+    largest_effect, rms_effect : (e, d) of the correction over the image for a unit of each, metres; NaN
+        where an entity does not have the parameter.
+    """
+
+    model: SelfCalibration
+    parameters: SystemParameters
+    largest_effect: Floats
+    rms_effect: Floats
+
+    def prior(self, sigma_um: float | None) -> DirectObservations | None:
+        """Direct observations of the free parameters, with effects of so many µm; None without."""
+        free: Bools = self.parameters.free
+        if sigma_um is None or not free.any():
+            return None
+        with np.errstate(divide="ignore"):
+            sigma = np.where(free, sigma_um * _UM / self.largest_effect, np.nan)
+        entities = np.arange(len(self.parameters.entities), dtype=np.int64)
+        return DirectObservations(
+            self.parameters.family, entities, self.parameters.values, StochasticModel.from_sigma(sigma)
+        )
+
+
+def block_self_calibration(
+    given: GivenOrientations, cameras: pd.DataFrame, settings: SelfCalibrationSettings
+) -> BlockSelfCalibration | None:
+    """The additional parameters the settings free, and those the cameras bring along; None without any.
+
+    Parameters
+    ----------
+    cameras : cameras.parquet.
+
+    Raises
+    ------
+    InputError
+        If a camera brings a parameter that is not known.
+    """
+    cameras = cameras.set_index("camera").loc[list(given.mountings.names)].reset_index()
+    known = [json.loads(str(text)) for text in cameras["additional_parameters"]]
+    if settings.parameters == NOTHING and not any(known):
+        return None
+    of_camera = [
+        _corrections(row, settings.parameters, tuple(values))
+        for row, values in zip(cameras.to_dict("records"), known, strict=True)
+    ]
+    free_names = set(_names_of(settings.parameters))
+    entities, camera_of_entity, entity_of_image = _entities(given, settings.per)
+    units = {n: u for item in of_camera for n, u in zip(item.names, item.units, strict=True)}
+    names = tuple(units)
+    values = np.zeros((len(entities), len(names)))
+    free = np.zeros(values.shape, dtype=bool)
+    largest, rms = np.full(values.shape, np.nan), np.full(values.shape, np.nan)
+    for entity, camera in enumerate(camera_of_entity):
+        correction = of_camera[camera]
+        place, effect = {name: k for k, name in enumerate(correction.names)}, effects(correction)
+        for column, name in enumerate(names):
+            if name in place:
+                values[entity, column] = known[camera].get(name, 0.0)
+                free[entity, column] = name in free_names
+                largest[entity, column] = effect.largest[place[name]]
+                rms[entity, column] = effect.rms[place[name]]
+    return BlockSelfCalibration(
+        SelfCalibration(names, tuple(of_camera[camera] for camera in camera_of_entity), entity_of_image),
+        SystemParameters(additional_family(names, tuple(units.values())), entities, values, free),
+        largest,
+        rms,
+    )
+
+
+def _names_of(selection: str) -> tuple[str, ...]:
+    parts = selected(selection, REGISTER)
+    return tuple(f"{part.set.name}:{name}" for part in parts for name in part.names)
+
+
+def _corrections(
+    camera: dict[object, object], selection: str, known: tuple[str, ...]
+) -> AdditionalParameters:
+    """All parameters of one camera: those selected, then those it brings along besides."""
+    besides = tuple(name for name in known if name not in _names_of(selection))
+    turn = int(str(camera["calibration_axes_deg"]))
+    try:
+        return additional_parameters(selection, image_format_of(camera, turn), turn, besides)
+    except AdditionalParametersError as error:
+        raise InputError(
+            f"The additional parameters cannot be used with this camera: {error}",
+            "Choose others in adjustment.self_calibration, or complete the camera.",
+            entity=f"camera {camera['camera']}",
+        ) from error
+
+
+def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
+    """The image of a camera (a row of cameras.parquet) in calibration axes."""
+    pixel = float(str(camera["pixel_um"])) * _UM
+    half = (0.5 * int(str(camera["columns"])) * pixel, 0.5 * int(str(camera["rows"])) * pixel)
+    layout = camera["tiles"]
+    if not isinstance(layout, str):
+        return format_in_calibration_axes(half, turn)
+    given = json.loads(layout)
+    tiles = Tiles(
+        tuple(seam * _MM for seam in given["seams_x_mm"]),
+        tuple(seam * _MM for seam in given["seams_y_mm"]),
+        given["blend_mm"] * _MM,
+        given["perspective"],
+    )
+    return format_in_calibration_axes(half, turn, tiles)
+
+
+def _entities(given: GivenOrientations, per: str) -> tuple[tuple[str, ...], tuple[int, ...], np.ndarray]:
+    """Names of the entities, the camera of each, and the entity of every image."""
+    names = given.mountings.names
+    if per == "camera":
+        return names, tuple(range(len(names))), given.camera
+    flights = given.flights
+    pairs = given.camera * len(flights) + given.flight_of_image
+    present, entity_of_image = np.unique(pairs, return_inverse=True)
+    cameras = tuple(int(pair) // len(flights) for pair in present)
+    entities = tuple(
+        f"{names[int(pair) // len(flights)]} in {flights[int(pair) % len(flights)] or 'the flight'}"
+        for pair in present
+    )
+    return entities, cameras, entity_of_image.astype(np.int64)

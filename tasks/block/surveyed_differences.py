@@ -1,0 +1,117 @@
+"""Control and check points after the adjustment: as it has them, and as it would have them left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats
+from adjust.observations.control_point import ControlPoints
+from adjust.quality.control_checks import ControlCheck
+from tasks.block.result_tables import AdjustedBlock, variances, xyz_columns
+from tasks.storage.json_text import JSON
+from tasks.tables import schemas
+from tasks.tables.parquet import write_table
+
+
+def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
+    """control_residuals.parquet and check_points.parquet: computed − given along east, north, up.
+
+    The predicted standard deviation of a control residual is that of v (√(σ² − q)), that of a check
+    point contains its survey (√(σ² + q)). A control point left out of the adjustment is a check point.
+    """
+    for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):
+        table = surveyed_differences(adjusted, is_check)
+        if not is_check:
+            table = _with_left_out(adjusted, table)
+        write_table(
+            folder / f"{schema.name}.parquet",
+            schema,
+            {name: table[name].to_numpy() for name in table.columns},
+        )
+
+
+def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:
+    """Columns of control_residuals or check_points for the points that took part."""
+    surveyed, result = adjusted.surveyed, adjusted.result
+    index = pd.Index(adjusted.block.points).get_indexer(pd.Index(surveyed.name))
+    chosen = np.flatnonzero((index >= 0) & (surveyed.is_check == is_check))
+    chosen = chosen[result.active_point[index[chosen]]]
+    points = index[chosen]
+    computed = result.state.object_point[points]
+    given = surveyed.x_in_local[chosen]
+    anchor = np.where(np.isfinite(given), given, computed)
+    axes = np.array(adjusted.frame.local_from_enu(anchor))
+    difference = np.einsum("nji,nj->ni", axes, computed - anchor)
+    if len(chosen):
+        difference[:, 2] = adjusted.frame.height(computed) - surveyed.height[chosen]
+    difference = np.where(surveyed.present[chosen], difference, np.nan)
+    spread = variances(np.swapaxes(axes, 1, 2), result.cofactor.of_points[points]) * adjusted.sigma0**2
+    given_variance = np.diagonal(surveyed.covariance[chosen], axis1=1, axis2=2)
+    if is_check:
+        variance = given_variance + spread
+    else:
+        variance = np.maximum(given_variance * adjusted.sigma0**2 - spread, 0.0)
+    sigma = np.where(surveyed.present[chosen], np.sqrt(variance), np.nan)
+    return pd.DataFrame(
+        {
+            "point": np.array(surveyed.name, dtype=object)[chosen],
+            **xyz_columns("{}_m", ("dx", "dy", "dz"), difference),
+            **xyz_columns("sigma_{}_m", ("dx", "dy", "dz"), sigma),
+            "rays": adjusted.rays_used[points],
+        }
+    )
+
+
+def _with_left_out(adjusted: AdjustedBlock, table: pd.DataFrame) -> pd.DataFrame:
+    """With loo_dx_m … and sigma_loo_dx_m …: each control point against the adjustment without it.
+
+    NaN for what is not known or what nothing else determines.
+    """
+    result = adjusted.result
+    difference, sigma = np.full((len(table), 3), np.nan), np.full((len(table), 3), np.nan)
+    control = next((item.group for item in result.groups if isinstance(item.group, ControlPoints)), None)
+    if control is not None and result.left_out_singly is not None:
+        names = pd.Index(np.array(adjusted.block.points, dtype=object)[control.point])
+        row = names.get_indexer(pd.Index(table["point"]))
+        difference[row >= 0] = result.left_out_singly.difference[row[row >= 0]]
+        sigma[row >= 0] = _sigma(result.left_out_singly, adjusted.sigma0)[row[row >= 0]]
+    left_out = {
+        **xyz_columns("loo_{}_m", ("dx", "dy", "dz"), difference),
+        **xyz_columns("sigma_loo_{}_m", ("dx", "dy", "dz"), sigma),
+    }
+    return table.assign(**left_out)
+
+
+def left_out_figures(check: ControlCheck | None, sigma0: float) -> JSON:
+    """Root mean square and largest differences, in metres and over their σ; null where nothing is known."""
+    if check is None or not np.isfinite(check.difference).any():
+        return None
+    known = np.isfinite(check.difference)
+    ratio = check.difference / _sigma(check, sigma0)
+    return {
+        "folds": len(np.unique(check.fold)),
+        "points": int(known.any(axis=1).sum()),
+        "rmse_m": _each_axis(check.difference, known, "rms"),
+        "max_m": _each_axis(check.difference, known, "largest"),
+        "rms_over_sigma": _each_axis(ratio, known, "rms"),
+    }
+
+
+def _sigma(check: ControlCheck, sigma0: float) -> Floats:
+    """Predicted standard deviations (n, 3), metres."""
+    return np.asarray(sigma0 * np.sqrt(np.diagonal(check.cofactor, axis1=1, axis2=2)))
+
+
+def _each_axis(values: Floats, known: Bools, figure: str) -> list[JSON]:
+    """A figure of the known values of each axis; null without any."""
+    found: list[JSON] = []
+    for axis in range(3):
+        own = np.abs(values[known[:, axis], axis])
+        if len(own) == 0:
+            found.append(None)
+        else:
+            found.append(float(own.max() if figure == "largest" else np.sqrt(np.mean(own**2))))
+    return found

@@ -1,0 +1,30 @@
+"""The values that were applied, for people and programs to see."""
+
+from __future__ import annotations
+
+from adjust.parameters import FAMILIES, GNSS_DRIFT, GNSS_STRIP_BIAS
+from tasks.georeferencing.calibration import Calibration
+from tasks.georeferencing.directly_oriented import DirectlyOriented
+from tasks.storage.json_text import JSON
+
+_OF_ITS_STRIPS = {c for name in (GNSS_STRIP_BIAS, GNSS_DRIFT) for c in FAMILIES[name].components}
+
+
+def applied_parameters(oriented: DirectlyOriented, calibration: Calibration) -> list[JSON]:
+    """Parameter, entity, value, σ (null: taken to be free of error) and unit of everything that was applied.
+
+    Biases and drifts of the calibration's own strips are not.
+    """
+    entities = {*oriented.given.mountings.names, *oriented.flights.values()}
+    return [
+        {
+            "parameter": parameter,
+            "entity": entity,
+            "value": value,
+            "sigma": calibration.sigmas.get((parameter, entity)),
+            "unit": calibration.units[parameter, entity],
+            "status": calibration.statuses[parameter, entity],
+        }
+        for (parameter, entity), value in calibration.values.items()
+        if entity in entities and parameter not in _OF_ITS_STRIPS
+    ]

@@ -1,0 +1,185 @@
+"""A calibration as it is applied: values of system parameters with σ and correlations, and its control.
+
+It comes from the tables of an adjustment, of this project or of another one. Values and σ are in the units of
+those tables (mm, deg, m, s, or the unit an additional parameter is published in).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from adjust.arrays import Bools, Floats
+from tasks.errors import InputError
+from tasks.settings.coordinates import LOCAL
+from tasks.settings.direct_georeferencing import CalibrationInput
+from tasks.tables import schemas
+from tasks.tables.parquet import METADATA
+from tasks.tables.schemas import TableSchema
+
+#: Parameter and the camera, flight or strip it belongs to.
+Key: TypeAlias = tuple[str, str]
+
+_REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`."
+# Two surveys of one point differ by centimetres, neighbouring points lie metres apart.
+_SAME_PLACE_M = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyedControl:
+    """Points that were control of a calibration.
+
+    Attributes
+    ----------
+    point : their names.
+    x_in_map : (k, 3) coordinates; NaN where not known.
+    crs : of the coordinates.
+    """
+
+    point: tuple[str, ...] = ()
+    x_in_map: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    crs: str = ""
+
+    def contains(self, point: Iterable[str], x_in_map: Floats, crs: str) -> Bools:
+        """Which of other points (n,) with coordinates (n, 3) are among them.
+
+        In the same CRS the place decides, with half a metre of tolerance: names are given anew in every
+        project. In another CRS it is the name; with local axes, which may be others, either of the two.
+        """
+        by_name = np.isin(np.array(list(point), dtype=object), np.array(self.point, dtype=object))
+        if crs != self.crs:
+            return by_name
+        distance = np.abs(x_in_map[:, None, :2] - self.x_in_map[None, :, :2])
+        here = np.all(distance < _SAME_PLACE_M, axis=2).any(axis=1)
+        # A point known in height only has no place to be compared.
+        named = by_name if crs == LOCAL else by_name & ~np.isfinite(x_in_map[:, :2]).all(axis=1)
+        return np.asarray(here | named)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Values of system parameters, and how well they are known.
+
+    Attributes
+    ----------
+    values : of every parameter.
+    sigmas : of those that were estimated.
+    units : of every parameter.
+    correlations : of pairs of estimated parameters, each pair once.
+    statuses : what the calibration says about each, such as "significant".
+    control : what it was made with.
+    """
+
+    values: Mapping[Key, float]
+    sigmas: Mapping[Key, float]
+    units: Mapping[Key, str]
+    correlations: Mapping[tuple[Key, Key], float]
+    statuses: Mapping[Key, str]
+    control: SurveyedControl
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it says nothing: the values of the cameras hold."""
+        return not self.values
+
+    def entities(self, parameter: str) -> tuple[str, ...]:
+        """Cameras, flights or strips that have a parameter."""
+        return tuple(entity for name, entity in self.values if name == parameter)
+
+    def covariance(self, keys: Iterable[Key]) -> Floats:
+        """Covariance (k, k) of estimated parameters in the units of the tables.
+
+        Raises
+        ------
+        InputError
+            If the correlation of two of them is missing.
+        """
+        chosen = list(keys)
+        result = np.diag([self.sigmas[key] ** 2 for key in chosen])
+        for i, one in enumerate(chosen):
+            for j, other in enumerate(chosen[:i]):
+                correlation = self.correlations.get((one, other), self.correlations.get((other, one)))
+                if correlation is None:
+                    raise InputError(
+                        f"The calibration gives no correlation of {one[0]} of {one[1]} with {other[0]} of "
+                        f"{other[1]}.",
+                        "Take parameters.parquet and correlations.parquet from the same run.",
+                    )
+                result[i, j] = result[j, i] = correlation * self.sigmas[one] * self.sigmas[other]
+        return np.asarray(result.reshape(len(chosen), len(chosen)))
+
+
+def control_of(surveyed: pd.DataFrame, residuals: pd.DataFrame, crs: str) -> SurveyedControl:
+    """The points of control_points.parquet that took part as control, that is stand in control_residuals."""
+    own = surveyed[surveyed["point"].isin(residuals["point"])]
+    return SurveyedControl(tuple(own["point"]), own[["x_m", "y_m", "z_m"]].to_numpy(np.float64), crs)
+
+
+NO_CALIBRATION = Calibration({}, {}, {}, {}, {}, SurveyedControl())
+
+
+def calibration_of(
+    parameters: pd.DataFrame, correlations: pd.DataFrame, control: SurveyedControl
+) -> Calibration:
+    """The calibration in parameters.parquet and correlations.parquet."""
+    rows = parameters.to_dict("records")
+    keys: list[Key] = [(str(row["parameter"]), str(row["entity"])) for row in rows]
+    pairs = zip(
+        zip(correlations["parameter_a"], correlations["entity_a"], strict=True),
+        zip(correlations["parameter_b"], correlations["entity_b"], strict=True),
+        strict=True,
+    )
+    return Calibration(
+        {key: float(row["value"]) for key, row in zip(keys, rows, strict=True)},
+        {key: float(row["sigma"]) for key, row in zip(keys, rows, strict=True) if np.isfinite(row["sigma"])},
+        {key: str(row["unit"]) for key, row in zip(keys, rows, strict=True)},
+        dict(zip(pairs, correlations["correlation"].astype(float), strict=True)),
+        {key: str(row["status"]) for key, row in zip(keys, rows, strict=True)},
+        control,
+    )
+
+
+def calibration_of_results(source: CalibrationInput) -> Calibration:
+    """The calibration in the results of another run.
+
+    Raises
+    ------
+    InputError
+        If a file is not the table its name says.
+    """
+    if (
+        source.parameters is None
+        or source.correlations is None
+        or source.control_residuals is None
+        or source.control_points is None
+    ):
+        raise ValueError("the calibration does not lie in the results of another run")
+    residuals, _ = _foreign_table(source.control_residuals, schemas.CONTROL_RESIDUALS)
+    surveyed, crs = _foreign_table(source.control_points, schemas.CONTROL_POINTS)
+    control = control_of(surveyed, residuals, crs)
+    parameters, _ = _foreign_table(source.parameters, schemas.PARAMETERS)
+    correlations, _ = _foreign_table(source.correlations, schemas.CORRELATIONS)
+    return calibration_of(parameters, correlations, control)
+
+
+def _foreign_table(path: Path, schema: TableSchema) -> tuple[pd.DataFrame, str]:
+    """A table of other results, and the CRS of its coordinates (empty without any)."""
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError("This is not a Parquet table.", _REMEDY, file=path) from error
+    described = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
+    if (described.get("schema"), described.get("version")) != (schema.name, schema.version):
+        raise InputError(
+            f"This is not a table '{schema.name}' of version {schema.version}.", _REMEDY, file=path
+        )
+    columns = [column.name for column in schema.columns if column.name in table.column_names]
+    return table.select(columns).to_pandas(), str(described.get("crs", ""))

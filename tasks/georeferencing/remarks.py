@@ -1,0 +1,139 @@
+"""What a direct-georeferencing check has to say in sentences, the gravest first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import cast
+
+from tasks.georeferencing.calibration import Calibration
+from tasks.georeferencing.difference_statistics import CONFIDENCE
+from tasks.georeferencing.directly_oriented import DirectlyOriented
+from tasks.storage.json_text import JSON
+
+_WAYS = ("east", "north", "up")
+_SHOWN = 5
+# A mean beyond this many of its standard deviations is no chance.
+_SYSTEMATIC = 3.3
+_POOR = {
+    "not_determinable": "could not be determined by the calibration (inseparable from others)",
+    "prior_only": "was not determined by the calibration but taken from its prior",
+}
+
+
+def difference_remarks(figures: Mapping[str, JSON], of: str) -> Iterator[str]:
+    """Root mean squares and means that the prediction does not let expect.
+
+    Parameters
+    ----------
+    of : what the points are, such as "independent check points".
+    """
+    for axis, way in enumerate(_WAYS):
+        rms, low, high, mean, sigma = (
+            _number(figures[name], axis)
+            for name in (
+                "rmse_m",
+                "predicted_low_m",
+                "predicted_high_m",
+                "mean_m",
+                "predicted_mean_sigma_m",
+            )
+        )
+        if rms is None or low is None or high is None:
+            continue
+        if rms > high:
+            yield (
+                f"The differences {way} at the {of} have a root mean square of {rms:.3f} m; the σ of image "
+                f"points, GNSS/INS, calibration and survey let expect {low:.3f} to {high:.3f} m "
+                f"({100 * CONFIDENCE:g} %): something is wrong that no σ covers."
+            )
+        if mean is not None and sigma is not None and abs(mean) > _SYSTEMATIC * sigma:
+            yield (
+                f"The differences {way} at the {of} have a mean of {mean:+.3f} m, {abs(mean) / sigma:.1f} of "
+                "its standard deviation: a systematic error."
+            )
+
+
+def parallax_remarks(figures: Mapping[str, JSON]) -> Iterator[str]:
+    """y-parallaxes that the prediction does not let expect, and mismatches among them."""
+    rms, low, high = (
+        _number(figures[f"y_parallax_{name}_um"]) for name in ("rms", "predicted_low", "predicted_high")
+    )
+    if rms is not None and low is not None and high is not None:
+        expected = f"the σ let expect {low:.1f} to {high:.1f} µm ({100 * CONFIDENCE:g} %)"
+        if rms > high:
+            yield f"The y-parallaxes have a root mean square of {rms:.1f} µm; {expected}."
+        if rms < low:
+            yield (
+                f"The y-parallaxes have a root mean square of {rms:.1f} µm only; {expected}. The errors of "
+                "GNSS and INS change less from one exposure to the next than independent ones: state for how "
+                "long they last (adjustment.gnss_correlation_s, ins_correlation_s), or what is common to a "
+                "strip (direct_georeferencing.strip_bias_m, strip_bias_deg)."
+            )
+    used, mismatches = (_number(figures[f"y_parallax{name}"]) or 0.0 for name in ("es", "_mismatches"))
+    if mismatches:
+        yield (
+            f"{mismatches:,.0f} of {used + mismatches:,.0f} y-parallaxes do not follow the relative "
+            "orientation of their model: these points are mismatched and are left out of the parallaxes."
+        )
+
+
+def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) -> Iterator[str]:
+    """What is to be known about the calibration that was applied."""
+    if calibration.is_empty:
+        yield (
+            "The values of the project's cameras are the calibration; they come without σ, so the prediction "
+            "takes them to be free of error."
+        )
+        return
+    cameras = set(oriented.given.mountings.names)
+    for (parameter, entity), status in calibration.statuses.items():
+        if status in _POOR and (entity in cameras or entity in oriented.flights.values()):
+            yield f"{parameter} of {entity} {_POOR[status]}."
+    for flight, source in oriented.flights.items():
+        if flight != source:
+            yield (
+                f"The GNSS shift of the calibration's flight '{source}' is applied to "
+                + (f"the flight '{flight}'." if flight else "this flight.")
+            )
+
+
+def coverage_remarks(
+    oriented: DirectlyOriented, not_intersected: Sequence[str], *, has_models: bool
+) -> Iterator[str]:
+    """What takes no part."""
+    if oriented.not_oriented:
+        yield (
+            "Measured images without an attitude of their own take no part "
+            f"({len(oriented.not_oriented)}): {_listed(oriented.not_oriented)}."
+        )
+    if not_intersected:
+        yield (
+            "Surveyed points that cannot be intersected (fewer than two rays, or rays nearly parallel) take "
+            f"no part ({len(not_intersected)}): {_listed(not_intersected)}."
+        )
+    if not has_models:
+        yield (
+            "There are no stereo models and no y-parallaxes: no two consecutive images of a strip have "
+            "common points" + ("." if any(oriented.given.strip) else ", and the exposures name no strips.")
+        )
+
+
+def point_remarks(independent: int, control: int) -> Iterator[str]:
+    """Which points say something about the accuracy."""
+    if control:
+        yield (
+            f"{control} surveyed point{'s were' if control > 1 else ' was'} control of the calibration: the "
+            "differences there are reported apart and say nothing about the accuracy."
+        )
+    if independent == 0:
+        yield "There is no independent check point: the accuracy of direct georeferencing is not tested."
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+
+
+def _number(value: JSON, index: int | None = None) -> float | None:
+    if index is not None:
+        value = cast(Sequence[JSON], value)[index]
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -1,0 +1,219 @@
+"""Write docs/additional-parameters.md from the register itself.
+
+``python -m tasks.settings.additional_parameters_document``. The page cannot be out of date: a test compares
+the committed file with what this module writes.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+from adjust.camera.additional.base import ImageFormat, ParameterSet
+from adjust.camera.additional.effect import effects
+from adjust.camera.additional.register import REGISTER, AdditionalParameters
+from adjust.camera.additional.selection import SelectedTerms
+
+# UltraCam Eagle: 13080 × 20010 pixels of 5.2 µm, columns along flight.
+_FORMAT = ImageFormat(34.008e-3, 52.026e-3)
+_MICROMETRE = 1e-6
+# Longer tables are folded.
+_MOST_ROWS = 30
+
+_OPENING = """\
+# Additional parameters
+
+*Written by `python -m tasks.settings.additional_parameters_document` from the register in
+`adjust/camera/additional/register.py`; edit the descriptions in the files of the sets.*
+
+What a camera does beside the perspective of focal length and principal point is described by additional
+parameters a_k, which the adjustment estimates along with everything else (self-calibration):
+
+    x_ideal = x̄ + Σ f_k(x̄, ȳ) a_k,      x̄ = x_measured − x0,  ȳ = y_measured − y0.
+
+The sum is the correction Δ of the measurement; **the systematic image error is −Δ**. Forms of the literature
+that read x' = x − f · P have the sign turned here: values are those of the literature, f_k is −f. Axes and
+signs: [conventions](conventions.md).
+
+## Selecting parameters
+
+`[adjustment.self_calibration]` of the [project file](project-file.md) takes a text in `parameters`:
+
+| text | selects |
+|---|---|
+| `brown` | all parameters of a set |
+| `brown:K1,K2` | some of them |
+| `bluh:1-12` | a range, by the order of the set |
+| `bluh:1-12+42-73+81-88` | several ranges of one set |
+| `brown:K1,K2+legendre(3)` | parameters of several sets; some sets have a degree |
+| `bluh12+uc` | what other texts stand for, see the table |
+| `none` | nothing |
+
+A parameter is reported as `SET:NAME`, such as `bluh:7`. A name that does not exist, one that is selected
+twice, and parameters of a set that are combinations of each other are errors.
+
+| short form | stands for |
+|---|---|
+"""
+
+_AFTER_PRESETS = """\
+
+Sets are defined in *calibration axes*. Where it matters, x points along the flight; the image axes of the
+camera are turned into them by a multiple of 90°, and the corrections back.
+
+In Python, and with the effect of each parameter over the image:
+
+```python
+>>> from adjust.camera.additional.base import ImageFormat
+>>> from adjust.camera.additional.effect import effects
+>>> from adjust.camera.additional.register import additional_parameters
+>>> eagle = ImageFormat(half_x=34.008e-3, half_y=52.026e-3)
+>>> parameters = additional_parameters("bluh:1,9+81", eagle)
+>>> parameters.names, parameters.units
+(('bluh:1', 'bluh:9', 'bluh:81'), ('1', '1/mm²', 'mm'))
+>>> [f"{value:.2e}" for value in 1e-6 / effects(parameters).largest]
+['1.61e-05', '1.60e-09', '1.00e-03']
+```
+
+## The sets
+
+"""
+
+_AFTER_SETS = """
+*Published* is a parameter whose formula stands in the source. *Reconstructed* is one of which the source
+gives a name, a number or a description only, or whose formula is quoted from memory: it does what its name
+says, and need not equal what the program of its author computes.
+
+Below, *1 µm* is the value whose largest effect |Δ| in the image of an UltraCam Eagle (68.016 mm along ×
+104.052 mm across flight) is 1 µm, and *RMS* the root mean square of its effect over that image. Values scale:
+three times as much displaces by 3 µm.
+"""
+
+
+def additional_parameters_page() -> str:
+    """The whole page as Markdown."""
+    sets = tuple(_sets())
+    lines = [_OPENING.rstrip("\n")]
+    lines += [f"| `{name}` | `{text}` |" for name, text in REGISTER.presets.items()]
+    lines += [
+        _AFTER_PRESETS.rstrip("\n"),
+        "",
+        "| set | what it is | parameters | status |",
+        "|---|---|---|---|",
+    ]
+    lines += [_summary_row(heading, item) for heading, item in sets]
+    lines.append(_AFTER_SETS)
+    for place, (heading, item) in enumerate(sets):
+        alike = next((name for name, other in sets[:place] if other.formulas == item.formulas), None)
+        lines += _section(heading, item, alike)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _sets() -> Iterator[tuple[str, ParameterSet]]:
+    """Every set, and what its name is to be written as; of those with a degree the usual one."""
+    for name, item in REGISTER.sets.items():
+        yield name, item
+    for name, family in REGISTER.by_degree.items():
+        yield f"{name}(n)", family.of_degree(family.usual)
+
+
+def _summary_row(heading: str, item: ParameterSet) -> str:
+    statuses = sorted({term.status for term in item.terms})
+    if len(statuses) > 1:
+        published = sum(term.status == "published" for term in item.terms)
+        said = f"{published} published, {len(item.terms) - published} reconstructed"
+    else:
+        said = statuses[0]
+    number = f"{len(item.terms)}" if heading == item.name else f"{len(item.terms)} in `{item.name}`"
+    return f"| [`{heading}`](#{_anchor(heading)}) | {item.title} | {number} | {said} |"
+
+
+def _section(heading: str, item: ParameterSet, alike: str | None) -> Iterator[str]:
+    """Lines of the section on one set; ``alike`` names an earlier set with the same formulas."""
+    yield f"## `{heading}`"
+    yield ""
+    yield _filled(f"{item.title[0].upper()}{item.title[1:]}. Source: {item.source}.")
+    degrees = ""
+    if heading != item.name:
+        family = REGISTER.by_degree[heading.partition("(")[0]]
+        degrees = f" Degrees {family.degrees[0]} to {family.degrees[-1]}; the table shows `{item.name}`."
+    if item.note or degrees:
+        yield ""
+        yield _filled(f"{item.note}{degrees}".strip())
+    for combination in item.combinations:
+        yield ""
+        yield _filled(
+            f"{combination.term} is a linear combination of {', '.join(combination.of)}: it can be selected "
+            "in place of one of them, not beside them all."
+        )
+    yield ""
+    if alike is None:
+        yield from _as_markdown(item.formulas)
+    else:
+        yield from (f"The formulas are those of [`{alike}`](#{_anchor(alike)}).", "")
+    yield from _table(item)
+
+
+def _anchor(heading: str) -> str:
+    return re.sub(r"[^\w-]", "", heading)
+
+
+def _filled(text: str) -> str:
+    return textwrap.fill(text, width=110, break_on_hyphens=False)
+
+
+def _as_markdown(text: str) -> Iterator[str]:
+    """A docstring as Markdown: formulas stay as they are, names of code become code, references links."""
+    for line in text.strip().split("\n"):
+        if line.startswith("    "):
+            yield line
+        else:
+            linked = re.sub(r":(mod|func|class):`~?([\w.]+)`", _link, line)
+            yield re.sub(r"``([^`]+)``", r"`\1`", linked)
+    yield ""
+
+
+def _link(reference: re.Match[str]) -> str:
+    """A link to the file of a module, or to that which something stands in."""
+    kind, name = reference.groups()
+    module = name if kind == "mod" else name.rpartition(".")[0]
+    return f"[`{name.rpartition('.')[2]}`](../{module.replace('.', '/')}.py)"
+
+
+def _table(item: ParameterSet) -> Iterator[str]:
+    parameters = AdditionalParameters(
+        (SelectedTerms(item, tuple(term.name for term in item.terms)),), _FORMAT
+    )
+    found = effects(parameters)
+    folded = len(item.terms) > _MOST_ROWS
+    if folded:
+        yield from ("<details>", f"<summary>The {len(item.terms)} parameters of {item.name}</summary>", "")
+    yield "| name | meaning | unit | status | 1 µm | RMS, µm |"
+    yield "|---|---|---|---|---|---|"
+    for term, largest, rms in zip(item.terms, found.largest, found.rms, strict=True):
+        effect = f"{_three_digits(_MICROMETRE / largest)} | {rms / largest:.2f}"
+        yield f"| `{term.name}` | {term.meaning} | {term.unit} | {term.status} | {effect} |"
+    yield ""
+    if folded:
+        yield from ("</details>", "")
+
+
+def _three_digits(value: float) -> str:
+    """A positive number with three digits, as a power of ten where it is small or large."""
+    if 0.01 <= value < 1000.0:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def main() -> None:
+    """Write the page into docs/ of the repository the command is run in, or to the path given."""
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/additional-parameters.md")
+    target.write_text(additional_parameters_page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

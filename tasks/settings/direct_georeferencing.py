@@ -1,0 +1,100 @@
+"""Settings of the direct-georeferencing check: which calibration, and what is known of its errors."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.coordinates import NotNegativeTriple, Positive, PositivePair
+
+CAMERAS, ADJUSTMENT = "cameras", "adjustment"
+_TABLES = ("parameters", "correlations", "control_residuals", "control_points")
+
+
+class CalibrationInput(Settings):
+    """The calibration that is checked.
+
+    Written as one text: `"cameras"`, `"adjustment"`, or a folder of results.
+    """
+
+    adjustment: bool = Field(
+        default=False,
+        description='`calibration = "adjustment"`: what this project\'s own adjustment estimates; its '
+        "control points are then control of the calibration.",
+    )
+    parameters: InputPath | None = Field(
+        default=None,
+        description='Its system parameters with their σ; `calibration = "FOLDER"` stands for the four files '
+        "of these names in a folder of results.",
+    )
+    correlations: InputPath | None = Field(default=None, description="Their correlations.")
+    control_residuals: InputPath | None = Field(
+        default=None, description="Which points were control of the calibration."
+    )
+    control_points: InputPath | None = Field(default=None, description="Where these points lie.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_text(cls, value: object) -> object:
+        if isinstance(value, str) and value.strip():
+            if value in (CAMERAS, ADJUSTMENT):
+                return {"adjustment": value == ADJUSTMENT}
+            return {name: f"{value}/{name}.parquet" for name in _TABLES}
+        if isinstance(value, dict | CalibrationInput):
+            return value
+        raise trouble(
+            "The calibration is not understood.", 'Write "cameras", "adjustment", or a folder of results.'
+        )
+
+    @model_validator(mode="after")
+    def _complete(self) -> CalibrationInput:
+        given = [name for name in _TABLES if getattr(self, name) is not None]
+        if given and (self.adjustment or len(given) < len(_TABLES)):
+            raise trouble(
+                "The calibration is named by some of its files only, or twice.",
+                'Write one text: "cameras", "adjustment", or a folder of results.',
+            )
+        return self
+
+    @property
+    def is_of_results(self) -> bool:
+        """Whether it lies in the results of another run."""
+        return self.parameters is not None
+
+
+class DirectGeoreferencingSettings(Settings):
+    """The direct-georeferencing check."""
+
+    calibration: CalibrationInput = Field(
+        default=CalibrationInput(),
+        description='The calibration that is checked: `"cameras"` (the values of this file\'s cameras, taken '
+        'to be free of error), `"adjustment"` (what this project\'s own adjustment estimates), or the folder '
+        "with the results of another project.",
+    )
+    shift_of_flight: str | None = Field(
+        default=None,
+        description="Flight of the calibration whose GNSS shift and time offset hold for the flights of this "
+        "project. Left out: that of the same name, or the only one there is.",
+    )
+    strip_bias_m: NotNegativeTriple | None = Field(
+        default=None,
+        description="σ of a GNSS error common to all images of a strip, east, north, up, m; one number or "
+        "three. It adds to the σ of the exposures, as in the adjustment. Left out: "
+        "`adjustment.priors.gnss_strip_bias_m` if `gnss_strip_bias` is in `adjustment.free`, else zero.",
+    )
+    strip_bias_deg: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="σ of an attitude error common to all images of a strip, roll, pitch, yaw, degrees; one "
+        "number or three. It adds to the σ of the exposures. Errors that change slowly within a strip are "
+        "described by `adjustment.gnss_correlation_s` and `ins_correlation_s`.",
+    )
+    critical_value: Positive = Field(
+        default=4.13,
+        description="Standardized residual of a y-parallax in the relative orientation of its model above "
+        "which the point is taken for a mismatch and left out of the parallaxes.",
+    )
+    accuracy_class_m: PositivePair | None = Field(
+        default=None,
+        description="Accuracy class to be met, RMSE_H and RMSE_V, m; one number or two. The statement by the "
+        "ASPRS standards says whether it is.",
+    )

@@ -1,0 +1,60 @@
+"""Settings of the mean residuals of the images in sub-areas, and of their use as corrections."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Field
+
+from tasks.settings.base import InputPath, Settings
+from tasks.settings.coordinates import Positive
+
+
+def _one_or_several(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
+
+
+InputPaths: TypeAlias = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or_several)]
+
+
+class ResidualGridSettings(Settings):
+    """Mean residuals of all images of a camera in sub-areas of the image."""
+
+    cells: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        default=None,
+        description="Sub-areas along each side of the image. Default 25, or as many as leave 25 image points "
+        "in a sub-area on average if that is fewer. With `file` those of the file. Seams between CCD images "
+        "(`tiles` of the camera) are always borders.",
+    )
+    file: InputPaths = Field(
+        default=(),
+        description="`residual_grid.parquet` of another run, such as the high flight of the same camera: its "
+        "corrections (its mean residuals, if it applied none) are added to the image coordinates. Several "
+        "are averaged, each sub-area weighted with 1/σ².",
+    )
+    iterations: Annotated[int, Field(ge=0, le=50)] = Field(
+        default=0,
+        description="How often at most the mean residuals are added to the image coordinates and the block "
+        "is adjusted again; 0: they are only computed. 3 to 5 recover most of what a single pass leaves.",
+    )
+    cross_validation: bool = Field(
+        default=True,
+        description="Whether every iteration is first tried on halves of the images, and left out where it "
+        "does not make the mean residuals of those images smaller that took no part in it.",
+    )
+    smoothing: Literal["none", "gaussian", "counts", "collocation"] = Field(
+        default="counts",
+        description="Smoothing of the means before they are added: `none`; `gaussian`; `counts`, a Gaussian "
+        "in which a mean counts with its number of image points; `collocation` (least squares, finds its own "
+        "width). None reaches across a seam.",
+    )
+    smoothing_width: Positive = Field(
+        default=0.04,
+        description="Standard deviation of the Gaussian in parts of the sides of the image; 0.04 is one of "
+        "25 sub-areas.",
+    )
+    interpolation: Literal["bilinear", "cell"] = Field(
+        default="bilinear",
+        description="Correction of an image point: `bilinear` between the middles of the sub-areas, or that "
+        "of its `cell`.",
+    )

@@ -1,0 +1,55 @@
+"""Settings of self-calibration: which additional parameters, for whom, how known, how selected."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import AfterValidator, Field
+
+from adjust.camera.additional.register import REGISTER
+from adjust.camera.additional.selection import NOTHING, selected
+from adjust.errors import AdditionalParametersError
+from tasks.settings.base import Settings, trouble
+from tasks.settings.coordinates import Positive
+
+
+def _known_selection(text: str) -> str:
+    """A selection the register can read."""
+    try:
+        selected(text, REGISTER)
+    except AdditionalParametersError as error:
+        raise trouble(
+            f"The additional parameters '{text}' are not known: {error}",
+            'Write for example "bluh:1-12"; docs/additional-parameters.md lists all sets.',
+        ) from error
+    return text.strip()
+
+
+Selection: TypeAlias = Annotated[str, AfterValidator(_known_selection)]
+
+
+class SelfCalibrationSettings(Settings):
+    """Self-calibration by additional parameters."""
+
+    parameters: Selection = Field(
+        default=NOTHING,
+        description='Additional parameters to estimate, e.g. `"bluh:1-12"`, `"bluh:1-12+42-73+81-88"`, '
+        '`"brown:K1,K2"`, `"legendre(5)"`; `"none"` for none. Focal length and principal point are named in '
+        "`free`.",
+    )
+    per: Literal["camera", "flight"] = Field(
+        default="camera",
+        description="What has a set of its own: every `camera`, or every camera in every `flight`. With "
+        "`flight` it is tested whether the sets differ.",
+    )
+    sigma_um: Positive | None = Field(
+        default=None,
+        description="Standard deviation of each parameter about its given value, as the largest effect it "
+        "has in the image, µm. Without it the parameters are free.",
+    )
+    elimination: Literal["default", "bluh", "dmc_certificate", "none"] = Field(
+        default="default",
+        description="Rule by which parameters that are not significant, or not separable from others, are "
+        "taken out one after the other: `default` (correlation 0.90, total correlation 0.95, t of 99 %), "
+        "`bluh` (t below 1, correlations above 0.85), `dmc_certificate` (t below 1.96), or `none`.",
+    )

@@ -1,0 +1,145 @@
+"""Settings of a sweep: which scenarios of one project are computed side by side.
+
+A scenario is a sub-block, a choice of control points and a variant of the settings; a sweep computes every
+combination of the three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, Field, JsonValue, model_validator
+
+from tasks.settings.base import Settings, one_of, trouble
+from tasks.settings.coordinates import NotNegativePair
+from tasks.sweep.published import published_names
+
+Name = Annotated[str, Field(min_length=1)]
+
+#: The setting that ``parameters`` varies.
+SELECTION = "adjustment.self_calibration.parameters"
+#: The only variant of a sweep that varies no settings.
+UNCHANGED = "as in the project"
+
+
+class BlockSelection(Settings):
+    """Images of a sub-block: those that meet every condition given; `["low"]` is short for these flights."""
+
+    flights: tuple[str, ...] | None = Field(default=None, description="Names of the flights; left out: all.")
+    strips: tuple[str, ...] | None = Field(
+        default=None,
+        description='Names of the strips, with `*` and `?` for any letters: `["E*"]` leaves out crossing '
+        'strips, `["E01", "E03", "E05"]` makes single coverage of double. Left out: all.',
+    )
+    height_m: NotNegativePair | None = Field(
+        default=None,
+        description="Smallest and largest flying height above the object points, m; left out: any.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_list(cls, value: object) -> object:
+        if value == "all":
+            return {}
+        return {"flights": value} if isinstance(value, list | tuple) else value
+
+
+class ControlScenario(Settings):
+    """Which surveyed points are control points; all others are check points."""
+
+    roles: Literal["delivered", "all"] | None = Field(
+        default=None,
+        description='`"delivered"`: as the files of control say; `"all"`: every point. Written as this word '
+        "alone.",
+    )
+    count: Annotated[int, Field(ge=0)] | None = Field(
+        default=None, description="That many of the points that are fully surveyed and measured."
+    )
+    layout: Literal["even", "border"] = Field(
+        default="even",
+        description="How `count` points are chosen. `even`: each as far as possible from those before it, so "
+        "that the first four lie in the corners and fewer points are a part of more; `border`: evenly along "
+        "the border of the area.",
+    )
+    points: tuple[str, ...] | None = Field(
+        default=None, description="Exactly these points; a list alone is short for it."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_word_or_list(cls, value: object) -> object:
+        if isinstance(value, str):
+            return {"roles": value}
+        return {"points": value} if isinstance(value, list | tuple) else value
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> ControlScenario:
+        if [self.roles, self.count, self.points].count(None) != 2:
+            raise trouble(
+                "It is not clear which points are control points.",
+                'Write "all", "delivered", { count = 44 }, or a list of points.',
+            )
+        return self
+
+
+class SweepSettings(Settings):
+    """Scenarios to compute side by side; `aerocal sweep` computes every combination."""
+
+    outside_key: ClassVar[frozenset[str]] = frozenset({"workers"})
+
+    blocks: dict[Name, BlockSelection] = Field(
+        default={"all": BlockSelection()},
+        min_length=1,
+        description='Sub-blocks by name, e.g. `both = ["low", "high"]` (flights) or a table. Left out: the '
+        "whole block.",
+    )
+    control: dict[Name, ControlScenario] = Field(
+        default={"delivered": ControlScenario(roles="delivered")},
+        min_length=1,
+        description='Choices of control points by name, e.g. `"44/40" = { count = 44 }`. Left out: the roles '
+        "as delivered.",
+    )
+    parameters: tuple[Name, ...] = Field(
+        default=(),
+        description="Sets of additional parameters, each a variant of this name: short for variants that "
+        f'change `{SELECTION}`, e.g. `["none", "bluh:1-12"]`.',
+    )
+    variants: dict[Name, dict[str, JsonValue]] = Field(
+        default={},
+        description="Variants of the settings by name; each says which settings of this file it changes: "
+        '`loose = { "inputs.control.sigma_m" = 0.1 }`. An empty table changes nothing.',
+    )
+    compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = Field(
+        default=None,
+        description="Published table that is shown beside the results where block, control and variant have "
+        "its names (docs/sweep.md).",
+    )
+    workers: Annotated[int, Field(ge=1)] | None = Field(
+        default=None,
+        description="Processes that adjust beside each other; it changes no result. Left out: one for each "
+        "processor.",
+    )
+
+    @model_validator(mode="after")
+    def _every_name_once(self) -> SweepSettings:
+        names = [*self.parameters, *self.variants]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise trouble(f"There are two variants '{twice}'.", "Give each of them its own name.")
+        return self
+
+    def changes(self) -> Mapping[str, Mapping[str, JsonValue]]:
+        """Every variant by name: dotted keys of the project file and their values."""
+        of_sets: dict[str, Mapping[str, JsonValue]] = {name: {SELECTION: name} for name in self.parameters}
+        others = {name: dict(_flat("", variant)) for name, variant in self.variants.items()}
+        return {**of_sets, **others} or {UNCHANGED: {}}
+
+
+def _flat(prefix: str, table: Mapping[str, JsonValue]) -> Iterator[tuple[str, JsonValue]]:
+    """Leaves of nested tables as (dotted key, value)."""
+    for key, value in table.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(f"{prefix}{key}.", value)
+        else:
+            yield f"{prefix}{key}", value

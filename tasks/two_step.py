@@ -1,0 +1,74 @@
+"""Two-step calibration: boresight and lever arm or shift from adjusted minus observed orientations.
+
+The adjusted orientations are those of an adjustment of ours (``exterior_orientations.parquet``) or of another
+program, read by `tasks.ingest.import_exposures` like any exposures.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from adjust.calibration.outlying_strips import MountingRule
+from adjust.calibration.two_step import two_step_calibration
+from tasks.block.orientation_pairs import PairedOrientations, paired_orientations
+from tasks.block.two_step_tables import (
+    camera_figures,
+    camera_remarks,
+    columns_of,
+    difference_columns,
+    mean_columns,
+)
+from tasks.ingest import project_frame
+from tasks.settings.project import ProjectSettings
+from tasks.storage.artifact import Artifact
+from tasks.storage.notes import Notes, write_notes
+from tasks.storage.store import stored
+from tasks.tables.parquet import read_table, write_table
+from tasks.tables.schemas import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+
+
+@stored("two_step")
+def calibrate_in_two_steps(
+    folder: Path,
+    *,
+    exposures: Artifact,
+    adjusted: Artifact,
+    cameras: Artifact,
+    project: ProjectSettings,
+) -> None:
+    """Write ``orientation_differences.parquet``, ``orientation_difference_means.parquet`` and notes.
+
+    Parameters
+    ----------
+    exposures : observed orientations (GNSS/INS).
+    adjusted : ``exterior_orientations`` or an external result imported as ``exposures``.
+
+    Raises
+    ------
+    InputError
+        See `tasks.block.orientation_pairs`.
+    """
+    paired = paired_orientations(
+        read_table(exposures), read_table(adjusted), read_table(cameras), project_frame(project)
+    )
+    rule = MountingRule()
+    results = [two_step_calibration(item.differences, rule) for item in paired.cameras]
+    both = list(zip(paired.cameras, results, strict=True))
+    differences = pd.concat([difference_columns(*pair) for pair in both])
+    means = pd.concat([mean_columns(*pair) for pair in both])
+    for schema, table in ((ORIENTATION_DIFFERENCES, differences), (ORIENTATION_DIFFERENCE_MEANS, means)):
+        write_table(folder / f"{schema.name}.parquet", schema, columns_of(table))
+    remarks = [remark for pair in both for remark in camera_remarks(*pair, rule.error_probability)]
+    figures = [camera_figures(*pair) for pair in both]
+    write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": list(figures)}))
+
+
+def _unpaired(paired: PairedOrientations) -> tuple[str, ...]:
+    if paired.only_adjusted == 0:
+        return ()
+    return (
+        f"{paired.only_adjusted:,} images have an adjusted orientation, but no complete observed one, and "
+        "take no part in the two-step calibration.",
+    )
