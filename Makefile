@@ -17,7 +17,7 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	touch $@
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not slow and not service"
+	$(BIN)/python -m pytest -m "not slow and not service" --numprocesses auto --dist loadfile
 
 # Debian's packages that the service tests need; as root.
 service-deps:

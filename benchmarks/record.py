@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 RESULTS = Path(__file__).with_name("results.jsonl")
+# Images of the operational block, whose time per image point larger ones are measured by.
+_OPERATIONAL = 2_448
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,10 @@ class Record:
     runs : number of timed runs of each side.
     images, points, image_points : size of the block.
     peak_memory_mib, peer_peak_memory_mib : largest resident memory of each side's own process.
+    processor_s : seconds of all processors together; hardly more on a busy machine.
+    tables_mib : size of the tables written.
     cost_difference, position_difference_sigma : see :class:`benchmarks.comparison.Agreement`.
-    phases_s : seconds of each part of one iteration and of the statistics.
+    phases_s : seconds of each part of one iteration, of the statistics and of writing the tables.
     included : what was timed.
     peer, report, peer_report, machine : who ran, what they said, and on what.
     """
@@ -47,6 +51,8 @@ class Record:
     image_points: int | None = None
     peak_memory_mib: float | None = None
     peer_peak_memory_mib: float | None = None
+    processor_s: float | None = None
+    tables_mib: float | None = None
     cost_difference: float | None = None
     position_difference_sigma: float | None = None
     phases_s: dict[str, float] | None = None
@@ -110,20 +116,38 @@ def _comparisons(records: list[Record]) -> Table:
 
 def _growth(records: list[Record]) -> Table:
     """One column for each size, one row for each phase."""
-    table = Table(title="µs per image point: each phase once; the whole adjustment with statistics")
+    records = sorted(records, key=lambda record: record.images or 0)
+    table = Table(
+        title="µs per image point: each phase once; the whole adjustment with statistics and tables"
+    )
     table.add_column("images")
     for record in records:
         table.add_column(_count(record.images), justify="right")
-    for phase in records[0].phases_s or {}:
+    for phase in dict.fromkeys(phase for record in records for phase in record.phases_s or {}):
         table.add_row(phase, *(_per_image_point((item.phases_s or {}).get(phase), item) for item in records))
     table.add_row("whole", *(_per_image_point(item.ours_s, item) for item in records), style="bold")
+    operational = [_seconds_per_image_point(item) for item in records if item.images == _OPERATIONAL]
+    if operational:
+        ratios = (f"{_seconds_per_image_point(item) / operational[0]:.2f}" for item in records)
+        table.add_row(f"against {_count(_OPERATIONAL)} images", *ratios)
     table.add_row("seconds", *(f"{item.ours_s:.2f}" for item in records))
+    table.add_row("processor seconds", *(_tenths(item.processor_s) for item in records))
     table.add_row("peak memory, MiB", *(_count(item.peak_memory_mib) for item in records))
+    table.add_row("tables, MiB", *(_count(item.tables_mib) for item in records))
     return table
+
+
+def _seconds_per_image_point(record: Record) -> float:
+    """NaN where the image points were not counted."""
+    return record.ours_s / record.image_points if record.image_points else float("nan")
 
 
 def _per_image_point(seconds: float | None, record: Record) -> str:
     return "" if seconds is None or not record.image_points else f"{1e6 * seconds / record.image_points:.3f}"
+
+
+def _tenths(value: float | None) -> str:
+    return "" if value is None else f"{value:,.1f}"
 
 
 def _count(value: float | None) -> str:

@@ -68,6 +68,7 @@ GROWTH = (
     Workload("500", 20, 25),
     Workload("2448", 36, 68),
     Workload("10000", 80, 125),
+    Workload("25000", 125, 200, large=True),
     Workload("50000", 200, 250, large=True),
 )
 

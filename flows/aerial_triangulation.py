@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from flows.block_preparation import prepare_block
+from flows.block_preparation import PreparedBlock, prepare_block
 from flows.stage import stage
 from tasks import estimate
 from tasks import publish as publishing
 from tasks.report import stage as report
 from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
-from tasks.storage.store import Store
+from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
 
 adjust_bundle = stage(estimate.adjust_bundle)
@@ -20,7 +20,13 @@ publish = stage(publishing.publish)
 def aerial_triangulation(project: Project, store: Store) -> Summary:
     """Read the deliveries, find approximate values, adjust the bundle, report and publish the result."""
     block = prepare_block(project, store)
-    adjusted = adjust_bundle(
+    stages = (*block.stages, adjusted_block(project, store, block))
+    return publish(store, project, (*stages, report_of(project, store, stages)))
+
+
+def adjusted_block(project: Project, store: Store, block: PreparedBlock) -> Outputs:
+    """Adjust the bundle of a prepared block."""
+    return adjust_bundle(
         store,
         exposures=block.exposures["exposures"],
         cameras=block.exposures["cameras"],
@@ -30,12 +36,14 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
         project=project.project,
         adjustment=project.adjustment,
     )
-    stages = (*block.stages, adjusted)
-    reported = write_report(
+
+
+def report_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:
+    """Report on the adjustment among the stages."""
+    return write_report(
         store,
         stages=stages,
         project=project,
         name=project.project.name,
         files=delivered_names(project),
     )
-    return publish(store, project, (*stages, reported))

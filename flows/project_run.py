@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
-from tasks.settings.load import load_project
+from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.storage.installation import writing_into
 from tasks.storage.run_lock import run_lock
@@ -55,6 +55,16 @@ class RunRequest:
             If it, or a value in it, is wrong.
         """
         return load_project(self.project_file, self.overrides, self.data)
+
+    def variants(self) -> dict[str, Project]:
+        """The variants of the project that its sweep computes.
+
+        Raises
+        ------
+        InputError
+            If there is no sweep, or what a variant changes is wrong.
+        """
+        return load_variants(self.project_file, self.overrides, self.data)
 
 
 @dataclass(frozen=True)

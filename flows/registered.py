@@ -11,14 +11,18 @@ from flows.prefect_settings import prepare_prefect
 
 prepare_prefect()
 
-from prefect import flow  # noqa: E402
+from prefect import Flow, flow  # noqa: E402
 from prefect.client.schemas.objects import State  # noqa: E402
 from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
 
 from flows.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
+from flows.direct_georeferencing_check import (  # noqa: E402
+    direct_georeferencing_check as direct_georeferencing_story,
+)
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, carry_out  # noqa: E402
+from flows.scenario_sweep import carry_out_sweep  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
@@ -65,13 +69,60 @@ def aerial_triangulation(
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
-    request = RunRequest(
+    return state_of(carry_out(aerial_triangulation_story, _request(project_file, out, overrides, data)))
+
+
+def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
+    return RunRequest(
         Path(project_file),
         Path(out) if out is not None else None,
         tuple(overrides or ()),
         Path(data) if data is not None else None,
     )
-    return state_of(carry_out(aerial_triangulation_story, request))
+
+
+@flow(
+    name="direct-georeferencing-check",
+    flow_run_name=run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    validate_parameters=True,
+)
+def direct_georeferencing_check(
+    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
+) -> State[None]:
+    """Check what GNSS, INS and the calibration of a project file give without any control.
+
+    Parameters
+    ----------
+    project_file : the project's TOML file; its table [direct_georeferencing] says which calibration.
+    out : output folder; by default ``results`` beside the project file.
+    overrides : values to replace, each as ``a.b.c=VALUE``.
+    data : a second folder for relative input paths.
+    """
+    return state_of(carry_out(direct_georeferencing_story, _request(project_file, out, overrides, data)))
+
+
+@flow(
+    name="scenario-sweep",
+    flow_run_name=run_name,
+    timeout_seconds=24 * _HOUR_S,
+    persist_result=False,
+    validate_parameters=True,
+)
+def scenario_sweep(
+    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
+) -> State[None]:
+    """Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.
+
+    Parameters
+    ----------
+    project_file : the project's TOML file; its table [sweep] says which scenarios.
+    out : output folder; by default ``results`` beside the project file.
+    overrides : values to replace, each as ``a.b.c=VALUE``.
+    data : a second folder for relative input paths.
+    """
+    return state_of(carry_out_sweep(_request(project_file, out, overrides, data)))
 
 
 def check_name() -> str:
@@ -112,15 +163,22 @@ def flight_check(
     return state_of(check.outcome)
 
 
-def run_and_report(request: RunRequest) -> RunOutcome:
-    """Run the aerial triangulation here as a Prefect flow, with states and logs on the server.
+def run_and_report(
+    request: RunRequest, as_flow: "Flow[..., State[None]]" = aerial_triangulation
+) -> RunOutcome:
+    """Run a project here as a Prefect flow, with states and logs on the server.
+
+    Parameters
+    ----------
+    request : the project.
+    as_flow : one of the flows above that take a project file.
 
     Raises
     ------
     Exception
         What ended the flow without an outcome, as it was raised (a full disk, a defect).
     """
-    state = aerial_triangulation(
+    state = as_flow(
         str(request.project_file.absolute()),
         str(request.directory.absolute()) if request.out is not None else None,
         list(request.overrides),

@@ -10,9 +10,10 @@ the stage store, which knows the content of the inputs and the source of the cod
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from functools import cached_property, update_wrapper, wraps
-from typing import Any, Generic, ParamSpec, TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from functools import cached_property, partial, update_wrapper, wraps
+from typing import Any, Generic, ParamSpec, TypeAlias, TypeVar
 
 from tasks.errors import AerocalError, InputError, NotComputableError
 
@@ -24,6 +25,10 @@ STATE_NAMES: Mapping[type[AerocalError], str] = {
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+#: What became of one call: its result, or the reason why there is none.
+Attempt: TypeAlias = R | InputError | NotComputableError
+_EXPECTED = (InputError, NotComputableError)
 
 
 class Stage(Generic[P, R]):
@@ -46,31 +51,102 @@ class Stage(Generic[P, R]):
         result: R = state.result()
         return result
 
-    def map(self, each: Iterable[Mapping[str, object]], *args: object, **common: object) -> tuple[R, ...]:
-        """Run the stage once for each set of keyword arguments.
+    def map(
+        self,
+        each: Sequence[Mapping[str, object]],
+        *args: object,
+        executor: Executor | None = None,
+        **common: object,
+    ) -> tuple[R, ...]:
+        """Run the stage once for each set of keyword arguments; the first expected error ends it.
 
         Parameters
         ----------
-        each : the keyword arguments in which the runs differ.
+        each : the keyword arguments in which the runs differ; sets that are alike are run once.
         args, common : the arguments they share.
+        executor : as of `attempt`.
 
         Returns
         -------
         results : in the order of `each`, whichever run ends first.
         """
+        outcomes = self.attempt([{**common, **one} for one in each], *args, executor=executor)
+        results = tuple(outcome for outcome in outcomes if not isinstance(outcome, _EXPECTED))
+        for outcome in outcomes:
+            if isinstance(outcome, _EXPECTED):
+                raise outcome
+        return results
+
+    def attempt(
+        self,
+        each: Sequence[Mapping[str, object]],
+        *args: object,
+        executor: Executor | None = None,
+        when_done: Callable[[int, Attempt[R]], None] = lambda _index, _outcome: None,
+    ) -> tuple[Attempt[R], ...]:
+        """Run the stage for each set of keyword arguments; a run that cannot be done stops no other.
+
+        Parameters
+        ----------
+        each : the keyword arguments; sets that are alike are run once.
+        args : the arguments they share.
+        executor : where the runs are carried out beside each other; None: here, one after the other.
+        when_done : called with the index of a run in `each` and its outcome, as soon as it is known.
+
+        Returns
+        -------
+        outcomes : in the order of `each`: results, and the errors of wrong input and of adjustments that
+            cannot be computed. Any other error ends everything.
+        """
+        first_alike = [each.index(one) for one in each]
+        outcomes: dict[int, Attempt[R]] = {}
+        for first, outcome in self._outcomes({i: each[i] for i in first_alike}, args, executor):
+            outcomes[first] = outcome
+            for index in (i for i, first_index in enumerate(first_alike) if first_index == first):
+                when_done(index, outcome)
+        return tuple(outcomes[first] for first in first_alike)
+
+    def _outcomes(
+        self, calls: Mapping[int, Mapping[str, object]], args: tuple[object, ...], executor: Executor | None
+    ) -> Iterator[tuple[int, Attempt[R]]]:
+        """Number and outcome of every call, as they come to be known."""
         function: Any = self.function
-        if not flow_run_is_active():
-            return tuple(function(*args, **common, **one) for one in each)
-        futures = [self._prefect_task.submit(*args, **common, **one) for one in each]
-        return tuple(future.result() for future in futures)
+        if flow_run_is_active():
+            task = (
+                self._prefect_task if executor is None else self._as_prefect_task(self._handed_to(executor))
+            )
+            submitted = {number: task.submit(*args, **call) for number, call in calls.items()}
+            yield from ((number, _outcome(future.result)) for number, future in submitted.items())
+        elif executor is None:
+            yield from (
+                (number, _outcome(partial(function, *args, **call))) for number, call in calls.items()
+            )
+        else:
+            numbers: dict[Future[R], int] = {
+                executor.submit(function, *args, **call): number for number, call in calls.items()
+            }
+            yield from ((numbers[done], _outcome(done.result)) for done in as_completed(numbers))
+
+    def _handed_to(self, executor: Executor) -> Callable[P, R]:
+        """The function, carried out by an executor while the caller waits."""
+
+        @wraps(self.function)
+        def hand_over(*args: P.args, **kwargs: P.kwargs) -> R:
+            return executor.submit(self.function, *args, **kwargs).result()
+
+        return hand_over
 
     @cached_property
     def _prefect_task(self) -> Any:
         """The Prefect task of the same function; made once, and only where Prefect is loaded already."""
+        return self._as_prefect_task(self.function)
+
+    def _as_prefect_task(self, function: Callable[P, R]) -> Any:
+        """A Prefect task that carries the name of the stage."""
         prefect = sys.modules["prefect"]
         policies = sys.modules["prefect.cache_policies"]
         return prefect.task(
-            self._with_expected_errors_as_states(),
+            _with_expected_errors_as_states(function),
             name=getattr(self.function, "__name__", "stage"),
             cache_policy=policies.NO_CACHE,
             persist_result=False,
@@ -78,22 +154,31 @@ class Stage(Generic[P, R]):
             retry_condition_fn=_a_retry_can_help,
         )
 
-    def _with_expected_errors_as_states(self) -> Callable[P, Any]:
-        """The function, ending in a failed state with one sentence where the user has to do something.
 
-        Prefect logs a traceback for an exception that leaves a task; one that comes as a failed state's
-        data reaches the caller all the same, and the state says what it is.
-        """
+def _outcome(run: Callable[[], R]) -> Attempt[R]:
+    """The result of a run, or the expected error it ended with."""
+    try:
+        return run()
+    except _EXPECTED as error:
+        return error
 
-        @wraps(self.function)
-        def body(*args: P.args, **kwargs: P.kwargs) -> Any:
-            try:
-                return self.function(*args, **kwargs)
-            except AerocalError as error:
-                states = sys.modules["prefect.states"]
-                return states.Failed(name=state_name(error), message=str(error), data=error)
 
-        return body
+def _with_expected_errors_as_states(function: Callable[P, R]) -> Callable[P, Any]:
+    """The function, ending in a failed state with one sentence where the user has to do something.
+
+    Prefect logs a traceback for an exception that leaves a task; one that comes as a failed state's
+    data reaches the caller all the same, and the state says what it is.
+    """
+
+    @wraps(function)
+    def body(*args: P.args, **kwargs: P.kwargs) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except AerocalError as error:
+            states = sys.modules["prefect.states"]
+            return states.Failed(name=state_name(error), message=str(error), data=error)
+
+    return body
 
 
 def stage(function: Callable[P, R]) -> Stage[P, R]:

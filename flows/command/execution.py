@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 from flows.command.exit_code import OF_STATUS, complain
 from flows.command.progress import show_progress
 from flows.command.result_table import show_result
 from flows.prefect_settings import prepare_prefect, require_server, server_address
 from flows.project_run import RunOutcome, RunRequest, carry_out
+
+#: A story of a project: module in flows, function in it, and Prefect flow all have this name.
+StoryName: TypeAlias = Literal["aerial_triangulation", "direct_georeferencing_check"]
 
 
 def execute(
@@ -19,28 +24,27 @@ def execute(
     server: str | None,
     *,
     as_json: bool,
+    story: StoryName = "aerial_triangulation",
 ) -> int:
-    """Run the aerial triangulation of a project and show the result; returns the exit code."""
+    """Run a story on a project and show the result; returns the exit code."""
     request = RunRequest(project_file, out, overrides, data)
     address = server_address(server)
     show_progress(on_screen=address is None)
-    outcome = _in_process(request) if address is None else _reported_to(address, request)
+    outcome = _in_process(request, story) if address is None else _reported_to(address, request, story)
     show_result(outcome, as_json=as_json)
     if outcome.error is not None:
         complain(outcome.error)
     return OF_STATUS[outcome.summary.status]
 
 
-def _in_process(request: RunRequest) -> RunOutcome:
-    from flows.aerial_triangulation import aerial_triangulation
-
-    return carry_out(aerial_triangulation, request)
+def _in_process(request: RunRequest, story: StoryName) -> RunOutcome:
+    return carry_out(getattr(import_module(f"flows.{story}"), story), request)
 
 
-def _reported_to(address: str, request: RunRequest) -> RunOutcome:
+def _reported_to(address: str, request: RunRequest, story: StoryName) -> RunOutcome:
     """Run as a Prefect flow: the work is done here, the server sees states and logs."""
     require_server(address)
     prepare_prefect(address)
-    from flows.registered import run_and_report
+    from flows import registered
 
-    return run_and_report(request)
+    return registered.run_and_report(request, getattr(registered, story))

@@ -10,11 +10,14 @@ from typing import NoReturn
 import typer
 
 from flows.command.adjust import adjust
+from flows.command.check import check
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
+from flows.command.figures import figures
 from flows.command.flight_check import flight_check
 from flows.command.run import run
 from flows.command.simulate import simulate
+from flows.command.sweep import sweep
 
 # One line a paragraph: the help is wrapped to the width of the screen.
 _ABOUT = (
@@ -44,8 +47,11 @@ app = typer.Typer(
 )
 app.command()(run)
 app.command()(adjust)
+app.command()(check)
 app.command()(doctor)
 app.command()(simulate)
+app.command()(sweep)
+app.command()(figures)
 app.command()(flight_check)
 
 

@@ -10,17 +10,20 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.project_run import RunOutcome
 from tasks.storage.json_text import json_text
 from tasks.summary import Summary
 
 _WORDS = {
-    "done": ("adjusted", "bold green"),
-    "gate_failed": ("adjusted, but a quality gate failed", "bold red"),
+    "done": ("{}", "bold green"),
+    "gate_failed": ("{}, but a quality gate failed", "bold red"),
     "input_error": ("the input is wrong", "bold red"),
     "not_computable": ("not computable", "bold red"),
 }
 #: Parameters shown on the screen; parameters.parquet has all of them.
+# Additional parameters have values such as 1.0e-9 1/mm²: with more decimals than this they are powers of ten.
+_MOST_DECIMALS = 7
 _SHOWN_PARAMETERS = 30
 
 
@@ -40,13 +43,17 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     """The outcome of a run that has a result."""
     summary = outcome.summary
     word, style = _WORDS[summary.status]
-    parts: list[RenderableType] = [Text(f"\n{word}", style=style)]
+    checked, adjusted = summary.direct_georeferencing, summary.sigma0 is not None
+    done = " and ".join(["adjusted"] * (adjusted or checked is None) + ["checked"] * (checked is not None))
+    parts: list[RenderableType] = [Text(f"\n{word.format(done)}", style=style)]
     parts += [_problems(summary.problems)] if summary.problems else []
-    parts.append(_figures(summary))
+    parts += [_figures(summary)] if adjusted or checked is None else []
+    parts += [] if checked is None else [Text(), georeferencing_table(checked)]
     estimated = any(item.sigma is not None for item in summary.parameters or ())
     parts += [Text(), _parameters(summary)] if estimated else []
     parts += [Text(), _gates(summary)] if summary.gates else []
-    parts.append(Text(f"\nReport: {outcome.directory / 'report.html'}"))
+    reports = ["report.html"] * (adjusted or checked is None) + [CHECK_PAGE] * (checked is not None)
+    parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))
     parts.append(Text(f"Tables, summary.json and manifest.json are in {outcome.directory}"))
     return Group(*parts)
 
@@ -99,7 +106,7 @@ def _parameters(summary: Summary) -> Table:
         )
     others = len(parameters) - table.row_count
     if others:
-        table.caption = f"{others} more, fixed ones among them, in parameters.parquet"
+        table.caption = f"{others} more, held or eliminated ones among them, in parameters.parquet"
         table.caption_justify = "left"
     return table
 
@@ -148,6 +155,8 @@ def _significant(value: float | None, sigma: float | None) -> str:
     if not sigma:
         return f"{value:.6g}"
     decimals = max(0, -_exponent(sigma) + 1)
+    if decimals > _MOST_DECIMALS:
+        return f"{value:.{max(1, _exponent(value or sigma) - _exponent(sigma) + 1)}e}"
     return f"{value:.{decimals}f}"
 
 

@@ -37,7 +37,11 @@ def simulate(
 
       uce-low, uce-high, uce-calibration: UltraCam Eagle, 5 and 15 cm GSD
 
+      uce-testfield: both heights, control points only, with its scenarios for aerocal sweep
+
       ucx-8cm, ucx-20cm, dmc-8cm, dmc-20cm, rmk-8cm: Vaihingen
+
+      vaihingen-ucx-high, vaihingen-ucx-low, vaihingen-dmc-high, vaihingen-dmc-low: with scenarios
 
       dmc-burn-in: 40 images, 14 control points
 

@@ -17,6 +17,12 @@ def test_a_size_is_measured_in_its_own_process_and_adjusted_completely() -> None
     assert record.name == "growth-tiny"
     assert record.images == 18
     assert record.report is not None
+    assert record.tables_mib is not None
+    assert record.tables_mib > 0.02
+    assert record.processor_s is not None
+    assert record.processor_s > 0.0
+    assert record.phases_s is not None
+    assert 0.0 < record.phases_s["tables"] < record.ours_s
     _, _, redundancy = record.report.partition("Σr ")
     found, _, expected = redundancy.partition(" of ")
     assert float(found) == float(expected)

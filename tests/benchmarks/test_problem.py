@@ -24,8 +24,8 @@ def test_the_operational_block_has_the_size_it_is_known_for() -> None:
     (operational,) = (item for item in WORKLOADS if item.name == "dmc2-230")
     assert operational.images == 2448
     assert "points.count=188000" in operational.overrides
-    assert [item.images for item in GROWTH] == [500, 2448, 10_000, 50_000]
-    assert [item.large for item in GROWTH] == [False, False, False, True]
+    assert [item.images for item in GROWTH] == [500, 2448, 10_000, 25_000, 50_000]
+    assert [item.large for item in GROWTH] == [False, False, False, True, True]
 
 
 def test_a_workload_has_its_images_and_the_noise_it_is_weighted_with(problem: Problem) -> None:

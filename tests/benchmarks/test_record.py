@@ -58,5 +58,38 @@ def test_the_table_shows_median_and_spread() -> None:
     assert "0.200" in text
 
 
+def test_larger_blocks_are_measured_by_the_time_the_operational_one_takes_for_an_image_point() -> None:
+    console = Console(file=io.StringIO(), width=120)
+
+    def grown(seconds: float, images: int, image_points: int) -> Record:
+        return Record(
+            name=f"growth-{images}",
+            ours_s=seconds,
+            ours_min_s=seconds,
+            ours_max_s=seconds,
+            runs=1,
+            included="",
+            machine="",
+            images=images,
+            image_points=image_points,
+            phases_s={"tables": 1.0},
+            processor_s=2.0 * seconds,
+            tables_mib=70.4,
+        )
+
+    show([grown(60.0, 50_000, 10**7), grown(2.0, 2_448, 5 * 10**5)], console)
+    assert isinstance(console.file, io.StringIO)
+    lines = console.file.getvalue().splitlines()
+
+    def cells(name: str) -> list[str]:
+        line = next(line for line in lines if name in line)
+        return [cell.strip() for cell in line.replace("┃", "│").split("│")[1:-1]]
+
+    assert cells(" images ")[1:] == ["2,448", "50,000"]
+    assert cells("against 2,448 images")[1:] == ["1.00", "1.50"]
+    assert cells("processor seconds")[1:] == ["4.0", "120.0"]
+    assert cells("tables, MiB")[1:] == ["70", "70"]
+
+
 def test_no_results_are_no_error(tmp_path: Path) -> None:
     assert read_records(tmp_path / "none.jsonl") == []

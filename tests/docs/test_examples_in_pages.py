@@ -41,7 +41,7 @@ def run(page: Path) -> tuple[int, str]:
     return runner.tries, "".join(differences)
 
 
-@pytest.mark.parametrize("page", ["conventions.md", "theory/adjustment.md"])
+@pytest.mark.parametrize("page", ["conventions.md", "additional-parameters.md", "theory/adjustment.md"])
 def test_examples_of_a_page_give_what_it_prints(page: str) -> None:
     number, differences = run(DOCS / page)
     assert number > 0

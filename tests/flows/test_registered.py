@@ -85,6 +85,18 @@ def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
     assert "uce-high" in wrong.message
 
 
+def test_a_direct_georeferencing_check_is_a_flow_of_its_own(block: Path, tmp_path: Path) -> None:
+    from flows.registered import direct_georeferencing_check
+
+    overrides = ["direct_georeferencing.calibration=adjustment"]
+    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), overrides, return_state=True)
+    assert state.name == "Completed"
+    assert (tmp_path / "out" / "georeferencing_check.html").is_file()
+    gates = [*overrides, "gates.y_parallax_max_um.max=0.01"]
+    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), gates, return_state=True)
+    assert (state.name, "y_parallax_max_um" in str(state.message)) == ("GateFailed", True)
+
+
 def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
     state = as_flow(block, tmp_path / "out")
     assert state.name == "Completed"

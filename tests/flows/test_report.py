@@ -154,16 +154,30 @@ def surveyed(reported: Reported) -> Iterator[Item]:
                 yield (name, row["point"], f"sigma_{axis}_m"), sigma
                 yield (name, row["point"], f"{axis}_gsd"), d / row["gsd"]
                 yield (name, row["point"], f"{axis}_ratio"), abs(d) / sigma
+            if kind == "control":
+                for axis in ("dx", "dy", "dz"):
+                    yield (name, row["point"], f"loo_{axis}_m"), row[f"loo_{axis}_m"]
+                ratios = [
+                    abs(row[f"loo_{axis}_m"]) / row[f"sigma_loo_{axis}_m"] for axis in ("dx", "dy", "dz")
+                ]
+                yield (name, row["point"], "loo_largest"), max(ratios)
         if len(found) == 0:
             continue
-        for axis in ("dx", "dy", "dz"):
-            for unit, d in (("m", found[f"{axis}_m"]), ("gsd", found[f"{axis}_m"] / found["gsd"])):
-                yield ("surveyed-statistics", f"{kind}:rms", f"{axis}_{unit}"), float(np.sqrt((d**2).mean()))
-                yield ("surveyed-statistics", f"{kind}:mean", f"{axis}_{unit}"), d.mean()
-                yield ("surveyed-statistics", f"{kind}:largest", f"{axis}_{unit}"), d.abs().max()
-            for figure in ("rms", "mean", "largest"):
-                number = float(found[f"{axis}_m"].notna().sum())
-                yield ("surveyed-statistics", f"{kind}:{figure}", f"{axis}_count"), number
+        yield from surveyed_statistics(kind, found, "")
+        if kind == "control":
+            yield from surveyed_statistics("left-out", found, "loo_")
+
+
+def surveyed_statistics(kind: str, found: pd.DataFrame, prefix: str) -> Iterator[Item]:
+    for axis in ("dx", "dy", "dz"):
+        metres = found[f"{prefix}{axis}_m"]
+        for unit, d in (("m", metres), ("gsd", metres / found["gsd"])):
+            yield ("surveyed-statistics", f"{kind}:rms", f"{axis}_{unit}"), float(np.sqrt((d**2).mean()))
+            yield ("surveyed-statistics", f"{kind}:mean", f"{axis}_{unit}"), d.mean()
+            yield ("surveyed-statistics", f"{kind}:largest", f"{axis}_{unit}"), d.abs().max()
+        for figure in ("rms", "mean", "largest"):
+            number = float(metres.notna().sum())
+            yield ("surveyed-statistics", f"{kind}:{figure}", f"{axis}_count"), number
 
 
 def orientations(reported: Reported) -> Iterator[Item]:
@@ -222,6 +236,7 @@ def residuals(reported: Reported) -> Iterator[Item]:
         rms = float(np.sqrt((both[axis] ** 2).mean()))
         yield ("image-residuals", "C", f"rms_{axis}_um"), rms
         yield ("image-residuals", "C", f"rms_{axis}_px"), rms / 5.0
+    yield from sub_areas(reported)
     for group, own in table[table["status"] == "used"].groupby("group"):
         w = own["standardized"].dropna()
         if len(w) == 0:
@@ -232,6 +247,31 @@ def residuals(reported: Reported) -> Iterator[Item]:
         yield ("standardized-residuals", group, "largest"), w.abs().max()
         for level in (1.96, 2.58, 3.29, 4.13):
             yield ("standardized-residuals", group, f"beyond_{level}"), 100.0 * (w.abs() > level).mean()
+
+
+def sub_areas(reported: Reported) -> Iterator[Item]:
+    grid = reported.table("residual_grid")
+    known = grid[grid["p_value"].notna()]
+    yield ("image-residuals", "C", "cells"), float(len(known))
+    yield ("image-residuals", "C", "significant"), float(grid["significant"].sum())
+    yield ("image-residuals", "C", "by_chance"), 0.05 * len(known)
+    lengths = np.hypot(known["mean_vx_um"].fillna(0.0), known["mean_vy_um"].fillna(0.0))
+    yield ("image-residuals", "C", "largest_um"), lengths.max() if len(known) else None
+    iteration = reported.summary["residual_grid"]["iteration"]
+    if iteration is None:
+        return
+    for step in iteration["steps"]:
+        key = str(step["number"])
+        for name in ("sigma0", "rms_um", "noise_um"):
+            yield ("grid-iteration", key, name), step[name]
+    for step in iteration["cross_validation"]:
+        key = str(step["number"])
+        yield ("grid-iteration", key, "other_rms_um"), step["mean_rms_um"]
+        if step["number"] > iteration["taken"]:
+            for name in ("sigma0", "rms_um", "noise_um"):
+                yield ("grid-iteration", key, name), None
+    for step in (*iteration["steps"], *iteration["cross_validation"]):
+        yield ("grid-iteration", str(step["number"]), "number"), float(step["number"])
 
 
 def suspicious(reported: Reported) -> Iterator[Item]:
@@ -260,7 +300,7 @@ def require_equal(reported: Reported) -> int:
     compared = 0
     for name, table in page.tables.items():
         for (key, column), cell in table.numbers.items():
-            if (name, key) == ("standardized-residuals", "expected") or column in NOT_IN_ARTIFACTS:
+            if (name, key) == ("standardized-residuals", "expected"):
                 continue
             value = wanted[name, key, column]
             if value is None or np.isnan(value):
@@ -289,8 +329,6 @@ SECTIONS = (
     "Rejected and uncontrolled observations",
     "Settings and origin",
 )
-#: Figures of the sub-areas: verified against brute force in tests/tasks/report/test_residual_field.py.
-NOT_IN_ARTIFACTS = {"cells", "significant", "largest_um"}
 
 
 def require_rounded(data: str, shown: str) -> None:
@@ -305,6 +343,13 @@ def test_every_number_in_the_tables_is_that_of_the_artifacts(block: Path) -> Non
     assert require_equal(reported) > 200
     assert reported.summary["counts"]["control"] == 4
     assert set(reported.page.tables) >= {"check-points", "control-points", "gates", "parameters", "settings"}
+
+
+def test_corrections_by_mean_residuals_are_those_of_the_artifacts(block: Path) -> None:
+    reported = run(block, "adjustment.residual_grid.iterations=2", "adjustment.residual_grid.cells=4")
+    require_equal(reported)
+    assert "grid-iteration" in reported.page.tables
+    assert "No further correction" in reported.page.text
 
 
 def test_problems_stand_first_and_the_verdict_is_one_sentence(block: Path) -> None:
@@ -417,6 +462,8 @@ def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
     require_equal(reported)
     assert "ins_attitudes" not in reported.page.tables["groups"].keys
     assert "None was estimated." in reported.page.text
+    assert "Self-calibration" not in reported.page.text
+    assert "self-calibration" not in reported.page.tables
 
 
 def test_a_camera_without_images_gets_no_residual_plot(block: Path) -> None:

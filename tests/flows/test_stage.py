@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from flows.processes import processes
 from flows.stage import flow_run_is_active, stage
 from tasks.errors import InputError
 from tasks.storage.artifact import Artifact, verified
+from tasks.storage.installation import InstallationError
 from tasks.storage.store import Outputs, Store, stored
 
 
@@ -132,3 +136,77 @@ def test_a_lost_connection_is_tried_once_more_and_a_defect_is_not(tmp_path: Path
     assert as_flow(str(tmp_path / "connection"), "connection") == "done"
     assert as_flow(str(tmp_path / "defect"), "defect") == "ValueError"
     assert (tmp_path / "defect").read_text() == "trial "
+
+
+@stored("count_calls")
+def count_calls(folder: Path, *, text: str, record: str) -> None:
+    with Path(record).open("a") as stream:
+        stream.write(f"{text} ")
+    if text == "wrong":
+        raise InputError("The text is wrong.", "Write another.", entity=text)
+    (folder / "text.txt").write_text(text)
+
+
+counted = stage(count_calls)
+
+
+def tried(store: Store, record: Path, workers: int) -> list[str]:
+    """What became of four calls, the second and the last alike, the third impossible."""
+    done: list[int] = []
+    each = [{"text": text, "record": str(record)} for text in ("one", "two", "wrong", "two")]
+    with processes(workers) as executor:
+        outcomes = counted.attempt(
+            each, store, executor=executor, when_done=lambda index, _outcome: done.append(index)
+        )
+    assert sorted(done) == [0, 1, 2, 3]
+    return [
+        str(outcome) if isinstance(outcome, InputError) else verified(outcome["text"]).read_text()
+        for outcome in outcomes
+    ]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_attempt_stops_no_other_and_calls_that_are_alike_are_made_once(
+    tmp_path: Path, workers: int
+) -> None:
+    found = tried(Store.of(tmp_path / "out"), tmp_path / "record", workers)
+    assert found == ["one", "two", "wrong: The text is wrong. Write another.", "two"]
+    assert sorted((tmp_path / "record").read_text().split()) == ["one", "two", "wrong"]
+
+
+@pytest.mark.prefect
+@pytest.mark.usefixtures("prefect_server")
+def test_inside_a_flow_run_every_attempt_is_a_task_carried_out_by_a_worker(tmp_path: Path) -> None:
+    from prefect import flow
+
+    @flow(name="attempts", persist_result=False)
+    def as_flow(folder: str) -> list[str]:
+        return tried(Store.of(Path(folder) / "out"), Path(folder) / "record", 2)
+
+    assert as_flow(str(tmp_path)) == ["one", "two", "wrong: The text is wrong. Write another.", "two"]
+
+
+def test_a_defect_in_a_worker_ends_everything() -> None:
+    with pytest.raises(ValueError, match="a defect"), processes(2) as executor:
+        stage(_broken).attempt([{"name": "a"}, {"name": "b"}], executor=executor)
+
+
+def _broken(name: str) -> str:
+    raise ValueError(f"a defect of {name}")
+
+
+def test_a_worker_that_is_ended_from_outside_is_said_so() -> None:
+    with pytest.raises(InstallationError, match="ended from outside"), processes(2) as executor:
+        stage(_ended).attempt([{"sent": int(signal.SIGKILL)}], executor=executor)
+
+
+def _ended(sent: int) -> None:
+    os.kill(os.getpid(), sent)
+
+
+def test_workers_compute_on_one_thread_and_are_deaf_to_the_interrupt_key() -> None:
+    with processes(2) as executor:
+        assert executor is not None
+        assert executor.submit(os.getenv, "AEROCAL_THREADS").result() == "1"
+        assert executor.submit(signal.getsignal, signal.SIGINT).result() == signal.SIG_IGN
+    assert os.getenv("AEROCAL_THREADS") is None

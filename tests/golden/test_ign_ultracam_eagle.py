@@ -70,6 +70,27 @@ def test_adjustment_without_rejection(adjusted) -> None:
     assert any("2,075 points are measured in one image only" in text for text in result["problems"])
 
 
+def test_half_of_the_sub_areas_are_systematic_and_corrections_hold_in_other_images(
+    adjusted,
+) -> None:
+    without = figures(adjusted())["residual_grid"]["cameras"][0]
+    assert without["known"] == 625
+    assert without["significant"] == pytest.approx(0.51 * 625, abs=12)
+    assert without["significant_jointly"] > 200
+    assert without["rms_um"] == pytest.approx([0.25, 0.43], abs=0.02)
+    corrected = figures(adjusted("adjustment.residual_grid.iterations=5"))
+    iteration, camera = (corrected["residual_grid"][name] for name in ("iteration", "cameras"))
+    sigma0 = [step["sigma0"] for step in iteration["steps"]]
+    assert sigma0 == pytest.approx([1.064, 0.949, 0.937, 0.933], abs=0.003)
+    assert iteration["reason"] == "cross_validation"
+    # Images that took no part in their correction lose a fifth of their vPv.
+    assert iteration["gain"] == pytest.approx(0.198, abs=0.01)
+    assert camera[0]["significant"] < 0.06 * 625
+    table = pd.read_parquet(adjusted().directory / "residual_autocorrelation.parquet")
+    nearest = table[table["distance_to_mm"] == 1.0]["correlation"]
+    assert nearest.max() == pytest.approx(0.28, abs=0.02)
+
+
 def test_two_ray_points_along_the_base_are_uncontrolled_and_never_tested(adjusted) -> None:
     table = pq.read_table(
         adjusted("adjustment.rejection={critical_value=3.29}").directory / "residuals.parquet"
@@ -118,6 +139,27 @@ def test_boresight_and_lever_arm_are_those_of_the_independent_adjustment(adjuste
         assert found[f"boresight_{name}"]["sigma"] == pytest.approx(0.0008, abs=0.0002)
     assert found["lever_arm_x"]["value"] == pytest.approx(0.63, abs=0.03)
     assert 0.50 <= found["lever_arm_y"]["value"] <= 0.60
+
+
+def test_one_step_calibration_agrees_within_two_standard_deviations(adjusted) -> None:
+    """Values of the one-step line of the data's README, turned into body axes (forward is −y)."""
+    found = {item["parameter"]: item for item in figures(adjusted())["parameters"]}
+    expected = {
+        "boresight_roll": -0.0009, "boresight_pitch": 0.0069, "boresight_yaw": 0.0024,
+        "lever_arm_x": 0.63, "lever_arm_y": 0.52, "lever_arm_z": 0.26,
+    }  # fmt: skip
+    for name, value in expected.items():
+        assert abs(found[name]["value"] - value) <= 2.0 * found[name]["sigma"], name
+
+
+def test_the_correlation_of_roll_and_lever_arm_is_shown(adjusted) -> None:
+    """φ and x of the camera are roll and right of the body; a larger roll goes with a smaller offset."""
+    table = pq.read_table(adjusted().directory / "correlations.parquet").to_pandas()
+    pairs = table.set_index(["parameter_a", "parameter_b"])["correlation"]
+    names = ("boresight_roll", "lever_arm_y")
+    found = [pairs[pair] for pair in (names, names[::-1]) if pair in pairs.index]
+    assert len(found) == 1
+    assert -1.0 < float(found[0]) < -0.3
 
 
 @pytest.mark.parametrize(("gnss_sigma_m", "position_sd_m"), [(0.10, 0.20), (0.03, 0.08)])

@@ -1,0 +1,47 @@
+"""``aerocal check``: the direct-georeferencing check of a project."""
+
+from __future__ import annotations
+
+from flows.command.exit_code import end_with
+from flows.command.options import Data, Json, Out, Overrides, ProjectFile, Server
+
+
+def check(
+    project: ProjectFile,
+    out: Out = None,
+    overrides: Overrides = None,
+    data: Data = None,
+    server: Server = None,
+    json: Json = False,
+) -> None:
+    """Check what GNSS, INS and a calibration give without any control.
+
+    Points are intersected with the corrected orientations and compared with their survey; y-parallaxes of
+    all stereo models show how well neighbouring images fit. Both stand beside what the stated σ let expect.
+
+    The table direct_georeferencing of the project says which calibration: that of the cameras, of another
+    project, or of this project's own adjustment. Results: georeferencing_check.html and four tables.
+
+    [bold]Examples[/bold]
+
+      aerocal check project.toml --set direct_georeferencing.calibration=../calibration/results
+
+      aerocal check project.toml --set direct_georeferencing.calibration=adjustment
+
+      aerocal check project.toml --set 'gates.y_parallax_max_um={ max = 12 }'
+
+    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 not computable · 4 gate failed
+    """
+    from flows.command.execution import execute
+
+    end_with(
+        lambda: execute(
+            project,
+            out,
+            tuple(overrides or ()),
+            data,
+            server,
+            as_json=json,
+            story="direct_georeferencing_check",
+        )
+    )

@@ -1,0 +1,34 @@
+"""``aerocal figures``: the figures of a report as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def figures(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder a run has written into.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of the figures; default RESULTS/figures."),
+    ] = None,
+) -> None:
+    """Write the figures of a report as SVG files, for papers and slides.
+
+    They are those of report.html to the last line: block, residuals, systematic image errors, correlations …
+
+    [bold]Examples[/bold]
+
+      aerocal figures results
+
+      aerocal figures results --out paper/figures
+
+    [bold]Exit codes[/bold]  0 done · 2 no report there
+    """
+    from flows.command.figure_export import write_figures
+
+    end_with(lambda: write_figures(results, out if out is not None else results / "figures"))

@@ -1,0 +1,90 @@
+"""Carry out ``aerocal sweep`` and show the scenarios as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import cast
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from flows.command.exit_code import OF_STATUS, complain
+from flows.command.progress import show_progress
+from flows.prefect_settings import prepare_prefect, require_server, server_address
+from flows.project_run import RunOutcome, RunRequest
+from tasks.storage.json_text import JSON, json_text
+
+
+def execute_sweep(
+    project_file: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    data: Path | None,
+    server: str | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Run the sweep of a project and show the result; returns the exit code."""
+    request = RunRequest(project_file, out, overrides, data)
+    address = server_address(server)
+    show_progress(on_screen=address is None)
+    outcome = _in_process(request) if address is None else _reported_to(address, request)
+    if as_json:
+        print(json_text(outcome.summary.to_json(), indent=2))
+    elif outcome.error is None:
+        _show(outcome)
+    if outcome.error is not None:
+        complain(outcome.error)
+    return OF_STATUS[outcome.summary.status]
+
+
+def _in_process(request: RunRequest) -> RunOutcome:
+    from flows.scenario_sweep import carry_out_sweep
+
+    return carry_out_sweep(request)
+
+
+def _reported_to(address: str, request: RunRequest) -> RunOutcome:
+    """Run as a Prefect flow: the work is done here, the server sees states and logs."""
+    require_server(address)
+    prepare_prefect(address)
+    from flows.registered import run_and_report, scenario_sweep
+
+    return run_and_report(request, scenario_sweep)
+
+
+def _show(outcome: RunOutcome) -> None:
+    """Problems, a line for each scenario, and where the results are."""
+    console = Console()
+    for sentence in outcome.summary.problems:
+        console.print(Text(f"• {sentence}", style="yellow"))
+    rows = cast(Sequence[Mapping[str, JSON]], (outcome.summary.model_extra or {})["sweep"])
+    console.print(_table(rows))
+    console.print(Text(f"\nPage: {outcome.directory / 'sweep.html'}"), soft_wrap=True)
+    console.print(Text(f"sweep.parquet and summary.json are in {outcome.directory}"), soft_wrap=True)
+
+
+def _table(rows: Sequence[Mapping[str, JSON]]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for column in ("block", "control", "variant"):
+        table.add_column(column, overflow="fold")
+    for column in ("σ0 µm", "/ first", "RMS X", "Y", "Z m"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("at the")
+    for row in rows:
+        names = [str(row[name]) for name in ("block", "control", "variant")]
+        if row["status"] != "done":
+            table.add_row(*names, *["–"] * 5, str(row["status"]).replace("_", " "))
+            continue
+        role = "check" if row["rmse_check_m"] is not None else "control"
+        differences = cast(Sequence[JSON], row[f"rmse_{role}_m"] or (None, None, None))
+        figures = [_number(row["sigma0_um"]), _number(row["sigma0_ratio"]), *map(_number, differences)]
+        table.add_row(*names, *figures, f"{role} points")
+    return table
+
+
+def _number(value: JSON) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else "–"

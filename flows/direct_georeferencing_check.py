@@ -1,0 +1,55 @@
+"""Direct-georeferencing check: what GNSS, INS and a calibration give without any control."""
+
+from __future__ import annotations
+
+from flows.aerial_triangulation import adjusted_block, report_of
+from flows.block_preparation import prepare_block
+from flows.stage import stage
+from tasks import check_georeferencing as checking
+from tasks import publish as publishing
+from tasks.georeferencing.report import page
+from tasks.report.provenance import delivered_names
+from tasks.settings.project import Project
+from tasks.storage.store import Store
+from tasks.summary import Summary
+
+check_georeferencing = stage(checking.check_georeferencing)
+write_georeferencing_page = stage(page.write_georeferencing_page)
+publish = stage(publishing.publish)
+
+
+def direct_georeferencing_check(project: Project, store: Store) -> Summary:
+    """Read the deliveries, georeference them with the calibration, compare, report and publish the result.
+
+    The calibration may be what the project's own adjustment estimates; then that is done first.
+    """
+    block = prepare_block(project, store)
+    adjusts = project.direct_georeferencing.calibration.adjustment
+    stages = (*block.stages, adjusted_block(project, store, block)) if adjusts else block.stages
+    outputs = {name: artifact for one in stages for name, artifact in one.items()}
+    checked = check_georeferencing(
+        store,
+        exposures=outputs["exposures"],
+        cameras=outputs["cameras"],
+        image_points=outputs["image_points"],
+        control_points=outputs["control_points"],
+        project=project.project,
+        direct=project.direct_georeferencing,
+        adjustment=project.adjustment,
+        checks=project.checks,
+        parameters=outputs.get("parameters"),
+        correlations=outputs.get("correlations"),
+        control_residuals=outputs.get("control_residuals"),
+        residual_grid=outputs.get("residual_grid"),
+    )
+    stages = (*stages, checked)
+    page_outputs = write_georeferencing_page(
+        store,
+        stages=stages,
+        project=project,
+        name=project.project.name,
+        files=delivered_names(project),
+    )
+    if not adjusts:
+        return publish(store, project, (*stages, page_outputs), publishing.OF_CHECKS)
+    return publish(store, project, (*stages, page_outputs, report_of(project, store, stages)))

@@ -1,0 +1,72 @@
+"""Control points as check points of themselves: from one run, and from runs that really are without them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunRequest, carry_out
+
+AXES = ("dx", "dy", "dz")
+
+
+def run(project: Path, *settings: str) -> Path:
+    outcome = carry_out(aerial_triangulation, RunRequest(project, overrides=settings))
+    assert outcome.error is None
+    return outcome.directory
+
+
+def with_role(project: Path, points: list[str], role: str) -> None:
+    """Give control points another role in the delivered file."""
+    table = pd.read_csv(project.with_name("control.csv"), dtype=str)
+    table.loc[table["point"].isin(points), "role"] = role
+    table.to_csv(project.with_name("control.csv"), index=False)
+
+
+def test_a_point_left_out_in_theory_is_the_check_point_it_would_have_been(block: Path) -> None:
+    foreseen = pd.read_parquet(run(block, "adjustment.sigma0=a_priori") / "control_residuals.parquet")
+    assert len(foreseen) == 4
+    for row in foreseen.to_dict("records"):
+        with_role(block, [row["point"]], "check")
+        checked = pd.read_parquet(run(block, "adjustment.sigma0=a_priori") / "check_points.parquet")
+        with_role(block, [row["point"]], "control")
+        found = checked.set_index("point").loc[row["point"]]
+        for axis in AXES:
+            sigma = found[f"sigma_{axis}_m"]
+            # The equations are not quite linear: a hundredth of a standard deviation.
+            assert row[f"loo_{axis}_m"] == pytest.approx(found[f"{axis}_m"], abs=0.01 * sigma)
+            assert row[f"sigma_loo_{axis}_m"] == pytest.approx(sigma, rel=1e-3)
+            assert row[f"sigma_loo_{axis}_m"] > row[f"sigma_{axis}_m"]
+
+
+def test_the_summary_states_leave_one_out_always_and_folds_on_request(block: Path) -> None:
+    plain = json.loads((run(block) / "summary.json").read_text())
+    assert plain["k_fold"] is None
+    out = run(block, "adjustment.control_folds=2")
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["leave_one_out"] == plain["leave_one_out"]
+    table = pd.read_parquet(out / "control_residuals.parquet")
+    for k, axis in enumerate(AXES):
+        rms = float(np.sqrt(np.mean(table[f"loo_{axis}_m"] ** 2)))
+        assert summary["leave_one_out"]["rmse_m"][k] == pytest.approx(rms)
+        assert summary["leave_one_out"]["max_m"][k] == pytest.approx(table[f"loo_{axis}_m"].abs().max())
+        squares = (table[f"loo_{axis}_m"] / table[f"sigma_loo_{axis}_m"]) ** 2
+        assert summary["leave_one_out"]["rms_over_sigma"][k] == pytest.approx(np.sqrt(squares.mean()))
+    assert summary["k_fold"]["folds"] == 2
+    assert summary["k_fold"]["points"] == 4
+    assert all(value > 0.0 for value in summary["k_fold"]["rmse_m"])
+    assert "left out in 2 folds" in (out / "report.html").read_text()
+
+
+def test_without_control_points_nothing_is_left_out(block: Path) -> None:
+    with_role(block, list(pd.read_csv(block.with_name("control.csv"))["point"]), "check")
+    out = run(block, "adjustment.control_folds=5")
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["leave_one_out"] is None
+    assert summary["k_fold"] is None
+    assert pd.read_parquet(out / "control_residuals.parquet").empty

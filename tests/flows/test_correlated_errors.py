@@ -1,0 +1,126 @@
+"""Errors of GNSS and INS correlated over time: simulated, declared, estimated, refused with the reason."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunOutcome, RunRequest, carry_out
+from tasks.settings.load import load_project
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+from tasks.truth_comparison import compare_with_truth
+
+CORRELATED = (
+    "points.count=500",
+    "noise.gnss_m=[0, 0, 0]",
+    "noise.gnss_markov_m=[0.05, 0.05, 0.05]",
+    "noise.gnss_correlation_s=30",
+    "noise.ins_deg=[0, 0, 0]",
+    "noise.ins_markov_deg=[0.003, 0.003, 0.008]",
+    "noise.ins_correlation_s=40",
+)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """28 images in crossing strips; positions and attitudes with nothing but correlated errors."""
+    folder = tmp_path_factory.mktemp("correlated")
+    simulate_project(load_simulation("uce-high", CORRELATED), folder)
+    return folder
+
+
+@pytest.fixture
+def delivered(flight: Path, tmp_path: Path) -> Path:
+    """A copy of the delivery, to be changed."""
+    return Path(shutil.copytree(flight, tmp_path / "project"))
+
+
+def run(project: Path, *overrides: str) -> RunOutcome:
+    return carry_out(aerial_triangulation, RunRequest(project / "project.toml", overrides=overrides))
+
+
+def change(path: Path, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    edit(pd.read_csv(path, dtype=str, keep_default_na=False)).to_csv(path, index=False)
+
+
+def sigmas(outcome: RunOutcome) -> dict[str, float]:
+    table = pq.read_table(outcome.directory / "parameters.parquet").to_pandas()
+    return dict(zip(table["parameter"], table["sigma"], strict=True))
+
+
+def test_the_simulated_project_declares_the_correlation_and_its_truth_fits(delivered: Path) -> None:
+    project = load_project(delivered / "project.toml")
+    assert project.adjustment.gnss_correlation_s == 30.0
+    assert project.adjustment.ins_correlation_s == 40.0
+    assert project.inputs.exposures[0].sigma.position_m == pytest.approx((0.05, 0.05, 0.05))
+    assert project.inputs.exposures[0].sigma.attitude_deg == pytest.approx((0.003, 0.003, 0.008))
+    outcome = run(delivered)
+    assert outcome.error is None, outcome.error
+    assert compare_with_truth(delivered, outcome.directory).contradictions() == ()
+    rows = dict(outcome.summary.to_json())["correlation_times"]
+    assert [(row["group"], row["stated_s"], row["correlation_s"], row["verdict"]) for row in rows] == [
+        ("gnss_positions", 30.0, 30.0, "stated"),
+        ("ins_attitudes", 40.0, 40.0, "stated"),
+    ]
+
+
+def test_leaving_the_correlation_out_promises_too_much(delivered: Path) -> None:
+    right = sigmas(run(delivered))
+    text = (delivered / "project.toml").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if "correlation_s" not in line]
+    assert len(lines) == len(text.splitlines()) - 2
+    (delivered / "project.toml").write_text("\n".join(lines), encoding="utf-8")
+    outcome = run(delivered)
+    assert dict(outcome.summary.to_json())["correlation_times"] is None
+    white = sigmas(outcome)
+    for parameter in ("boresight_roll", "boresight_pitch", "gnss_shift_x", "gnss_shift_y"):
+        assert white[parameter] < 0.8 * right[parameter], parameter
+
+
+def test_estimated_correlation_times_are_reported_with_their_limits(delivered: Path) -> None:
+    outcome = run(
+        delivered,
+        "adjustment.gnss_correlation_s=5",
+        "adjustment.ins_correlation_s=200",
+        "adjustment.variance_components=true",
+        "adjustment.estimate_correlation=true",
+    )
+    assert outcome.error is None, outcome.error
+    rows = {row["group"]: row for row in dict(outcome.summary.to_json())["correlation_times"]}
+    for group, truth in (("gnss_positions", 30.0), ("ins_attitudes", 40.0)):
+        row = rows[group]
+        assert row["verdict"] != "stated"
+        assert (row["lower_s"] or 0.0) < truth < (row["upper_s"] or float("inf")), row
+    said = [text for text in outcome.summary.problems if "the errors of" in text]
+    assert len(said) >= 1, outcome.summary.problems
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [("time", "The exposures have no times"), ("strip", "The exposures name no strips")],
+)
+def test_without_times_or_strips_a_correlation_is_refused(delivered: Path, column: str, message: str) -> None:
+    change(delivered / "exposures.csv", lambda table: table.assign(**{column: ""}))
+    outcome = run(delivered)
+    assert message in str(outcome.error)
+    assert "gnss_correlation_s" in str(outcome.error)
+
+
+def test_two_exposures_of_a_strip_at_the_same_time_are_refused_by_name(delivered: Path) -> None:
+    def same_time(table: pd.DataFrame) -> pd.DataFrame:
+        rows = table.index[table["strip"] == table["strip"].iloc[0]]
+        table.loc[rows[1], "time"] = table.loc[rows[0], "time"]
+        return table
+
+    change(delivered / "exposures.csv", same_time)
+    names = pd.read_csv(delivered / "exposures.csv", dtype=str)["image"]
+    outcome = run(delivered)
+    assert f"Images {names[0]} and {names[1]}" in str(outcome.error)
+    assert "same time" in str(outcome.error)
