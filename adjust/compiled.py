@@ -61,8 +61,11 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The same for a few lines that become a part of their callers: the call would cost more than they do."""
-    compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True, inline="always")(
+    """The same for a few lines that become a part of their callers.
+
+    A call hands over every array as seven numbers: for one ray that would cost more than the lines do.
+    """
+    compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(
         function
     )
     return compiled

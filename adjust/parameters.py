@@ -122,6 +122,18 @@ class State:
     object_point: Floats
     system: Mapping[str, Floats]
 
+    def __post_init__(self) -> None:
+        # Every other layout in memory would have the kernels compiled again.
+        for name in ("projection_centre", "local_from_camera", "object_point"):
+            object.__setattr__(self, name, _as_kernels_take_it(getattr(self, name)))
+        system = {family: _as_kernels_take_it(values) for family, values in self.system.items()}
+        object.__setattr__(self, "system", system)
+
+
+def _as_kernels_take_it(values: Floats) -> Floats:
+    """The same array, or a copy where it is read-only or not in the order of C."""
+    return np.require(values, dtype=np.float64, requirements=["C", "W"])
+
 
 @dataclass(frozen=True, eq=False)
 class ParameterLayout:

@@ -39,14 +39,13 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
         most = max(most, point_start[j + 1] - point_start[j])
     directions = np.empty((most, 3))
     normal = np.empty((3, 3))
-    lower = np.zeros((3, 3))
     rhs = np.empty(3)
-    misclosure = np.zeros(2)
-    of_exterior = np.zeros((2, 6))
-    of_system = np.zeros((2, 3))
-    of_point = np.zeros((2, 3))
-    no_slope = np.zeros((2, 2))
-    no_basis = np.zeros((2, 0))
+    misclosure = np.zeros((1, 2))
+    of_exterior = np.zeros((1, 2, 6))
+    of_system = np.zeros((1, 2, 3))
+    of_point = np.zeros((1, 2, 3))
+    no_slope = np.zeros((1, 2, 2))
+    no_basis = np.zeros((1, 2, 0))
     for j in range(m):
         first = point_start[j]
         count = point_start[j + 1] - first
@@ -76,34 +75,34 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
                 cz = directions[a, 0] * directions[b, 1] - directions[a, 1] * directions[b, 0]
                 sine = np.sqrt(cx * cx + cy * cy + cz * cz)
                 angle[j] = max(angle[j], np.arcsin(min(1.0, sine)))
-        if angle[j] < 1e-6 or not factorize_point(normal, lower):
+        if angle[j] < 1e-6 or not factorize_point(normal):
             status[j] = 2
             continue
-        solve_factorized(lower, rhs)
-        points[j, :] = rhs
+        solve_factorized(normal, rhs)
+        for k in range(3):
+            points[j, k] = rhs[k]
         for _ in range(_REFINEMENTS):
             normal[:, :] = 0.0
             rhs[:] = 0.0
             front = True
             for i in range(first, first + count):
-                e = image[i]
                 if not linearize_ray(
-                    centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i],
-                    no_slope, no_basis, inverse_sigma[i], misclosure, of_exterior, of_system, of_point,
+                    i, j, 0, image, camera_of_image, centres, rotations, points, interior, ideal, no_slope,
+                    no_basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
                 ):  # fmt: skip
                     front = False
                 for c in range(2):
                     for k in range(3):
-                        rhs[k] += of_point[c, k] * misclosure[c]
+                        rhs[k] += of_point[0, c, k] * misclosure[0, c]
                         for q in range(3):
-                            normal[k, q] += of_point[c, k] * of_point[c, q]
+                            normal[k, q] += of_point[0, c, k] * of_point[0, c, q]
             if not front:
                 status[j] = 3
                 break
-            if not factorize_point(normal, lower):
+            if not factorize_point(normal):
                 status[j] = 2
                 break
-            solve_factorized(lower, rhs)
+            solve_factorized(normal, rhs)
             for k in range(3):
                 points[j, k] += rhs[k]
             if rhs[0] * rhs[0] + rhs[1] * rhs[1] + rhs[2] * rhs[2] < 1e-16:

@@ -133,7 +133,7 @@ class ImagePoints:
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
             ideal.xy,
-            np.broadcast_to(ideal.slope, (n, 2, 2)).copy(),
+            ideal.slope,
             ideal.basis,
             np.ones((n, 2)),
             misclosure,

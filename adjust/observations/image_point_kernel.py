@@ -18,74 +18,71 @@ from adjust.compiled import kernel, small_kernel
 
 
 @small_kernel
-def project(centre, local_from_camera, x_in_local, interior, predicted):
-    """Image coordinates (2,) of an object point; False if it lies behind the camera."""
-    dx = x_in_local[0] - centre[0]
-    dy = x_in_local[1] - centre[1]
-    dz = x_in_local[2] - centre[2]
-    r = local_from_camera
-    p1 = r[0, 0] * dx + r[1, 0] * dy + r[2, 0] * dz
-    p2 = r[0, 1] * dx + r[1, 1] * dy + r[2, 1] * dz
-    p3 = r[0, 2] * dx + r[1, 2] * dy + r[2, 2] * dz
-    if not p3 < 0.0:
-        return False
-    predicted[0] = interior[1] - interior[0] * p1 / p3
-    predicted[1] = interior[2] - interior[0] * p2 / p3
-    return True
+def in_camera(exposure, point, centres, rotations, points):
+    """Rᵀ (X − X0) of an object point: p1, p2, p3, metres, camera frame."""
+    dx = points[point, 0] - centres[exposure, 0]
+    dy = points[point, 1] - centres[exposure, 1]
+    dz = points[point, 2] - centres[exposure, 2]
+    p1 = rotations[exposure, 0, 0] * dx + rotations[exposure, 1, 0] * dy + rotations[exposure, 2, 0] * dz
+    p2 = rotations[exposure, 0, 1] * dx + rotations[exposure, 1, 1] * dy + rotations[exposure, 2, 1] * dz
+    p3 = rotations[exposure, 0, 2] * dx + rotations[exposure, 1, 2] * dy + rotations[exposure, 2, 2] * dz
+    return p1, p2, p3
 
 
-@kernel
+@small_kernel
 def linearize_ray(
-    centre, local_from_camera, x_in_local, interior, ideal, slope, basis, inverse_sigma,
-    misclosure, of_exterior, of_system, of_point,
+    ray, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+    inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
 ):  # fmt: skip
     """Whitened observation equations of one image point; False if it lies behind the camera.
 
-    Fills misclosure (2,) = (observed − computed)/σ, of_exterior (2, 6), of_system (2, 3 + t) for c, x0,
-    y0 and t additional parameters, and of_point (2, 3), each row multiplied by its 1/σ.
+    Fills one row of misclosure (·, 2) = (observed − computed)/σ, of_exterior (·, 2, 6), of_system
+    (·, 2, 3 + t) for c, x0, y0 and t additional parameters, and of_point (·, 2, 3), each multiplied by its
+    1/σ. ideal, slope and basis count from the image point ``base``; one slope alone holds for all.
+
+    Whole arrays and the places in them are handed over: a slice for every ray would cost more than its
+    equations, because slices count the references to their array.
     """
-    dx = x_in_local[0] - centre[0]
-    dy = x_in_local[1] - centre[1]
-    dz = x_in_local[2] - centre[2]
-    r = local_from_camera
-    p1 = r[0, 0] * dx + r[1, 0] * dy + r[2, 0] * dz
-    p2 = r[0, 1] * dx + r[1, 1] * dy + r[2, 1] * dz
-    p3 = r[0, 2] * dx + r[1, 2] * dy + r[2, 2] * dz
-    c = interior[0]
+    exposure = image[ray]
+    corrected = ray - base
+    sloped = min(corrected, slope.shape[0] - 1)
+    p1, p2, p3 = in_camera(exposure, point, centres, rotations, points)
+    camera = camera_of_image[exposure]
+    c = interior[camera, 0]
     inverse = 1.0 / p3
     a = -p1 * inverse
     b = -p2 * inverse
-    wx = inverse_sigma[0]
-    wy = inverse_sigma[1]
-    misclosure[0] = (ideal[0] - interior[1] - c * a) * wx
-    misclosure[1] = (ideal[1] - interior[2] - c * b) * wy
+    wx = inverse_sigma[ray, 0]
+    wy = inverse_sigma[ray, 1]
+    misclosure[row, 0] = (ideal[corrected, 0] - interior[camera, 1] - c * a) * wx
+    misclosure[row, 1] = (ideal[corrected, 1] - interior[camera, 2] - c * b) * wy
     # Jp, whitened: d(x, y)/dp
     jx1 = -c * inverse * wx
     jx3 = c * p1 * inverse * inverse * wx
     jy2 = -c * inverse * wy
     jy3 = c * p2 * inverse * inverse * wy
     for k in range(3):
-        of_point[0, k] = jx1 * r[k, 0] + jx3 * r[k, 2]
-        of_point[1, k] = jy2 * r[k, 1] + jy3 * r[k, 2]
-        of_exterior[0, k] = -of_point[0, k]
-        of_exterior[1, k] = -of_point[1, k]
+        of_point[row, 0, k] = jx1 * rotations[exposure, k, 0] + jx3 * rotations[exposure, k, 2]
+        of_point[row, 1, k] = jy2 * rotations[exposure, k, 1] + jy3 * rotations[exposure, k, 2]
+        of_exterior[row, 0, k] = -of_point[row, 0, k]
+        of_exterior[row, 1, k] = -of_point[row, 1, k]
     # Jp [p]x
-    of_exterior[0, 3] = -jx3 * p2
-    of_exterior[0, 4] = -jx1 * p3 + jx3 * p1
-    of_exterior[0, 5] = jx1 * p2
-    of_exterior[1, 3] = jy2 * p3 - jy3 * p2
-    of_exterior[1, 4] = jy3 * p1
-    of_exterior[1, 5] = -jy2 * p1
-    of_system[0, 0] = a * wx
-    of_system[1, 0] = b * wy
+    of_exterior[row, 0, 3] = -jx3 * p2
+    of_exterior[row, 0, 4] = -jx1 * p3 + jx3 * p1
+    of_exterior[row, 0, 5] = jx1 * p2
+    of_exterior[row, 1, 3] = jy2 * p3 - jy3 * p2
+    of_exterior[row, 1, 4] = jy3 * p1
+    of_exterior[row, 1, 5] = -jy2 * p1
+    of_system[row, 0, 0] = a * wx
+    of_system[row, 1, 0] = b * wy
     # The principal point moves the ideal image point against it.
-    of_system[0, 1] = (1.0 + slope[0, 0]) * wx
-    of_system[1, 1] = slope[1, 0] * wy
-    of_system[0, 2] = slope[0, 1] * wx
-    of_system[1, 2] = (1.0 + slope[1, 1]) * wy
-    for k in range(basis.shape[1]):
-        of_system[0, 3 + k] = -basis[0, k] * wx
-        of_system[1, 3 + k] = -basis[1, k] * wy
+    of_system[row, 0, 1] = (1.0 + slope[sloped, 0, 0]) * wx
+    of_system[row, 1, 1] = slope[sloped, 1, 0] * wy
+    of_system[row, 0, 2] = slope[sloped, 0, 1] * wx
+    of_system[row, 1, 2] = (1.0 + slope[sloped, 1, 1]) * wy
+    for k in range(basis.shape[2]):
+        of_system[row, 0, 3 + k] = -basis[corrected, 0, k] * wx
+        of_system[row, 1, 3 + k] = -basis[corrected, 1, k] * wy
     return p3 < 0.0
 
 
@@ -97,10 +94,9 @@ def linearize_all(
     """Observation equations of all image points, one after the other; the number behind the camera."""
     behind = 0
     for i in range(image.shape[0]):
-        e = image[i]
         if not linearize_ray(
-            centres[e], rotations[e], points[point[i]], interior[camera_of_image[e]], ideal[i], slope[i],
-            basis[i], inverse_sigma[i], misclosure[i], of_exterior[i], of_system[i], of_point[i],
+            i, point[i], 0, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
+            basis, inverse_sigma, i, misclosure, of_exterior, of_system, of_point,
         ):  # fmt: skip
             behind += 1
     return behind
@@ -110,13 +106,12 @@ def linearize_all(
 def misclosures(image, point, camera_of_image, centres, rotations, points, interior, ideal):
     """Observed − computed image coordinates (n, 2), metres; NaN behind the camera."""
     result = np.empty((image.shape[0], 2))
-    predicted = np.empty(2)
     for i in range(image.shape[0]):
-        e = image[i]
-        inner = interior[camera_of_image[e]]
-        if project(centres[e], rotations[e], points[point[i]], inner, predicted):
-            result[i, 0] = ideal[i, 0] - predicted[0]
-            result[i, 1] = ideal[i, 1] - predicted[1]
+        p1, p2, p3 = in_camera(image[i], point[i], centres, rotations, points)
+        if p3 < 0.0:
+            camera = camera_of_image[image[i]]
+            result[i, 0] = ideal[i, 0] - (interior[camera, 1] - interior[camera, 0] * p1 / p3)
+            result[i, 1] = ideal[i, 1] - (interior[camera, 2] - interior[camera, 0] * p2 / p3)
         else:
             result[i, 0] = np.nan
             result[i, 1] = np.nan

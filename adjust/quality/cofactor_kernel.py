@@ -49,10 +49,9 @@ def point_cofactors(
     most = 1
     for j in range(first_point, last_point):
         most = max(most, point_start[j + 1] - point_start[j])
-    misclosure = np.zeros(2)
+    misclosure = np.zeros((most, 2))
     of_exterior = np.zeros((most, 2, 6))
-    of_system = np.zeros((2, width))
-    values = np.zeros((most, 2, width))
+    of_system = np.zeros((most, 2, width))
     found = np.zeros((most, width), np.int64)
     counts = np.zeros(most, np.int64)
     through_corner = np.zeros((2, width))
@@ -77,11 +76,10 @@ def point_cofactors(
             i = first + a
             e = image[i]
             linearize_ray(
-                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
-                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
-                misclosure, of_exterior[a], of_system, of_point[a],
+                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+                inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
-            counts[a] = nonzero_columns(of_system, columns[e], values[a], found[a])
+            counts[a] = nonzero_columns(a, e, of_system, columns, found)
             for k in range(6):
                 for q in range(3):
                     mixed[q] = (
@@ -99,7 +97,7 @@ def point_cofactors(
                     gain_border[touched, :] = 0.0
                     touched += 1
                 for q in range(3):
-                    mixed[q] = values[a, 0, s] * of_point[a, 0, q] + values[a, 1, s] * of_point[a, 1, q]
+                    mixed[q] = of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                 for q in range(3):
                     gain_border[position[g], q] += (
                         mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
@@ -112,19 +110,19 @@ def point_cofactors(
             for b in range(a, count):
                 f = image[first + b]
                 if e <= f:
-                    block = blocks[find_block(row_start, column, e, f)]
+                    block = find_block(row_start, column, e, f)
                     for k in range(6):
                         for q in range(6):
-                            value = block[k, q]
+                            value = blocks[block, k, q]
                             for c in range(3):
                                 moved[a, k, c] += value * gain[b, q, c]
                                 if a != b:
                                     moved[b, q, c] += value * gain[a, k, c]
                 else:
-                    block = blocks[find_block(row_start, column, f, e)]
+                    block = find_block(row_start, column, f, e)
                     for k in range(6):
                         for q in range(6):
-                            value = block[k, q]
+                            value = blocks[block, k, q]
                             for c in range(3):
                                 moved[b, k, c] += value * gain[a, q, c]
                                 moved[a, q, c] += value * gain[b, k, c]
@@ -153,19 +151,19 @@ def point_cofactors(
             i = first + a
             e = image[i]
             touching = counts[a]
-            diagonal_block = blocks[row_start[e]]
+            diagonal = row_start[e]
             for r in range(2):
                 for k in range(3):
                     value = 0.0
                     for c in range(6):
                         value += of_exterior[a, r, c] * moved[a, c, k]
                     for s in range(touching):
-                        value += values[a, r, s] * moved_border[position[found[a, s]], k]
+                        value += of_system[a, r, s] * moved_border[position[found[a, s]], k]
                     to_point[r, k] = value
                 for s in range(touching):
                     value = 0.0
                     for q in range(touching):
-                        value += corner[found[a, s], found[a, q]] * values[a, r, q]
+                        value += corner[found[a, s], found[a, q]] * of_system[a, r, q]
                     through_corner[r, s] = value
             slot = 0
             for r in range(2):
@@ -173,14 +171,14 @@ def point_cofactors(
                     value = 0.0
                     for k in range(6):
                         for q in range(6):
-                            value += of_exterior[a, r, k] * diagonal_block[k, q] * of_exterior[a, t, q]
+                            value += of_exterior[a, r, k] * blocks[diagonal, k, q] * of_exterior[a, t, q]
                         for s in range(touching):
                             value += border[e, k, found[a, s]] * (
-                                of_exterior[a, r, k] * values[a, t, s]
-                                + of_exterior[a, t, k] * values[a, r, s]
+                                of_exterior[a, r, k] * of_system[a, t, s]
+                                + of_exterior[a, t, k] * of_system[a, r, s]
                             )
                     for s in range(touching):
-                        value += values[a, r, s] * through_corner[t, s]
+                        value += of_system[a, r, s] * through_corner[t, s]
                     for k in range(3):
                         value -= to_point[r, k] * of_point[a, t, k] + to_point[t, k] * of_point[a, r, k]
                         for q in range(3):

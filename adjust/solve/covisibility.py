@@ -75,11 +75,12 @@ def covisibility(image_points: ImagePoints, images: int, points: int) -> Covisib
     """The pattern of a set of image points; rejected ones count, so that it serves every pass."""
     by_image = np.argsort(image_points.image, kind="stable")
     image_start = np.searchsorted(image_points.image[by_image], np.arange(images + 1)).astype(np.int64)
-    row_start, column = covisibility_kernel.upper_pattern(
+    row_start, unsorted = covisibility_kernel.upper_pattern(
         image_start,
         image_points.point[by_image],
         point_starts(image_points.point, points),
         image_points.image,
         images,
     )
-    return Covisibility(row_start, column)
+    row = np.repeat(np.arange(images), np.diff(row_start))
+    return Covisibility(row_start, np.sort(row * images + unsorted) % images)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from adjust.compiled import kernel
+from adjust.compiled import kernel, small_kernel
 
 
 @kernel
@@ -10,7 +10,7 @@ def upper_pattern(image_start, point_of_ray, point_start, image_of_ray, images):
     """Rows of the upper block triangle, diagonal included: row_start (images + 1), column (blocks).
 
     image_start / point_of_ray list the points of every image, point_start / image_of_ray the images
-    of every point.
+    of every point. The diagonal comes first in every row, the others as they are met.
     """
     mark = np.full(images, -1, np.int64)
     row_start = np.zeros(images + 1, np.int64)
@@ -19,7 +19,6 @@ def upper_pattern(image_start, point_of_ray, point_start, image_of_ray, images):
         total = 0
         for i in range(images):
             stamp = i + fill * images
-            begin = total
             mark[i] = stamp
             if fill == 1:
                 column[total] = i
@@ -33,14 +32,12 @@ def upper_pattern(image_start, point_of_ray, point_start, image_of_ray, images):
                         if fill == 1:
                             column[total] = other
                         total += 1
-            if fill == 1:
-                column[begin:total] = np.sort(column[begin:total])
-            else:
+            if fill == 0:
                 row_start[i + 1] = total
     return row_start, column
 
 
-@kernel
+@small_kernel
 def find_block(row_start, column, i, j):
     """Position of block (i, j), i ≤ j, in the pattern; −1 if it is not there."""
     low = row_start[i]

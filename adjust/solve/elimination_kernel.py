@@ -21,10 +21,10 @@ def subtract_eliminated(
     that rays touch, are changed. ideal, slope and basis are those of these points' rays alone.
     """
     width = rhs_point.shape[2]
-    misclosure = np.zeros(2)
-    of_exterior = np.zeros((2, 6))
-    of_system = np.zeros((2, compact.shape[1]))
-    of_point = np.zeros((2, 3))
+    misclosure = np.zeros((1, 2))
+    of_exterior = np.zeros((1, 2, 6))
+    of_system = np.zeros((1, 2, compact.shape[1]))
+    of_point = np.zeros((1, 2, 3))
     solved = np.zeros((3, width))
     base = point_start[first_point]
     for j in range(first_point, last_point):
@@ -45,20 +45,19 @@ def subtract_eliminated(
         for i in range(point_start[j], point_start[j + 1]):
             e = image[i]
             linearize_ray(
-                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
-                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
-                misclosure, of_exterior, of_system, of_point,
+                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+                inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             for c in range(2):
                 for t in range(width):
                     seen = (
-                        of_point[c, 0] * solved[0, t]
-                        + of_point[c, 1] * solved[1, t]
-                        + of_point[c, 2] * solved[2, t]
+                        of_point[0, c, 0] * solved[0, t]
+                        + of_point[0, c, 1] * solved[1, t]
+                        + of_point[0, c, 2] * solved[2, t]
                     )
                     for k in range(6):
-                        rhs_exposure[e, k, t] -= of_exterior[c, k] * seen
+                        rhs_exposure[e, k, t] -= of_exterior[0, c, k] * seen
                     for s in range(compact.shape[1]):
                         g = compact[e, s]
                         if g >= 0:
-                            rhs_border[g, t] -= of_system[c, s] * seen
+                            rhs_border[g, t] -= of_system[0, c, s] * seen

@@ -10,7 +10,7 @@ All rows are whitened. Rays with zero weight (rejected) add nothing.
 
 import numpy as np
 
-from adjust.compiled import kernel
+from adjust.compiled import kernel, small_kernel
 from adjust.observations.image_point_kernel import linearize_ray
 from adjust.solve.covisibility_kernel import find_block
 
@@ -18,66 +18,65 @@ from adjust.solve.covisibility_kernel import find_block
 _PIVOT = 1e-13
 
 
-@kernel
-def factorize_point(normal, lower):
-    """Lower Cholesky factor of a 3 × 3 matrix; False if it is singular."""
+@small_kernel
+def factorize_point(normal):
+    """Overwrite a 3 × 3 matrix with its lower Cholesky factor; False if it is singular."""
     for i in range(3):
         for j in range(i + 1):
             value = normal[i, j]
             for k in range(j):
-                value -= lower[i, k] * lower[j, k]
+                value -= normal[i, k] * normal[j, k]
             if i == j:
                 if not value > _PIVOT * normal[i, i]:
                     return False
-                lower[i, i] = np.sqrt(value)
+                normal[i, i] = np.sqrt(value)
             else:
-                lower[i, j] = value / lower[j, j]
+                normal[i, j] = value / normal[j, j]
         for j in range(i + 1, 3):
-            lower[i, j] = 0.0
+            normal[i, j] = 0.0
     return True
 
 
-@kernel
-def times_inverse_transpose(rows, lower, result, count):
-    """Result = rows · L⁻ᵀ for the first ``count`` rows (count, 3)."""
-    for i in range(count):
+@small_kernel
+def times_inverse_transpose(rows, first, last, lower):
+    """The rows (·, 3) first … last − 1 are multiplied by L⁻ᵀ from the right."""
+    for i in range(first, last):
         for j in range(3):
             value = rows[i, j]
             for k in range(j):
-                value -= result[i, k] * lower[j, k]
-            result[i, j] = value / lower[j, j]
+                value -= rows[i, k] * lower[j, k]
+            rows[i, j] = value / lower[j, j]
 
 
-@kernel
-def subtract_product(block, left, right):
-    """Block (6, 6) −= left rightᵀ, both (6, 3)."""
+@small_kernel
+def subtract_product(blocks, position, reduced, a, b):
+    """Z_a Z_bᵀ (6, 6) is taken off the block at a position; six rows of reduced (·, 3) for every Z."""
     for q in range(6):
-        r0 = right[q, 0]
-        r1 = right[q, 1]
-        r2 = right[q, 2]
+        r0 = reduced[6 * b + q, 0]
+        r1 = reduced[6 * b + q, 1]
+        r2 = reduced[6 * b + q, 2]
         for k in range(6):
-            block[k, q] -= left[k, 0] * r0 + left[k, 1] * r1 + left[k, 2] * r2
+            blocks[position, k, q] -= (
+                reduced[6 * a + k, 0] * r0 + reduced[6 * a + k, 1] * r1 + reduced[6 * a + k, 2] * r2
+            )
 
 
-@kernel
+@small_kernel
 def point_normals(
-    rays, base, image, camera_of_image, centres, rotations, x_in_local, interior, ideal, slope, basis,
+    rays, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
     inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
 ):  # fmt: skip
     """Linearise the rays of one point and add A_pᵀ A_p and A_pᵀ l to normal (3, 3) and rhs (3,).
 
     rays is the pair (first, last + 1) of the point's image points; the row arrays are filled from 0.
-    ideal, slope and basis count from the image point ``base``; one slope alone holds for all.
     Returns the weighted square of the misclosures, or −1 if the point lies behind a camera.
     """
     total = 0.0
     for a in range(rays[1] - rays[0]):
         i = rays[0] + a
-        e = image[i]
         front = linearize_ray(
-            centres[e], rotations[e], x_in_local, interior[camera_of_image[e]], ideal[i - base],
-            slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
-            misclosure[a], of_exterior[a], of_system[a], of_point[a],
+            i, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+            inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
         )  # fmt: skip
         if not front and inverse_sigma[i, 0] > 0.0:
             return -1.0
@@ -90,58 +89,76 @@ def point_normals(
     return total
 
 
-@kernel
-def nonzero_columns(of_system, columns, values, found):
+@small_kernel
+def add_exposure_rows(
+    a, e, diagonal, misclosure, of_exterior, of_point, blocks, rhs_exposure, diagonal_exposure, mixed,
+):  # fmt: skip
+    """Add what one ray gives to its exposure; W_a goes to the rows 6 a … 6 a + 5 of mixed (·, 3)."""
+    for k in range(6):
+        l0 = of_exterior[a, 0, k]
+        l1 = of_exterior[a, 1, k]
+        rhs_exposure[e, k] += l0 * misclosure[a, 0] + l1 * misclosure[a, 1]
+        diagonal_exposure[e, k] += l0 * l0 + l1 * l1
+        for q in range(6):
+            blocks[diagonal, k, q] += l0 * of_exterior[a, 0, q] + l1 * of_exterior[a, 1, q]
+        for q in range(3):
+            mixed[6 * a + k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
+
+
+@small_kernel
+def nonzero_columns(a, e, of_system, columns, found):
     """Free parameters of a ray with a derivative other than zero; returns how many.
 
-    Their derivatives go to values (2, 3 + t), their columns to found (3 + t,), in ascending order. Most
-    terms of composed images are zero outside one CCD.
+    Their derivatives move to the front of of_system[a] (2, 3 + t), their columns go to found[a] (3 + t,), in
+    ascending order. Most terms of composed images are zero outside one CCD.
     """
     count = 0
-    for s in range(columns.shape[0]):
-        if columns[s] >= 0 and (of_system[0, s] != 0.0 or of_system[1, s] != 0.0):
-            values[0, count] = of_system[0, s]
-            values[1, count] = of_system[1, s]
-            found[count] = columns[s]
+    for s in range(columns.shape[1]):
+        column = columns[e, s]
+        if column >= 0 and (of_system[a, 0, s] != 0.0 or of_system[a, 1, s] != 0.0):
+            of_system[a, 0, count] = of_system[a, 0, s]
+            of_system[a, 1, count] = of_system[a, 1, s]
+            found[a, count] = column
             count += 1
     return count
 
 
-@kernel
+@small_kernel
 def add_system_rows(
-    count, values, found, misclosure, of_exterior, border, corner, rhs_border, diagonal_border,
+    a, e, count, found, misclosure, of_exterior, of_system, border, corner, rhs_border, diagonal_border,
 ):  # fmt: skip
     """Add what one ray gives to the system parameters it touches; of the corner the upper triangle."""
     for s in range(count):
-        g = found[s]
-        s0 = values[0, s]
-        s1 = values[1, s]
-        rhs_border[g] += s0 * misclosure[0] + s1 * misclosure[1]
+        g = found[a, s]
+        s0 = of_system[a, 0, s]
+        s1 = of_system[a, 1, s]
+        rhs_border[g] += s0 * misclosure[a, 0] + s1 * misclosure[a, 1]
         diagonal_border[g] += s0 * s0 + s1 * s1
         for k in range(6):
-            border[k, g] += of_exterior[0, k] * s0 + of_exterior[1, k] * s1
+            border[e, k, g] += of_exterior[a, 0, k] * s0 + of_exterior[a, 1, k] * s1
         for t in range(s, count):
-            corner[g, found[t]] += s0 * values[0, t] + s1 * values[1, t]
+            corner[g, found[a, t]] += s0 * of_system[a, 0, t] + s1 * of_system[a, 1, t]
 
 
-@kernel
+@small_kernel
 def subtract_system_rows(touched, local, reduced_border, half, corner, rhs_border):
     """Subtract Z_g Z_hᵀ and Z_g z of the system parameters that one point touches; the upper triangle."""
     for u in range(touched):
         g = local[u]
-        zg = reduced_border[u]
-        rhs_border[g] -= zg[0] * half[0] + zg[1] * half[1] + zg[2] * half[2]
+        z0 = reduced_border[u, 0]
+        z1 = reduced_border[u, 1]
+        z2 = reduced_border[u, 2]
+        rhs_border[g] -= z0 * half[0] + z1 * half[1] + z2 * half[2]
         for v in range(u, touched):
-            zh = reduced_border[v]
             h = local[v]
-            product = zg[0] * zh[0] + zg[1] * zh[1] + zg[2] * zh[2]
+            product = z0 * reduced_border[v, 0] + z1 * reduced_border[v, 1] + z2 * reduced_border[v, 2]
             if g <= h:
                 corner[g, h] -= product
             else:
                 corner[h, g] -= product
 
 
-@kernel
+@small_kernel
 def subtract_exposure_rows(
     rays, image, row_start, column, reduced, half, touched, local, reduced_border,
     blocks, border, rhs_exposure,
@@ -150,25 +167,29 @@ def subtract_exposure_rows(
     count = rays[1] - rays[0]
     for a in range(count):
         e = image[rays[0] + a]
-        za = reduced[a]
         for k in range(6):
-            rhs_exposure[e, k] -= za[k, 0] * half[0] + za[k, 1] * half[1] + za[k, 2] * half[2]
+            rhs_exposure[e, k] -= (
+                reduced[6 * a + k, 0] * half[0]
+                + reduced[6 * a + k, 1] * half[1]
+                + reduced[6 * a + k, 2] * half[2]
+            )
         for b in range(a, count):
             f = image[rays[0] + b]
-            zb = reduced[b]
             if e <= f:
-                block = blocks[find_block(row_start, column, e, f)]
-                subtract_product(block, za, zb)
+                position = find_block(row_start, column, e, f)
+                subtract_product(blocks, position, reduced, a, b)
                 if e == f and a != b:  # measured twice in one image: the diagonal block gets both
-                    subtract_product(block, zb, za)
+                    subtract_product(blocks, position, reduced, b, a)
             else:
-                subtract_product(blocks[find_block(row_start, column, f, e)], zb, za)
+                subtract_product(blocks, find_block(row_start, column, f, e), reduced, b, a)
         if touched > 0:
-            of_image = border[e]
             for k in range(6):
                 for u in range(touched):
-                    zg = reduced_border[u]
-                    of_image[k, local[u]] -= za[k, 0] * zg[0] + za[k, 1] * zg[1] + za[k, 2] * zg[2]
+                    border[e, k, local[u]] -= (
+                        reduced[6 * a + k, 0] * reduced_border[u, 0]
+                        + reduced[6 * a + k, 1] * reduced_border[u, 1]
+                        + reduced[6 * a + k, 2] * reduced_border[u, 2]
+                    )
 
 
 @kernel
@@ -200,15 +221,11 @@ def reduce_points(
     of_exterior = np.zeros((most, 2, 6))
     of_system = np.zeros((most, 2, width))
     of_point = np.zeros((most, 2, 3))
-    mixed = np.zeros((6, 3))
-    reduced = np.zeros((most, 6, 3))
-    mixed_border = np.zeros((borders, 3))
+    reduced = np.zeros((6 * most, 3))
     reduced_border = np.zeros((borders, 3))
-    values = np.zeros((2, width))
-    found = np.zeros(width, np.int64)
+    found = np.zeros((most, width), np.int64)
     local = np.empty(borders, np.int64)
     position = np.full(borders, -1, np.int64)
-    lower = np.zeros((3, 3))
     half = np.zeros(3)
     rays = np.zeros(2, np.int64)
     total = 0.0
@@ -220,11 +237,11 @@ def reduce_points(
             continue
         rays[0] = point_start[j]
         rays[1] = point_start[j + 1]
-        normal = point_normal[j]
+        lower = point_normal[j]
         rhs = point_rhs[j]
         squares = point_normals(
-            rays, base, image, camera_of_image, centres, rotations, points[j], interior, ideal, slope, basis,
-            inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
+            rays, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+            inverse_sigma, misclosure, of_exterior, of_system, of_point, lower, rhs,
         )  # fmt: skip
         if squares < 0.0:
             if behind < 0:
@@ -232,12 +249,11 @@ def reduce_points(
             continue
         total += squares
         for k in range(3):
-            normal[k, k] *= 1.0 + damping
-        if not factorize_point(normal, lower):
+            lower[k, k] *= 1.0 + damping
+        if not factorize_point(lower):
             if undetermined < 0:
                 undetermined = j
             continue
-        normal[:, :] = lower
         for k in range(3):
             value = rhs[k]
             for q in range(k):
@@ -247,35 +263,29 @@ def reduce_points(
         touched = 0
         for a in range(rays[1] - rays[0]):
             e = image[rays[0] + a]
-            ae = of_exterior[a]
-            diagonal_block = blocks[row_start[e]]
-            for k in range(6):
-                l0 = ae[0, k]
-                l1 = ae[1, k]
-                rhs_exposure[e, k] += l0 * misclosure[a, 0] + l1 * misclosure[a, 1]
-                diagonal_exposure[e, k] += l0 * l0 + l1 * l1
-                for q in range(6):
-                    diagonal_block[k, q] += l0 * ae[0, q] + l1 * ae[1, q]
-                for q in range(3):
-                    mixed[k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
-            times_inverse_transpose(mixed, lower, reduced[a], 6)
+            add_exposure_rows(
+                a, e, row_start[e], misclosure, of_exterior, of_point, blocks, rhs_exposure,
+                diagonal_exposure, reduced,
+            )  # fmt: skip
             if borders > 0:
-                count = nonzero_columns(of_system[a], columns[e], values, found)
+                count = nonzero_columns(a, e, of_system, columns, found)
                 add_system_rows(
-                    count, values, found, misclosure[a], ae, border[e], corner, rhs_border, diagonal_border
-                )
+                    a, e, count, found, misclosure, of_exterior, of_system, border, corner, rhs_border,
+                    diagonal_border,
+                )  # fmt: skip
                 for s in range(count):
-                    g = found[s]
+                    g = found[a, s]
                     if position[g] < 0:
                         position[g] = touched
                         local[touched] = g
-                        mixed_border[touched, :] = 0.0
+                        reduced_border[touched, :] = 0.0
                         touched += 1
                     for q in range(3):
-                        mixed_border[position[g], q] += (
-                            values[0, s] * of_point[a, 0, q] + values[1, s] * of_point[a, 1, q]
+                        reduced_border[position[g], q] += (
+                            of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                         )
-        times_inverse_transpose(mixed_border, lower, reduced_border, touched)
+        times_inverse_transpose(reduced, 0, 6 * (rays[1] - rays[0]), lower)
+        times_inverse_transpose(reduced_border, 0, touched, lower)
         subtract_exposure_rows(
             rays, image, row_start, column, reduced, half, touched, local, reduced_border,
             blocks, border, rhs_exposure,
@@ -292,40 +302,39 @@ def substitute_back(
     basis, inverse_sigma, active_point, columns, point_factor, point_rhs, of_exposures, of_border, result,
 ):  # fmt: skip
     """Increments dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a) of the object points first … last − 1, to result (m, 3)."""
-    misclosure = np.zeros(2)
-    of_exterior = np.zeros((2, 6))
-    of_system = np.zeros((2, 3 + basis.shape[2]))
-    of_point = np.zeros((2, 3))
+    misclosure = np.zeros((1, 2))
+    of_exterior = np.zeros((1, 2, 6))
+    of_system = np.zeros((1, 2, 3 + basis.shape[2]))
+    of_point = np.zeros((1, 2, 3))
     rhs = np.zeros(3)
     base = point_start[first]
     for j in range(first, last):
         if not active_point[j]:
             continue
-        rhs[:] = point_rhs[j]
+        for k in range(3):
+            rhs[k] = point_rhs[j, k]
         for i in range(point_start[j], point_start[j + 1]):
             e = image[i]
             linearize_ray(
-                centres[e], rotations[e], points[j], interior[camera_of_image[e]], ideal[i - base],
-                slope[min(i - base, slope.shape[0] - 1)], basis[i - base], inverse_sigma[i],
-                misclosure, of_exterior, of_system, of_point,
+                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
+                inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             for c in range(2):
                 moved = 0.0
                 for k in range(6):
-                    moved += of_exterior[c, k] * of_exposures[e, k]
+                    moved += of_exterior[0, c, k] * of_exposures[e, k]
                 for s in range(columns.shape[1]):
                     g = columns[e, s]
                     if g >= 0:
-                        moved += of_system[c, s] * of_border[g]
+                        moved += of_system[0, c, s] * of_border[g]
                 for k in range(3):
-                    rhs[k] -= of_point[c, k] * moved
-        lower = point_factor[j]
+                    rhs[k] -= of_point[0, c, k] * moved
         for k in range(3):
             for q in range(k):
-                rhs[k] -= lower[k, q] * rhs[q]
-            rhs[k] /= lower[k, k]
+                rhs[k] -= point_factor[j, k, q] * rhs[q]
+            rhs[k] /= point_factor[j, k, k]
         for k in range(2, -1, -1):
             for q in range(k + 1, 3):
-                rhs[k] -= lower[q, k] * rhs[q]
-            rhs[k] /= lower[k, k]
-        result[j, :] = rhs
+                rhs[k] -= point_factor[j, q, k] * rhs[q]
+            rhs[k] /= point_factor[j, k, k]
+            result[j, k] = rhs[k]

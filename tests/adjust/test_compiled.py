@@ -27,8 +27,8 @@ print(CACHE_FOLDER.name, *np.round(points[0], 6) + 0.0)
 
 # What the kernel of the collinearity equations computes, and a version with the principal point 1 mm off.
 CALLEE = "adjust/observations/image_point_kernel.py"
-SOUND = "misclosure[0] = (ideal[0] - interior[1] - c * a) * wx"
-CHANGED = "misclosure[0] = (ideal[0] - interior[1] - c * a + 0.001) * wx"
+SOUND = "misclosure[row, 0] = (ideal[corrected, 0] - interior[camera, 1] - c * a) * wx"
+CHANGED = "misclosure[row, 0] = (ideal[corrected, 0] - interior[camera, 1] - c * a + 0.001) * wx"
 
 
 def copy_of_adjust(folder: Path) -> Path:
