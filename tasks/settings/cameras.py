@@ -30,6 +30,22 @@ class CcdTiles(Settings):
     )
 
 
+class CameraIdentity(Settings):
+    """What was calibrated, by the numbers on it: what a calibration may be applied to follows from them."""
+
+    body: str | None = Field(default=None, description="Serial number of the camera body.")
+    lens: str | None = Field(default=None, description="Serial number of the lens or lens cone.")
+    imu: str | None = Field(default=None, description="Serial number of the inertial measurement unit.")
+    mount: str | None = Field(
+        default=None, description="Name of the installation in the aircraft: a new one is a new boresight."
+    )
+    product: Literal["virtual_image", "camera_head"] = Field(
+        default="virtual_image",
+        description="What the image is: the composed `virtual_image` of a multi-head camera (or the image of "
+        "a single-head one), or one `camera_head`. The calibration of one is never applied to the other.",
+    )
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -75,6 +91,11 @@ class CameraInput(Settings):
         default=(0.0, 0.0, 0.0),
         description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial "
         "value if it is free, else fixed.",
+    )
+
+    identity: CameraIdentity = Field(
+        default=CameraIdentity(),
+        description="Serial numbers, for the certificate and the registry of calibrations.",
     )
 
     @model_validator(mode="after")

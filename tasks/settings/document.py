@@ -9,6 +9,7 @@ import sys
 import types
 import typing
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
@@ -17,7 +18,7 @@ from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
-from tasks.settings.cameras import CameraInput, CcdTiles
+from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import ControlInput, ExposureSigma, ExposuresInput, ImagePointsInput, Inputs
@@ -38,6 +39,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("heights.linear_alteration", LinearAlteration, ""),
     ("[cameras.NAME]", CameraInput, "Either `file` and `format`, or the five values of the image."),
     ("cameras.NAME.tiles", CcdTiles, ""),
+    ("cameras.NAME.identity", CameraIdentity, ""),
     ("[inputs]", Inputs, "`[inputs.KIND]` for one file, `[[inputs.KIND]]` for each of several."),
     ("[inputs.image_points]", ImagePointsInput, ""),
     ("[inputs.exposures]", ExposuresInput, ""),
@@ -137,7 +139,14 @@ def _kind(annotation: Any, field: FieldInfo | None = None) -> str:
         return "text or table" if annotation in from_text else "table"
     if field is not None and annotation is Path:
         return "path"
-    names = {str: "text", float: "number", int: "whole number", Path: "path", bool: "true, false"}
+    names = {
+        str: "text",
+        float: "number",
+        int: "whole number",
+        Path: "path",
+        bool: "true, false",
+        date: "date",
+    }
     return names[annotation]
 
 

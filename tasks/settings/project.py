@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -19,9 +20,13 @@ from tasks.settings.sweep import SweepSettings
 class ProjectSettings(Settings):
     """Name of the project and the coordinate system of its results."""
 
-    outside_key: ClassVar[frozenset[str]] = frozenset({"name"})
+    outside_key: ClassVar[frozenset[str]] = frozenset({"name", "flown"})
 
     name: str = Field(min_length=1, description="Name of the project, for people.")
+    flown: date | None = Field(
+        default=None,
+        description="Date of the flight, e.g. 2012-05-24; decides which calibration of the registry holds.",
+    )
     crs: str = Field(
         description='CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric '
         "Cartesian)."

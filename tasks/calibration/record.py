@@ -1,0 +1,170 @@
+"""calibration.json: what one calibration says about one camera and its mounting, complete in itself.
+
+It holds everything a later project, the registry, a certificate or another program needs: which camera,
+which parameters with their full covariance matrix, from which flight, inputs and software.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from datetime import date
+from typing import Literal, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from adjust.arrays import Floats
+from tasks.settings.cameras import CameraIdentity
+from tasks.storage.json_text import json_text
+
+Verdict: TypeAlias = Literal["accepted", "refused"]
+
+
+class RecordModel(BaseModel):
+    """Base of the parts of a record: immutable, and nothing unknown in them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CalibratedCamera(RecordModel):
+    """The camera a calibration is of.
+
+    Attributes
+    ----------
+    name : as the project calls it.
+    identity : serial numbers of what was calibrated, as far as they are known.
+    columns, rows, pixel_um : its image.
+    mount_deg, calibration_axes_deg : see the settings of a camera.
+    """
+
+    name: str
+    identity: CameraIdentity
+    columns: int
+    rows: int
+    pixel_um: float
+    mount_deg: int
+    calibration_axes_deg: int = 0
+
+
+class CalibratedParameter(RecordModel):
+    """One parameter.
+
+    Attributes
+    ----------
+    parameter, entity, unit : as in parameters.parquet.
+    value : calibrated, or held.
+    given : value before the calibration.
+    sigma : a posteriori; None if it was held.
+    sigma_prior : of its pseudo-observation; None without one.
+    status : as in parameters.parquet.
+    verdict : determined, weak, not determinable, or held.
+    because : the reason of the verdict, a sentence, and what to fly; empty where nothing is to be said.
+    """
+
+    parameter: str
+    entity: str
+    unit: str
+    value: float
+    given: float
+    sigma: float | None
+    sigma_prior: float | None
+    status: str
+    verdict: Literal["determined", "weak", "not_determinable", "held"]
+    because: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Parameter and entity."""
+        return self.parameter, self.entity
+
+
+class CalibrationFlight(RecordModel):
+    """The flight a calibration was made from, as recognised from the data.
+
+    Attributes
+    ----------
+    project, crs : name of the project and CRS whose axes a GNSS shift refers to.
+    flown : date of the flight; None if it was not declared.
+    images, strips, object_points, image_points, control_points : how many took part.
+    heights_m : flying heights above ground, one for each level.
+    headings_deg : flight directions, one for each.
+    gsd_m : ground sampling distance of each height.
+    """
+
+    project: str
+    crs: str
+    flown: date | None
+    images: int
+    strips: int
+    object_points: int
+    image_points: int
+    control_points: int
+    heights_m: tuple[float, ...]
+    headings_deg: tuple[float, ...]
+    gsd_m: tuple[float, ...]
+
+
+class CalibrationRecord(RecordModel):
+    """One calibration.
+
+    Attributes
+    ----------
+    parameters : of the camera, its mounting and the flights, estimated and held ones.
+    covariance : (k, k) of those with a ``sigma``, in their order, in products of their units.
+    sigma0, redundancy : of the adjustment.
+    verdict : whether the flight meets the limits of a calibration flight.
+    reasons : why not, sentences.
+    remarks : what else a reader must know, sentences.
+    inputs : name of each delivered file → sha256.
+    software : name → version.
+    """
+
+    format: Literal["aerocal-calibration"] = "aerocal-calibration"
+    version: Literal[1] = 1
+    camera: CalibratedCamera
+    parameters: tuple[CalibratedParameter, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    flight: CalibrationFlight
+    sigma0: float = Field(gt=0.0)
+    redundancy: int
+    verdict: Verdict
+    reasons: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    inputs: dict[str, str]
+    software: dict[str, str]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> CalibrationRecord:
+        count = len(self.estimated)
+        if len({item.key for item in self.parameters}) != len(self.parameters):
+            raise ValueError("a parameter stands there twice")
+        matrix = np.array(self.covariance, dtype=np.float64).reshape(-1, count) if count else np.zeros((0, 0))
+        if matrix.shape != (count, count):
+            raise ValueError(f"the covariance matrix must be {count} by {count}")
+        sigma = np.array([item.sigma for item in self.estimated], dtype=np.float64)
+        if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) or not np.allclose(
+            np.diagonal(matrix), sigma**2, rtol=1e-9
+        ):
+            raise ValueError("the covariance matrix is not symmetric or does not have the squares of the σ")
+        return self
+
+    @property
+    def estimated(self) -> tuple[CalibratedParameter, ...]:
+        """The parameters with a standard deviation, in the order of the covariance matrix."""
+        return tuple(item for item in self.parameters if item.sigma is not None)
+
+    @property
+    def covariance_matrix(self) -> Floats:
+        """(k, k) covariance matrix of the estimated parameters."""
+        count = len(self.estimated)
+        return np.array(self.covariance, dtype=np.float64).reshape(count, count)
+
+    @property
+    def text(self) -> str:
+        """The record as JSON, always the same text for the same content."""
+        return json_text(self.model_dump(mode="json"), indent=2)
+
+    @property
+    def digest(self) -> str:
+        """sha256 of its content: what a registry stores and a certificate prints as verification code."""
+        return hashlib.sha256(json_text(self.model_dump(mode="json")).encode()).hexdigest()
