@@ -7,34 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats
+from tasks.block.separability import listed, percent, separating
 
 # Two parameters correlated by more than this are hardly separated; it is also 1 − λ of the weakest direction.
 CORRELATED = 0.98
 # Part of a direction (unit length) from which a parameter is named.
 _INVOLVED = 0.3
 _MOST_PAIRS, _MOST_MODES = 5, 3
-
-_HEADINGS = "strips flown in opposite or crossing directions"
-_HEIGHTS = "a second flying height or strong relief"
-_SPEEDS = "varying ground speeds"
-_TILTS = "strong tilts alone"
-_CONTROL = "observed GNSS positions or well distributed control points"
-_PRIOR = "a prior of the one that varies from strip to strip"
-# What separates which: first-order theory of vertical photographs over flat ground. A change dc of c moves
-# the height by dc · h/c, x0 the plan by x0 · h/c in body axes; a shift is fixed in map axes, a lever arm
-# in body axes, a time offset lies along the velocity.
-_REMEDIES: tuple[tuple[tuple[str, ...], tuple[str, ...], str], ...] = (
-    (("principal_point_x", "principal_point_y"), ("gnss_shift_x", "gnss_shift_y"), _HEADINGS),
-    (("principal_point_x", "principal_point_y"), ("lever_arm_x", "lever_arm_y"), _HEIGHTS),
-    (("focal_length",), ("gnss_shift_z", "lever_arm_z"), _HEIGHTS),
-    (("gnss_shift_x", "gnss_shift_y"), ("lever_arm_x", "lever_arm_y"), _HEADINGS),
-    (("gnss_shift_z",), ("lever_arm_z",), _TILTS),
-    (("lever_arm_x", "gnss_shift_x", "gnss_shift_y"), ("time_offset",), _SPEEDS),
-    (("principal_point_x", "principal_point_y"), ("boresight_pitch", "boresight_roll"), _CONTROL),
-    (("gnss_shift_x",), ("gnss_strip_bias_x", "gnss_drift_x"), _PRIOR),
-    (("gnss_shift_y",), ("gnss_strip_bias_y", "gnss_drift_y"), _PRIOR),
-    (("gnss_shift_z",), ("gnss_strip_bias_z", "gnss_drift_z"), _PRIOR),
-)
 
 
 @dataclass(frozen=True)
@@ -59,7 +38,7 @@ def weak_mode_sentences(parameters: tuple[Parameter, ...], correlation: Floats) 
         return []
     pairs = _pairs(correlation)
     sentences = [
-        f"{parameters[a]} and {parameters[b]} are {_percent(correlation[a, b])} correlated: "
+        f"{parameters[a]} and {parameters[b]} are {percent(correlation[a, b])} correlated: "
         f"{_remedy((parameters[a].name, parameters[b].name), plural=False)}; "
         "their values must not be used apart."
         for a, b in pairs
@@ -92,24 +71,12 @@ def _modes(correlation: Floats) -> list[tuple[int, ...]]:
     return [tuple(int(i) for i in np.flatnonzero(np.abs(vectors[:, k]) >= _INVOLVED)) for k in weak]
 
 
-def _percent(correlation: float) -> str:
-    """Per cent, never rounded up to a hundred."""
-    percent = 100.0 * abs(correlation)
-    digits = 0 if percent < 99.0 else 1 if percent < 99.9 else 2
-    return f"{min(percent, 99.99):.{digits}f} %"
-
-
 def _remedy(names: tuple[str, ...], plural: bool) -> str:
     """What would separate the parameters of these names."""
-    found = [
-        remedy
-        for some, others, remedy in _REMEDIES
-        if any(name in some for name in names) and any(name in others for name in names)
-    ]
+    found = separating(names)
     if not found:
         return "this block hardly separates them; hold one of them or give it a prior"
-    unique = list(dict.fromkeys(found))
-    listed = unique[0] if len(unique) == 1 else f"{', '.join(unique[:-1])} and {unique[-1]}"
-    verb = "separate" if len(unique) > 1 or listed[-1] == "s" or listed.endswith("alone") else "separates"
+    remedies = listed(found)
+    verb = "separate" if len(found) > 1 or remedies[-1] == "s" or remedies.endswith("alone") else "separates"
     hold = ", otherwise hold all but one of them" if plural else ", otherwise hold one of them"
-    return f"{listed} {verb} them{hold}"
+    return f"{remedies} {verb} them{hold}"

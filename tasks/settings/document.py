@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
+from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
@@ -55,6 +56,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         Priors,
         "A free parameter without a prior is determined by the other observations alone.",
     ),
+    ("[calibration]", CalibrationSettings, ""),
+    ("[calibration.limits]", AcceptanceLimits, ""),
     ("[direct_georeferencing]", DirectGeoreferencingSettings, ""),
     (
         "direct_georeferencing.calibration",

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.base import Settings
+from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.coordinates import Heights
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
@@ -48,6 +49,9 @@ class Project(Settings):
     inputs: Inputs = Field(description="The files.")
     adjustment: AdjustmentSettings = Field(
         default_factory=AdjustmentSettings, description="The bundle adjustment."
+    )
+    calibration: CalibrationSettings = Field(
+        default_factory=CalibrationSettings, description="The system calibration."
     )
     direct_georeferencing: DirectGeoreferencingSettings = Field(
         default_factory=DirectGeoreferencingSettings, description="The direct-georeferencing check."

@@ -1,0 +1,311 @@
+"""Verdicts of a calibration: what this flight determines, what not and why, and what to fly.
+
+Of every parameter: determined, weak, not determinable, or held. Of the flight: accepted or refused. Standard
+deviations decide, not correlations: c and the shift in height are correlated by 0.9 in good flights because
+both are unknown; and where a prior has taken over, correlations are small and nothing is determined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from adjust.calibration.flight_pattern import FlightPattern
+from tasks.block.separability import HEADINGS, HEIGHTS, determining, listed, percent, separating
+from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.calibration.quantities import INTERIOR, OF_STRIPS, is_calibrated, sigma_limit, written_sigma
+from tasks.calibration.record import Verdict
+from tasks.settings.calibration import AcceptanceLimits
+
+ParameterVerdictWord: TypeAlias = Literal["determined", "weak", "not_determinable", "held"]
+Key: TypeAlias = tuple[str, str]
+
+#: A parameter of which more than half of what is known comes from its prior: (σ/σ_prior)² > 1/2.
+MOSTLY_PRIOR = float(np.sqrt(0.5))
+# Correlated by this much or more, a parameter is explained by its partner.
+_ENTANGLED = 0.7
+# A shift of a strip whose prior is wider than this, metres, is as good as free.
+_WIDE_PRIOR_M = 0.3
+_MORE_STRIPS = (
+    "more strips of this pattern, as every line forward and reverse, or crossing ones (with an error common "
+    "to a strip their number counts, not that of the images)"
+)
+_NEEDS_HEADINGS = ("principal_point", "gnss_shift", "lever_arm")
+
+
+@dataclass(frozen=True)
+class Correlated:
+    """The parameter another one is correlated with most, and by how much."""
+
+    parameter: str
+    entity: str
+    correlation: float
+
+    def __str__(self) -> str:
+        return f"{self.parameter} of {self.entity}"
+
+
+@dataclass(frozen=True)
+class ParameterVerdict:
+    """What a flight says about one parameter.
+
+    Attributes
+    ----------
+    parameter, entity : as in parameters.parquet.
+    verdict : see there.
+    because : a sentence; empty where nothing is to be said.
+    sigma, limit : in the unit of the table; None where held, or where there is no limit.
+    sigma_over_prior : σ/σ_prior; None without a prior.
+    strongest : the other quantity of the calibration it is correlated with most; None if there is none.
+    """
+
+    parameter: str
+    entity: str
+    verdict: ParameterVerdictWord
+    because: str = ""
+    sigma: float | None = None
+    limit: float | None = None
+    sigma_over_prior: float | None = None
+    strongest: Correlated | None = None
+
+    def __str__(self) -> str:
+        return f"{self.parameter} of {self.entity}"
+
+
+@dataclass(frozen=True)
+class FlightVerdict:
+    """Whether a flight calibrates what it was to calibrate.
+
+    Attributes
+    ----------
+    verdict : accepted or refused.
+    reasons : why it is refused, sentences.
+    remarks : what else must be known, sentences.
+    """
+
+    verdict: Verdict
+    reasons: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def parameter_verdicts(
+    parameters: pd.DataFrame, correlations: pd.DataFrame, pattern: FlightPattern, limits: AcceptanceLimits
+) -> Mapping[Key, ParameterVerdict]:
+    """The verdict of every row of a table of parameters.
+
+    Parameters
+    ----------
+    parameters, correlations : parameters.parquet and correlations.parquet.
+    """
+    strongest = strongest_correlations(correlations)
+    found = {}
+    for row in parameters.to_dict("records"):
+        key = (str(row["parameter"]), str(row["entity"]))
+        found[key] = _of_parameter(row, strongest.get(key), pattern, limits)
+    return found
+
+
+def strongest_correlations(correlations: pd.DataFrame) -> Mapping[Key, Correlated]:
+    """Of every quantity of a calibration the strongest correlation with another one; strips left out."""
+    found: dict[Key, Correlated] = {}
+    columns = ("parameter_a", "entity_a", "parameter_b", "entity_b", "correlation")
+    for name_a, entity_a, name_b, entity_b, value in zip(
+        *(correlations[column] for column in columns), strict=True
+    ):
+        if not (is_calibrated(name_a) and is_calibrated(name_b) and np.isfinite(value)):
+            continue
+        pair = ((name_a, entity_a), (name_b, entity_b))
+        for one, other in (pair, pair[::-1]):
+            if one not in found or abs(value) > abs(found[one].correlation):
+                found[one] = Correlated(*other, float(value))
+    return found
+
+
+def _of_parameter(
+    row: Mapping[Hashable, object],
+    strongest: Correlated | None,
+    pattern: FlightPattern,
+    limits: AcceptanceLimits,
+) -> ParameterVerdict:
+    name, entity, unit, status = (str(row[key]) for key in ("parameter", "entity", "unit", "status"))
+    sigma, prior = _number(row["sigma"]), _number(row["sigma_prior"])
+    if sigma is None:
+        because = "It was offered and eliminated as not significant." if status == "eliminated" else ""
+        return ParameterVerdict(name, entity, "held", because)
+    limit = sigma_limit(name, limits)
+    ratio = None if prior is None else sigma / prior
+    said = _Said(name, sigma, unit, limit, ratio, strongest, pattern, limits)
+    verdict, because = _judged(status, said) if is_calibrated(name) else _of_strip(said)
+    return ParameterVerdict(name, entity, verdict, f"{because}.", sigma, limit, ratio, strongest)
+
+
+def _of_strip(said: _Said) -> tuple[ParameterVerdictWord, str]:
+    """Of a bias or drift of a strip: it is random about its prior, and nothing that a calibration keeps."""
+    return "determined", f"{said.numbers}; random in every strip, and no part of the calibration"
+
+
+def _judged(status: str, said: _Said) -> tuple[ParameterVerdictWord, str]:
+    """Verdict and reason of a quantity of the calibration."""
+    if status == "not_determinable":
+        return "not_determinable", f"not to be told from other parameters ({said.numbers}); {said.advice}"
+    if status == "prior_only" or (said.ratio is not None and said.ratio > MOSTLY_PRIOR):
+        return (
+            "not_determinable",
+            f"most of what is known of it was known before ({said.numbers}); {said.advice}",
+        )
+    excess = 0.0 if said.limit is None else said.sigma / said.limit
+    if excess > said.limits.weak_up_to:
+        return "not_determinable", f"{said.numbers}; {said.advice}"
+    if excess > 1.0 or (said.ratio is not None and said.ratio > said.limits.sigma_over_prior):
+        return "weak", f"{said.numbers}; {said.advice}"
+    return "determined", said.numbers
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What can be said about one free parameter."""
+
+    name: str
+    sigma: float
+    unit: str
+    limit: float | None
+    ratio: float | None
+    strongest: Correlated | None
+    pattern: FlightPattern
+    limits: AcceptanceLimits
+
+    @property
+    def numbers(self) -> str:
+        """σ beside its limit, beside its prior, and the strongest correlation."""
+        parts = [f"σ {written_sigma(self.sigma, self.unit)}"]
+        if self.limit is not None:
+            parts.append(f"limit {written_sigma(self.limit, self.unit)}")
+        if self.ratio is not None:
+            parts.append(f"σ/σ_prior {self.ratio:.2f}")
+        if self.strongest is not None:
+            sign = "−" if self.strongest.correlation < 0.0 else ""
+            parts.append(f"correlated {sign}{percent(self.strongest.correlation)} with {self.strongest}")
+        return ", ".join(parts)
+
+    @property
+    def advice(self) -> str:
+        """What would determine it that this flight does not have yet."""
+        remedies: tuple[str, ...] = ()
+        if self.strongest is not None and abs(self.strongest.correlation) >= _ENTANGLED:
+            remedies = separating((self.name, self.strongest.parameter))
+        missing = [remedy for remedy in remedies or determining(self.name) if not self._has(remedy)]
+        return f"to determine it: {listed(missing or [_MORE_STRIPS])}"
+
+    def _has(self, remedy: str) -> bool:
+        if remedy == HEADINGS:
+            return len(self.pattern.directions) >= self.limits.headings
+        return remedy == HEIGHTS and self.pattern.height_ratio >= self.limits.height_ratio
+
+
+def flight_verdict(
+    parameters: pd.DataFrame,
+    verdicts: Mapping[Key, ParameterVerdict],
+    pattern: FlightPattern,
+    limits: AcceptanceLimits,
+) -> FlightVerdict:
+    """Whether the flight is accepted as a calibration flight, with the reasons why not.
+
+    Refused if a quantity of the calibration is not determined, or if what is calibrated needs directions or
+    heights that were not flown.
+    """
+    calibrated = [
+        item for item in verdicts.values() if item.sigma is not None and is_calibrated(item.parameter)
+    ]
+    if not calibrated:
+        return FlightVerdict("refused", ("No quantity of a calibration was estimated; free some of them.",))
+    reasons = _of_pattern({item.parameter for item in calibrated}, pattern, limits)
+    free_strips, about_strips = _about_strips(parameters, calibrated)
+    reasons += free_strips
+    reasons += [
+        f"{item} is {item.verdict.replace('_', ' ')}: {item.because}"
+        for item in calibrated
+        if item.verdict != "determined"
+    ]
+    remarks = about_strips + _about_correlations(calibrated, limits)
+    return FlightVerdict("refused" if reasons else "accepted", tuple(reasons), tuple(remarks))
+
+
+def _of_pattern(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:
+    """Sentences about directions and heights that the estimated parameters need and that were not flown."""
+    reasons = []
+    turning = sorted({kind for kind in _NEEDS_HEADINGS for name in names if name.startswith(kind)})
+    directions = len(pattern.directions)
+    if turning and directions < limits.headings:
+        kinds = listed([kind.replace("_", " ") for kind in turning])
+        what = "one direction" if directions == 1 else f"{directions} directions"
+        reasons.append(
+            f"Flown in {what} only ({direction_words(pattern)}), but {kinds} need {limits.headings}: fly the "
+            "lines in the opposite direction, too, or lines across."
+        )
+    both = any(name.startswith("principal_point") for name in names) and any(
+        name.startswith("lever_arm") for name in names
+    )
+    if ("focal_length" in names or both) and pattern.height_ratio < limits.height_ratio:
+        what = "the focal length" if "focal_length" in names else "principal point and lever arm"
+        reasons.append(
+            f"Flown at {height_words(pattern)}: {what} from GNSS positions needs heights in a ratio of "
+            f"{limits.height_ratio:g} at least. Fly some of the lines at "
+            f"{limits.height_ratio * pattern.heights[0]:.0f} m or more."
+        )
+    return reasons
+
+
+def _about_strips(
+    parameters: pd.DataFrame, calibrated: list[ParameterVerdict]
+) -> tuple[list[str], list[str]]:
+    """Reasons and remarks about shifts of strips beside an interior orientation."""
+    interior = [item for item in calibrated if item.parameter in INTERIOR]
+    by_gnss = interior + [item for item in calibrated if item.parameter.startswith(("gnss", "lever"))]
+    of_strips = parameters[parameters["parameter"].isin(OF_STRIPS[:3]) & parameters["sigma"].notna()]
+    if of_strips.empty:
+        remark = (
+            "No GNSS error common to a strip was allowed for (`gnss_strip_bias`): if there is one, the "
+            "standard deviations are too small."
+        )
+        return [], [remark] if by_gnss else []
+    prior = of_strips["sigma_prior"].to_numpy(np.float64)
+    wide = ~(prior <= _WIDE_PRIOR_M)
+    if not (interior and wide.any()):
+        return [], []
+    widest = "without a prior" if np.isnan(prior).any() else f"with a prior of {prior.max():.3g} m"
+    numbers = listed([f"{item.parameter} {written_sigma(item.sigma or 0.0, 'mm')}" for item in interior])
+    sentence = (
+        f"The GNSS shifts of the strips are free ({widest}) together with the interior orientation, of which "
+        f"they take most: σ of {numbers}. Give `adjustment.priors.gnss_strip_bias_m` the size such errors "
+        "really have (0.03 m)."
+    )
+    bad = any(item.verdict != "determined" for item in interior)
+    return ([sentence], []) if bad else ([], [sentence])
+
+
+def _about_correlations(calibrated: list[ParameterVerdict], limits: AcceptanceLimits) -> list[str]:
+    """Remarks about determined parameters that are strongly correlated, each pair once."""
+    seen: set[frozenset[Key]] = set()
+    remarks = []
+    for item in calibrated:
+        other = item.strongest
+        if item.verdict != "determined" or other is None or abs(other.correlation) <= limits.correlation:
+            continue
+        pair = frozenset({(item.parameter, item.entity), (other.parameter, other.entity)})
+        if pair not in seen:
+            seen.add(pair)
+            remarks.append(
+                f"{item} and {other} are {percent(other.correlation)} correlated, though determined: their "
+                "values belong together."
+            )
+    return remarks
+
+
+def _number(value: object) -> float | None:
+    """A number of a table; None where it is missing."""
+    number = float(value) if isinstance(value, int | float) else float("nan")
+    return number if np.isfinite(number) else None

@@ -1,0 +1,54 @@
+"""Settings of a system calibration: when its result is good enough to be used."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from tasks.settings.base import Settings
+from tasks.settings.coordinates import Positive
+
+
+class AcceptanceLimits(Settings):
+    """What a calibration flight must reach, standard deviations computed with the stochastic model given."""
+
+    focal_length_um: Positive = Field(default=2.0, description="σ of the focal length, µm.")
+    principal_point_um: Positive = Field(default=1.0, description="σ of the principal point x, y, µm.")
+    roll_pitch_deg: Positive = Field(default=0.0005, description="σ of boresight roll and pitch, degrees.")
+    yaw_deg: Positive = Field(default=0.001, description="σ of boresight yaw, degrees.")
+    shift_m: Positive = Field(default=0.03, description="σ of a GNSS shift x, y, z, m.")
+    lever_arm_m: Positive = Field(default=0.03, description="σ of a lever arm x, y, z, m.")
+    sigma_over_prior: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        default=0.3,
+        description="σ over the σ of the initial value; near 1 the flight has added nothing to what was "
+        "known before, however small the correlations are.",
+    )
+    weak_up_to: Annotated[float, Field(ge=1.0)] = Field(
+        default=3.0,
+        description="Multiple of a limit up to which a parameter is called weak; beyond it is not "
+        "determinable.",
+    )
+    headings: Annotated[int, Field(ge=1)] = Field(
+        default=2,
+        description="Flight directions (opposite or crossing), where a principal point, a shift or a lever "
+        "arm is calibrated.",
+    )
+    height_ratio: Annotated[float, Field(ge=1.0)] = Field(
+        default=2.0,
+        description="Highest over lowest flying height above ground, where a focal length, or a principal "
+        "point together with a lever arm, is calibrated; 1: one height may do, if the σ are reached.",
+    )
+    correlation: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=0.95,
+        description="Correlation of two calibrated parameters that is remarked on. Never a reason to "
+        "refuse: c and the shift in height are correlated by 0.9 and more in good flights.",
+    )
+
+
+class CalibrationSettings(Settings):
+    """The system calibration."""
+
+    limits: AcceptanceLimits = Field(
+        default_factory=AcceptanceLimits, description="What the flight must reach to be accepted."
+    )
