@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flows.stage import stage
 from tasks import approximate, ingest
 from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
 from tasks.storage.store import Outputs, Store
 
 import_exposures = stage(ingest.import_exposures)
@@ -28,6 +29,10 @@ class PreparedBlock:
     def stages(self) -> tuple[Outputs, ...]:
         """All outputs, for publishing and for their notes."""
         return (self.exposures, self.control, self.image_points, self.approximate)
+
+    def with_cameras(self, cameras: Artifact) -> PreparedBlock:
+        """The same block with another table of cameras."""
+        return replace(self, exposures={**self.exposures, "cameras": cameras})
 
 
 def prepare_block(project: Project, store: Store) -> PreparedBlock:

@@ -10,7 +10,7 @@ from tasks import publish as publishing
 from tasks.georeferencing.report import page
 from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
-from tasks.storage.store import Store
+from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
 
 check_georeferencing = stage(checking.check_georeferencing)
@@ -26,8 +26,17 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
     block = prepare_block(project, store)
     adjusts = project.direct_georeferencing.calibration.adjustment
     stages = (*block.stages, adjusted_block(project, store, block)) if adjusts else block.stages
+    stages = (*stages, checked_block(project, store, stages))
+    page_outputs = page_of_check(project, store, stages)
+    if not adjusts:
+        return publish(store, project, (*stages, page_outputs), publishing.OF_CHECKS)
+    return publish(store, project, (*stages, page_outputs, report_of(project, store, stages)))
+
+
+def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:
+    """Georeference a prepared block with a calibration: the one stated, or that of the adjustment before."""
     outputs = {name: artifact for one in stages for name, artifact in one.items()}
-    checked = check_georeferencing(
+    return check_georeferencing(
         store,
         exposures=outputs["exposures"],
         cameras=outputs["cameras"],
@@ -42,14 +51,14 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
         control_residuals=outputs.get("control_residuals"),
         residual_grid=outputs.get("residual_grid"),
     )
-    stages = (*stages, checked)
-    page_outputs = write_georeferencing_page(
+
+
+def page_of_check(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:
+    """The page about the check among the stages."""
+    return write_georeferencing_page(
         store,
         stages=stages,
         project=project,
         name=project.project.name,
         files=delivered_names(project),
     )
-    if not adjusts:
-        return publish(store, project, (*stages, page_outputs), publishing.OF_CHECKS)
-    return publish(store, project, (*stages, page_outputs, report_of(project, store, stages)))

@@ -8,6 +8,7 @@ from pathlib import Path
 from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunOutcome, RunRequest, carry_out
 from flows.stage import stage
+from flows.system_calibration import system_calibration
 from tasks import simulate, truth_comparison
 from tasks.settings.simulation import Simulation
 from tasks.truth_comparison import TruthComparison
@@ -24,10 +25,16 @@ class FlightCheck:
     comparison: TruthComparison | None
 
 
-def flight_check(simulation: Simulation, directory: Path) -> FlightCheck:
-    """Simulate into a folder, run the project found there, compare the results with the truth."""
+def flight_check(simulation: Simulation, directory: Path, *, calibrates: bool = False) -> FlightCheck:
+    """Simulate into a folder, run the project found there, compare the results with the truth.
+
+    Parameters
+    ----------
+    calibrates : run the system calibration, not the aerial triangulation alone.
+    """
     files = simulate_project(simulation, directory)
-    outcome = carry_out(aerial_triangulation, RunRequest(files.project_file))
+    story = system_calibration if calibrates else aerial_triangulation
+    outcome = carry_out(story, RunRequest(files.project_file))
     if outcome.error is not None:
         return FlightCheck(outcome, None)
     return FlightCheck(outcome, compare_with_truth(directory, outcome.directory))

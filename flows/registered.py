@@ -23,6 +23,7 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, carry_out  # noqa: E402
 from flows.scenario_sweep import carry_out_sweep  # noqa: E402
+from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
@@ -104,6 +105,28 @@ def direct_georeferencing_check(
 
 
 @flow(
+    name="system-calibration",
+    flow_run_name=run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    validate_parameters=True,
+)
+def system_calibration(
+    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
+) -> State[None]:
+    """Calibrate camera, mounting and GNSS from the calibration flight of a project file.
+
+    Parameters
+    ----------
+    project_file : the project's TOML file; its table [calibration] says what is estimated.
+    out : output folder; by default ``results`` beside the project file.
+    overrides : values to replace, each as ``a.b.c=VALUE``.
+    data : a second folder for relative input paths.
+    """
+    return state_of(carry_out(system_calibration_story, _request(project_file, out, overrides, data)))
+
+
+@flow(
     name="scenario-sweep",
     flow_run_name=run_name,
     timeout_seconds=24 * _HOUR_S,
@@ -142,8 +165,9 @@ def flight_check(
     out: str = "flight-check",
     overrides: list[str] | None = None,
     seed: int | None = None,
+    calibrate: bool = False,
 ) -> State[None]:
-    """Simulate a block, adjust it, compare every estimate with the truth.
+    """Simulate a block, adjust it or calibrate from it, compare every estimate with the truth.
 
     Parameters
     ----------
@@ -151,12 +175,13 @@ def flight_check(
     out : folder of the simulated project.
     overrides : values of the specification to replace, each as ``a.b.c=VALUE``.
     seed : of all random numbers.
+    calibrate : run the system calibration, not the aerial triangulation alone.
     """
     try:
         specification = load_simulation(simulation, tuple(overrides or ()), seed)
     except InputError as error:
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
-    check = flight_check_story(specification, Path(out))
+    check = flight_check_story(specification, Path(out), calibrates=calibrate)
     contradictions = () if check.comparison is None else check.comparison.contradictions()
     if contradictions:
         return Failed(name="ContradictsTruth", message=" ".join(contradictions))

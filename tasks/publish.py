@@ -57,6 +57,8 @@ OF_SWEEPS = ("sweep",)
 #: Published besides the tables.
 DOCUMENTS = ("report", "georeferencing_check")
 EVERYTHING = (*PUBLISHED, *DOCUMENTS)
+#: What a system calibration publishes; the records of the cameras come with their own names.
+OF_CALIBRATIONS = (*EVERYTHING, "orientation_differences", "orientation_difference_means")
 
 
 def publish(

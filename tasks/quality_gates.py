@@ -25,6 +25,8 @@ _DIRECT_FIGURES = {
     "y_parallax_rms_um": "y_parallax_rms_um",
     "y_parallax_max_um": "y_parallax_max_um",
 }
+#: Figures of a system calibration; its limits are tested whatever the gates are.
+_CALIBRATION = "calibration"
 #: The figure that every adjustment has, if only as null.
 _ADJUSTMENT = "sigma0"
 
@@ -75,7 +77,15 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
             sentences.append(
                 f"The gate {name} counts as failed: this run has no such figure that could be tested."
             )
-    return tuple(results), tuple(sentences)
+    return (*results, *_of_calibration(figures)), tuple(sentences)
+
+
+def _of_calibration(figures: Mapping[str, JSON]) -> Iterator[GateResult]:
+    """The limits of a calibration flight together: none of them may be missed."""
+    calibration = figures.get(_CALIBRATION)
+    if isinstance(calibration, Mapping) and isinstance(calibration.get("reasons"), Sequence):
+        missed = float(len(calibration["reasons"]))  # type: ignore[arg-type]
+        yield _tested("missed_limits_of_calibration", missed, 0.0, "1", "max")
 
 
 def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:

@@ -13,15 +13,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
+from scipy import special
 
 from adjust.arrays import Floats
+from tasks.calibration.quantities import is_calibrated
 from tasks.errors import InputError
 from tasks.simulation.simulation_truth import TRUTH
+from tasks.tables.covariance import Key, covariance_of
 
 # A single block is one draw: its unknowns are correlated, so the pooled ratio scatters about 1.
 _POOLED_LIMITS = (0.8, 1.2)
+# A focal length that is estimated moves all projection centres together, in proportion to their height: then
+# their ratio is little more than one draw of its own error, which is tested by itself.
+_POOLED_LIMITS_OF_POSITIONS = (0.3, 3.0)
 # Exceeded once in 16,000 parameters.
 _LARGEST_T = 4.0
+_SMALLEST_PROBABILITY = 6e-5
+POSITIONS = "positions"
 
 
 @dataclass(frozen=True)
@@ -64,27 +72,61 @@ class RecoveredKind:
 
 
 @dataclass(frozen=True)
+class JointTest:
+    """All errors of the parameters together: eᵀ C⁻¹ e with their covariance matrix.
+
+    Attributes
+    ----------
+    freedom : number of parameters.
+    limit : exceeded by chance once in a hundred.
+    probability : of a value as large by chance.
+    """
+
+    chi_squared: float
+    freedom: int
+    limit: float
+    probability: float
+
+
+@dataclass(frozen=True)
 class TruthComparison:
-    """What an adjustment made of a block whose truth is known."""
+    """What an adjustment made of a block whose truth is known.
+
+    Attributes
+    ----------
+    parameters : of the cameras and flights.
+    kinds : many unknowns of one kind; the biases and drifts of the strips are among them.
+    joint : of the parameters; None without any.
+    """
 
     parameters: tuple[RecoveredParameter, ...]
     kinds: tuple[RecoveredKind, ...]
+    joint: JointTest | None = None
 
     def contradictions(self) -> tuple[str, ...]:
         """Sentences about what does not agree with the truth within its own standard deviation."""
-        low, high = _POOLED_LIMITS
         found = [
             f"{item.parameter} of {item.entity} is wrong by {item.t:+.1f} of its standard deviation."
             for item in self.parameters
             if not abs(item.t) <= _LARGEST_T
         ]
+        if self.joint is not None and self.joint.probability < _SMALLEST_PROBABILITY:
+            found.append(
+                f"The {self.joint.freedom} parameters together are wrong: χ² {self.joint.chi_squared:.1f}."
+            )
         found += [
             f"The errors of the {item.kind} are {item.pooled:.2f} times their standard deviations; "
             f"{low:g} to {high:g} is expected."
             for item in self.kinds
+            for low, high in (self._limits(item.kind),)
             if not low <= item.pooled <= high
         ]
         return tuple(found)
+
+    def _limits(self, kind: str) -> tuple[float, float]:
+        """Smallest and largest pooled ratio of a kind that chance lets expect."""
+        common = any(item.parameter == "focal_length" for item in self.parameters)
+        return _POOLED_LIMITS_OF_POSITIONS if kind == POSITIONS and common else _POOLED_LIMITS
 
 
 def compare_with_truth(project: Path, results: Path) -> TruthComparison:
@@ -111,11 +153,12 @@ def compare_with_truth(project: Path, results: Path) -> TruthComparison:
     points = _joined(truth, results, "object_points", ["point"])
     angles = ("omega_deg", "phi_deg", "kappa_deg")
     kinds = (
-        _kind("positions", "m", orientations, ("x_m", "y_m", "z_m")),
+        _kind(POSITIONS, "m", orientations, ("x_m", "y_m", "z_m")),
         _kind("attitudes", "deg", orientations, angles),
         _kind("object points", "m", points, ("x_m", "y_m", "z_m")),
     )
-    return TruthComparison(_parameters(truth, results), kinds)
+    estimated, of_strips = _parameters(truth, results)
+    return TruthComparison(estimated, (*kinds, *_of_strips(of_strips)), _joint(results, estimated))
 
 
 def _joined(truth: Path, results: Path, name: str, key: list[str]) -> pd.DataFrame:
@@ -145,10 +188,12 @@ def _root_mean_square(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _parameters(truth: Path, results: Path) -> tuple[RecoveredParameter, ...]:
-    """The estimated parameters whose truth is known."""
+def _parameters(
+    truth: Path, results: Path
+) -> tuple[tuple[RecoveredParameter, ...], tuple[RecoveredParameter, ...]]:
+    """The estimated parameters whose truth is known: those of cameras and flights, and those of strips."""
     table = _joined(truth, results, "parameters", ["parameter", "entity", "unit"])
-    return tuple(
+    found = [
         RecoveredParameter(
             str(row["parameter"]),
             str(row["entity"]),
@@ -158,4 +203,39 @@ def _parameters(truth: Path, results: Path) -> tuple[RecoveredParameter, ...]:
             float(row["sigma"]),
         )
         for row in table[table["sigma"].notna()].to_dict("records")
+    ]
+    kept = tuple(item for item in found if is_calibrated(item.parameter))
+    return kept, tuple(item for item in found if not is_calibrated(item.parameter))
+
+
+def _of_strips(found: tuple[RecoveredParameter, ...]) -> tuple[RecoveredKind, ...]:
+    """The biases and drifts of the strips, by their unit."""
+    kinds = []
+    for unit in dict.fromkeys(item.unit for item in found):
+        own = [item for item in found if item.unit == unit]
+        error: Floats = np.array([item.estimated - item.true for item in own])
+        sigma: Floats = np.array([item.sigma for item in own])
+        numbers = (_root_mean_square(error), _root_mean_square(sigma), _root_mean_square(error / sigma))
+        kinds.append(
+            RecoveredKind("strips' biases" if unit == "m" else "strips' drifts", unit, len(own), *numbers)
+        )
+    return tuple(kinds)
+
+
+def _joint(results: Path, found: tuple[RecoveredParameter, ...]) -> JointTest | None:
+    """The test of all parameters together."""
+    if not found:
+        return None
+    tables = [
+        pq.read_table(results / f"{name}.parquet").to_pandas() for name in ("parameters", "correlations")
+    ]
+    keys: list[Key] = [(item.parameter, item.entity) for item in found]
+    error: Floats = np.array([item.estimated - item.true for item in found])
+    chi_squared = float(error @ np.linalg.solve(covariance_of(keys, *tables), error))
+    freedom = len(found)
+    return JointTest(
+        chi_squared,
+        freedom,
+        float(special.chdtri(freedom, 0.01)),
+        float(special.chdtrc(freedom, chi_squared)),
     )

@@ -13,7 +13,7 @@ from flows.prefect_settings import prepare_prefect, require_server, server_addre
 from flows.project_run import RunOutcome, RunRequest, carry_out
 
 #: A story of a project: module in flows, function in it, and Prefect flow all have this name.
-StoryName: TypeAlias = Literal["aerial_triangulation", "direct_georeferencing_check"]
+StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
 
 
 def execute(

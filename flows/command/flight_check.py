@@ -24,8 +24,12 @@ def flight_check(
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", help="Seed of all random numbers.", min=0)
     ] = None,
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Run the system calibration and its checks."),
+    ] = False,
 ) -> None:
-    """Simulate a flight, adjust it, and compare every estimate with the truth.
+    """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with the truth.
 
     A sound installation gives errors that agree with the standard deviations it states.
 
@@ -33,10 +37,12 @@ def flight_check(
 
       aerocal flight-check
 
+      aerocal flight-check uce-calibration --calibrate
+
       aerocal flight-check dmc-burn-in --out trial --seed 7
 
     [bold]Exit codes[/bold]  0 agrees with the truth · 2 specification wrong · 4 contradicts the truth
     """
     from flows.command.truth_table import check_and_show
 
-    end_with(lambda: check_and_show(source, out, tuple(overrides or ()), seed))
+    end_with(lambda: check_and_show(source, out, tuple(overrides or ()), seed, calibrates=calibrate))

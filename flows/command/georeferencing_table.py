@@ -34,11 +34,18 @@ _SETS = (
 )
 
 
-def georeferencing_table(found: DirectGeoreferencing) -> RenderableType:
-    """Differences east, north, up beside their prediction, y-parallaxes, and what standards let say."""
+def georeferencing_table(found: DirectGeoreferencing, *, in_brief: bool = False) -> RenderableType:
+    """Differences east, north, up beside their prediction, y-parallaxes, and what standards let say.
+
+    Parameters
+    ----------
+    in_brief : without the points of single models.
+    """
     figures = cast(Mapping[str, JSON], found.model_dump())
     parts: list[RenderableType] = []
     for name, title in _SETS:
+        if in_brief and name == "in_models":
+            continue
         table = _differences(figures if not name else _table(figures[name]))
         if table.row_count:
             parts += [Text(title, style="bold"), Padding(table, (0, 0, 1, 0))]

@@ -10,6 +10,7 @@ from typing import NoReturn
 import typer
 
 from flows.command.adjust import adjust
+from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
@@ -47,6 +48,7 @@ app = typer.Typer(
 )
 app.command()(run)
 app.command()(adjust)
+app.command()(calibrate)
 app.command()(check)
 app.command()(doctor)
 app.command()(simulate)

@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.calibration_table import calibration_of, calibration_table
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.project_run import RunOutcome
 from tasks.storage.json_text import json_text
@@ -44,13 +45,16 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     summary = outcome.summary
     word, style = _WORDS[summary.status]
     checked, adjusted = summary.direct_georeferencing, summary.sigma0 is not None
-    done = " and ".join(["adjusted"] * (adjusted or checked is None) + ["checked"] * (checked is not None))
+    calibration = calibration_of(summary)
+    adjusted_word = "adjusted" if calibration is None else "calibrated"
+    done = " and ".join([adjusted_word] * (adjusted or checked is None) + ["checked"] * (checked is not None))
     parts: list[RenderableType] = [Text(f"\n{word.format(done)}", style=style)]
     parts += [_problems(summary.problems)] if summary.problems else []
     parts += [_figures(summary)] if adjusted or checked is None else []
+    parts += [] if calibration is None else [Text(), calibration_table(summary, calibration)]
     parts += [] if checked is None else [Text(), georeferencing_table(checked)]
     estimated = any(item.sigma is not None for item in summary.parameters or ())
-    parts += [Text(), _parameters(summary)] if estimated else []
+    parts += [Text(), _parameters(summary)] if estimated and calibration is None else []
     parts += [Text(), _gates(summary)] if summary.gates else []
     reports = ["report.html"] * (adjusted or checked is None) + [CHECK_PAGE] * (checked is not None)
     parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))

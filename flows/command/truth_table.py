@@ -9,22 +9,52 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.calibration_table import calibration_of, calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
+from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
 from flows.flight_check import flight_check
+from flows.project_run import RunOutcome
 from tasks.settings.load_simulation import load_simulation
-from tasks.truth_comparison import TruthComparison
+from tasks.settings.simulation import PublishedCheck
+from tasks.summary import Summary
+from tasks.truth_comparison import JointTest, RecoveredParameter, TruthComparison
+
+# Factor from the unit of the tables, unit, and decimals in which a parameter is shown.
+_SHOWN = {"mm": (1e3, "µm", 2), "deg": (1e3, "mdeg", 3), "m": (1e2, "cm", 2)}
 
 
-def check_and_show(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:
+def check_and_show(
+    source: str, out: Path, overrides: tuple[str, ...], seed: int | None, *, calibrates: bool = False
+) -> int:
     """Run the flight check; returns the exit code."""
     show_progress()
-    check = flight_check(load_simulation(source, overrides, seed), out)
+    simulation = load_simulation(source, overrides, seed)
+    check = flight_check(simulation, out, calibrates=calibrates)
     if check.comparison is None:
         complain(str(check.outcome.error))
         return OF_STATUS[check.outcome.summary.status]
     console = Console()
-    counts, summary = check.outcome.summary.counts, check.outcome.summary
+    summary = check.outcome.summary
+    _show_size(console, summary)
+    if check.comparison.parameters:
+        console.print(_parameters(check.comparison, simulation.truth.source))
+    if check.comparison.joint is not None:
+        console.print(_joint(check.comparison.joint))
+    console.print(_kinds(check.comparison))
+    calibration = calibration_of(summary)
+    if calibration is not None:
+        console.print(Text(), calibration_verdict(calibration))
+    if summary.direct_georeferencing is not None:
+        console.print(Text("\nDirect georeferencing with these values", style="bold"))
+        console.print(georeferencing_table(summary.direct_georeferencing, in_brief=True))
+        if simulation.truth.published is not None:
+            console.print(_published(simulation.truth.published))
+    return _verdict(console, check.comparison, check.outcome)
+
+
+def _show_size(console: Console, summary: Summary) -> None:
+    counts = summary.counts
     console.print(
         Text(
             f"\n{counts.images:,} images, {counts.object_points:,} object points, {counts.image_points:,} "
@@ -32,30 +62,57 @@ def check_and_show(source: str, out: Path, overrides: tuple[str, ...], seed: int
             f"redundancy {summary.redundancy:,.0f}"
         )
     )
-    if check.comparison.parameters:
-        console.print(_parameters(check.comparison))
-    console.print(_kinds(check.comparison))
-    return _verdict(console, check.comparison, check.outcome.directory)
 
 
-def _parameters(comparison: TruthComparison) -> Table:
-    table = Table("parameter", "entity", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+def _published(check: PublishedCheck) -> Text:
+    """What a paper says of the same check."""
+    parts = []
+    if check.rmse_m is not None:
+        parts.append(f"RMS {', '.join(f'{value:.3f}' for value in check.rmse_m)} m")
+    if check.y_parallax_max_um is not None:
+        parts.append(f"largest y-parallax {check.y_parallax_max_um:g} µm")
+    return Text(f"• Published: {'; '.join(parts)}. {check.remark}")
+
+
+def _parameters(comparison: TruthComparison, source: str | None) -> Table:
+    table = Table(
+        "parameter",
+        "entity",
+        title="\nEstimates beside the truth",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+    )
     for column in ("true", "estimated", "± σ"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
-    table.add_column("error/σ", justify="right")
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("error/σ", justify="right", no_wrap=True)
     for item in comparison.parameters:
-        digits = 5 if item.unit == "deg" else 4
-        table.add_row(
-            item.parameter,
-            item.entity,
-            f"{item.true:.{digits}f}",
-            f"{item.estimated:.{digits}f}",
-            f"{item.sigma:.{digits}f}",
-            item.unit,
-            f"{item.t:+.2f}",
-        )
+        table.add_row(item.parameter, item.entity, *_numbers(item), f"{item.t:+.2f}")
+    if source is not None:
+        table.caption, table.caption_justify = f"true = {source}", "left"
     return table
+
+
+def _numbers(item: RecoveredParameter) -> tuple[str, str, str, str]:
+    """True and estimated value, σ and unit; a focal length in mm, because it is no small change."""
+    factor, unit, decimals = _SHOWN.get(item.unit, (1.0, item.unit, 6))
+    if item.parameter == "focal_length":
+        factor, unit, decimals = 1.0, item.unit, 5
+    values = (item.true, item.estimated, item.sigma)
+    true, estimated, sigma = (f"{factor * value:.{decimals}f}" for value in values)
+    return true, estimated, sigma, unit
+
+
+def _joint(test: JointTest) -> Text:
+    style = "" if test.chi_squared < test.limit else "yellow"
+    return Text(
+        f"The {test.freedom} parameters together: χ² = {test.chi_squared:.1f}; 99 of 100 flights stay below "
+        f"{test.limit:.1f}.\n",
+        style=style,
+    )
 
 
 def _kinds(comparison: TruthComparison) -> Table:
@@ -77,7 +134,7 @@ def _kinds(comparison: TruthComparison) -> Table:
     return table
 
 
-def _verdict(console: Console, comparison: TruthComparison, directory: Path) -> int:
+def _verdict(console: Console, comparison: TruthComparison, outcome: RunOutcome) -> int:
     contradictions = comparison.contradictions()
     if contradictions:
         console.print(Text("\nThe result contradicts the truth:", style="bold red"))
@@ -85,5 +142,7 @@ def _verdict(console: Console, comparison: TruthComparison, directory: Path) -> 
             console.print(Text(f"• {sentence}", style="red"))
     else:
         console.print(Text("\nEvery estimate agrees with the truth within its own σ.", style="bold green"))
-    console.print(Text(f"Report: {directory / 'report.html'}"), soft_wrap=True)
+    checked = outcome.summary.direct_georeferencing is not None
+    for page in ("report.html", *([CHECK_PAGE] if checked else [])):
+        console.print(Text(f"Report: {outcome.directory / page}"), soft_wrap=True)
     return GATE_FAILED if contradictions else DONE

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings
 from tasks.settings.coordinates import Positive
 
@@ -48,6 +49,20 @@ class AcceptanceLimits(Settings):
 
 class CalibrationSettings(Settings):
     """The system calibration."""
+
+    free: tuple[FreeParameter, ...] = Field(
+        default=("boresight", "gnss_shift", "gnss_strip_bias", "focal_length", "principal_point"),
+        description="What `aerocal calibrate` estimates, in the place of `adjustment.free`; additional "
+        "parameters are those of `adjustment.self_calibration`. First mounting and GNSS are released, then "
+        "the interior orientation, then additional parameters; what the flight does not determine is held. "
+        "Strip biases of GNSS belong to it: taken for white noise, they make everything look better than "
+        "it is.",
+    )
+    two_step: bool = Field(
+        default=True,
+        description="Whether the block is also adjusted on control alone and the differences to GNSS and INS "
+        "are averaged (two-step calibration), beside the one-step calibration in the adjustment.",
+    )
 
     limits: AcceptanceLimits = Field(
         default_factory=AcceptanceLimits, description="What the flight must reach to be accepted."

@@ -300,8 +300,25 @@ class SimulatedImageErrors(Settings):
     )
 
 
+class PublishedCheck(Settings):
+    """What was published for the flight that is simulated, shown beside what the simulation gives."""
+
+    rmse_m: PositiveTriple | None = Field(
+        default=None, description="RMS at check points by direct georeferencing, east, north, up, m."
+    )
+    y_parallax_max_um: Positive | None = Field(default=None, description="Largest y-parallax, µm.")
+    remark: str = Field(default="", description="What must be known to compare, a sentence.")
+
+
 class SimulatedTruth(Settings):
     """The true camera system; the project states zero, and the certified interior orientation."""
+
+    source: str | None = Field(
+        default=None, description="Where these values come from, for people; shown beside the estimates."
+    )
+    published: PublishedCheck | None = Field(
+        default=None, description="Published results of a check with these values."
+    )
 
     focal_length_change_mm: Finite = Field(default=0.0, description="True minus certified c, mm.")
     principal_point_change_mm: Pair = Field(

@@ -14,6 +14,7 @@ from tasks.settings.document import settings_section
 from tasks.settings.load_simulation import preset_names, preset_text
 from tasks.settings.simulation import (
     FlightLines,
+    PublishedCheck,
     SimulatedCamera,
     SimulatedControl,
     SimulatedGrossErrors,
@@ -39,6 +40,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[noise]", SimulatedNoise, ""),
     ("[noise.gross_errors]", SimulatedGrossErrors, ""),
     ("[truth]", SimulatedTruth, ""),
+    ("truth.published", PublishedCheck, ""),
     ("[truth.image_errors]", SimulatedImageErrors, ""),
 )
 

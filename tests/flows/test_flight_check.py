@@ -48,7 +48,7 @@ def test_standard_deviations_that_promise_too_much_are_named(checked) -> None:
     for column in ("sigma_x_m", "sigma_y_m", "sigma_z_m"):
         table[column] /= 2.0
     (folder / "optimistic").mkdir()
-    for name in ("object_points.parquet", "parameters.parquet"):
+    for name in ("object_points.parquet", "parameters.parquet", "correlations.parquet"):
         (folder / "optimistic" / name).write_bytes((results / name).read_bytes())
     table.to_parquet(folder / "optimistic" / "exterior_orientations.parquet")
     found = compare_with_truth(folder, folder / "optimistic")

@@ -1,0 +1,149 @@
+"""System calibration: camera, mounting and GNSS from a calibration flight, in one step and in two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flows.aerial_triangulation import adjusted_block, report_of
+from flows.block_preparation import PreparedBlock, prepare_block
+from flows.direct_georeferencing_check import checked_block, page_of_check
+from flows.stage import stage
+from tasks import publish as publishing
+from tasks import two_step
+from tasks.calibration import applied_cameras, describe, judge
+from tasks.calibration.control_alone import control_alone
+from tasks.calibration.release import Held, Release, held_after, releases
+from tasks.errors import NotComputableError
+from tasks.report.provenance import SOFTWARE
+from tasks.settings.project import Project
+from tasks.storage.json_text import JSON
+from tasks.storage.store import Outputs, Store
+from tasks.summary import Summary
+
+judge_release = stage(judge.judge_release)
+apply_to_cameras = stage(applied_cameras.apply_to_cameras)
+calibrate_in_two_steps = stage(two_step.calibrate_in_two_steps)
+describe_calibration = stage(describe.describe_calibration)
+publish = stage(publishing.publish)
+
+
+@dataclass(frozen=True)
+class OneStep:
+    """A calibration in the adjustment.
+
+    Attributes
+    ----------
+    project : with the settings of the last adjustment; its own calibration is what is checked.
+    adjusted : outputs of that adjustment.
+    releases : what was free at each stage and what was held after it.
+    """
+
+    project: Project
+    adjusted: Outputs
+    releases: tuple[JSON, ...]
+
+
+@dataclass(frozen=True)
+class SecondStep:
+    """The two-step calibration beside it; without outputs, remarks say why there is none."""
+
+    outputs: tuple[Outputs, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def system_calibration(project: Project, store: Store) -> Summary:
+    """Read the deliveries, calibrate in one step and in two, check what the calibration gives, publish."""
+    block = prepare_block(project, store)
+    one = calibrated_block(project, store, block)
+    two = second_step(one, store, block)
+    described = described_calibration(one, two, store, block)
+    stages = (*block.stages, one.adjusted, *two.outputs, described)
+    stages = (*stages, checked_block(one.project, store, stages))
+    pages = (page_of_check(one.project, store, stages), report_of(one.project, store, stages))
+    names = (*publishing.OF_CALIBRATIONS, *(name for name in described if name != "notes"))
+    return publish(store, project, (*stages, *pages), names)
+
+
+def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> OneStep:
+    """Release the parameters in stages; what turns out not to be determined is held from then on."""
+    held: Held = {}
+    history: list[JSON] = []
+    for wanted in releases(project.calibration, project.adjustment):
+        while True:
+            release = wanted.without(held)
+            used = release.applied_to(project)
+            adjusted = adjusted_block(used, store, block)
+            found = _held_after(used, store, block, adjusted, release)
+            history.append(release.told(found))
+            if not found:
+                break
+            held = {**held, **found}
+    return OneStep(used, adjusted, tuple(history))
+
+
+def _held_after(
+    project: Project, store: Store, block: PreparedBlock, adjusted: Outputs, release: Release
+) -> Held:
+    """What is held after a release, with the reasons."""
+    judged = judge_release(
+        store,
+        images=block.approximate["images"],
+        parameters=adjusted["parameters"],
+        correlations=adjusted["correlations"],
+        free=release.free,
+        newly_released=release.newly_released,
+        calibration=project.calibration,
+    )
+    return held_after(judged["notes"])
+
+
+def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
+    """Adjust on control alone with the calibrated camera, and average the differences to GNSS and INS."""
+    if not one.project.calibration.two_step:
+        return SecondStep()
+    cameras = apply_to_cameras(
+        store,
+        cameras=block.exposures["cameras"],
+        parameters=one.adjusted["parameters"],
+        correlations=one.adjusted["correlations"],
+    )
+    try:
+        adjusted = adjusted_block(control_alone(one.project), store, block.with_cameras(cameras["cameras"]))
+    except NotComputableError as error:
+        return SecondStep(
+            remarks=(f"There is no two-step calibration: control alone does not carry the block. {error}",)
+        )
+    means = calibrate_in_two_steps(
+        store,
+        exposures=block.exposures["exposures"],
+        adjusted=adjusted["exterior_orientations"],
+        cameras=block.exposures["cameras"],
+        project=one.project.project,
+    )
+    return SecondStep((means,))
+
+
+def described_calibration(one: OneStep, two: SecondStep, store: Store, block: PreparedBlock) -> Outputs:
+    """The records of the calibration: verdicts, covariances, and how the two methods compare."""
+    means = two.outputs[0]["orientation_difference_means"] if two.outputs else None
+    return describe_calibration(
+        store,
+        images=block.approximate["images"],
+        cameras=block.exposures["cameras"],
+        image_points=block.image_points["image_points"],
+        object_points=one.adjusted["object_points"],
+        control_residuals=one.adjusted["control_residuals"],
+        parameters=one.adjusted["parameters"],
+        correlations=one.adjusted["correlations"],
+        adjusted=one.adjusted["notes"],
+        means=means,
+        releases=one.releases,
+        remarks=two.remarks,
+        settings=one.project.calibration,
+        given=one.project.cameras,
+        inputs=one.project.inputs,
+        crs=one.project.project.crs,
+        name=one.project.project.name,
+        flown=one.project.project.flown,
+        software=SOFTWARE,
+    )

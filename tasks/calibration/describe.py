@@ -1,0 +1,263 @@
+"""calibration.json: what a system calibration has found, one record for each camera."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from adjust.calibration.flight_pattern import FlightPattern
+from tasks.calibration.judge import recognised_pattern
+from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.calibration.quantities import is_calibrated
+from tasks.calibration.record import (
+    CalibratedCamera,
+    CalibratedParameter,
+    CalibrationFlight,
+    CalibrationRecord,
+)
+from tasks.calibration.two_step_comparison import StepComparison, compared_steps
+from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
+from tasks.settings.calibration import CalibrationSettings
+from tasks.settings.cameras import CameraInput
+from tasks.settings.inputs import Inputs
+from tasks.storage.artifact import Artifact, digest_of_file
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import Notes, read_notes, write_notes
+from tasks.storage.store import stored
+from tasks.tables.covariance import Key, covariance_of
+from tasks.tables.parquet import read_table
+
+#: Beginning of the names of the files; one camera alone has no more than this.
+CALIBRATION = "calibration"
+
+
+@stored("calibration")
+def describe_calibration(
+    folder: Path,
+    *,
+    images: Artifact,
+    cameras: Artifact,
+    image_points: Artifact,
+    object_points: Artifact,
+    control_residuals: Artifact,
+    parameters: Artifact,
+    correlations: Artifact,
+    adjusted: Artifact,
+    means: Artifact | None,
+    releases: tuple[JSON, ...],
+    remarks: tuple[str, ...],
+    settings: CalibrationSettings,
+    given: Mapping[str, CameraInput],
+    inputs: Inputs,
+    crs: str,
+    name: str,
+    flown: date | None,
+    software: Mapping[str, str],
+) -> None:
+    """Write a record for each camera, and notes with verdicts and the comparison with the second step.
+
+    Parameters
+    ----------
+    adjusted : notes of the adjustment.
+    means : orientation_difference_means of the two-step calibration; None without one.
+    releases : what was free at each stage and what was held after it, see `tasks.calibration.release`.
+    remarks : sentences of the story, such as why there is no second step.
+    given : cameras of the project file.
+    name, flown : of the project.
+    """
+    table, pairs = read_table(parameters), read_table(correlations)
+    pattern = recognised_pattern(read_table(images))
+    verdicts = dict(parameter_verdicts(table, pairs, pattern, settings.limits))
+    held = _held(releases)
+    verdicts |= {key: _refused(item, held) for key, item in verdicts.items()}
+    of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
+    steps = None if means is None else compared_steps(table, pairs, read_table(means))
+    figures = cast(Mapping[str, Any], read_notes(adjusted).figures)
+    material = _Material(
+        table, pairs, verdicts, of_flight, pattern, read_table(images), read_table(cameras), figures
+    )
+    digests = {path.name: digest_of_file(path) for path in inputs.input_files()}
+    counts = {
+        "object_points": object_points.rows or 0,
+        "image_points": image_points.rows or 0,
+        "control_points": control_residuals.rows or 0,
+    }
+    used = sorted(material.cameras["camera"])
+    for camera in used:
+        record = CalibrationRecord(
+            camera=_camera(material.cameras, camera, given[camera]),
+            parameters=_parameters(material, camera),
+            covariance=_covariance(material, camera),
+            flight=_flight(material, camera, name, crs, flown, counts),
+            sigma0=float(figures["sigma0"]),
+            redundancy=round(float(figures["redundancy"])),
+            verdict=of_flight.verdict,
+            reasons=of_flight.reasons,
+            remarks=(*of_flight.remarks, *remarks, *([steps.sentence] if steps is not None else [])),
+            inputs=digests,
+            software=dict(software),
+        )
+        (folder / f"{file_stem(camera, alone=len(used) == 1)}.json").write_text(record.text, encoding="utf-8")
+    problems = [f"The calibration is refused: {reason}" for reason in of_flight.reasons]
+    write_notes(
+        folder,
+        Notes(
+            (*problems, *of_flight.remarks, *remarks),
+            {CALIBRATION: _figures(material, releases, steps, remarks)},
+        ),
+    )
+
+
+def file_stem(camera: str, *, alone: bool) -> str:
+    """Name of a camera's record without its ending."""
+    return CALIBRATION if alone else f"{CALIBRATION}_{re.sub(r'[^A-Za-z0-9.-]+', '_', camera)}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Material:
+    """What all records are made from; figures are those of the adjustment."""
+
+    parameters: pd.DataFrame
+    correlations: pd.DataFrame
+    verdicts: Mapping[Key, ParameterVerdict]
+    of_flight: FlightVerdict
+    pattern: FlightPattern
+    images: pd.DataFrame
+    cameras: pd.DataFrame
+    figures: Mapping[str, Any]
+
+    def rows(self, camera: str) -> pd.DataFrame:
+        """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
+        table = self.parameters
+        others = set(self.cameras["camera"]) - {camera}
+        of_others = table["entity"].map(
+            lambda entity: any(entity == other or entity.startswith(f"{other} in ") for other in others)
+        )
+        return table[~of_others & table["parameter"].map(is_calibrated)]
+
+
+def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
+    """Families that were held because the flight did not determine them, with the reasons."""
+    held: dict[str, str] = {}
+    for release in releases:
+        held |= cast("Mapping[str, str]", cast("Mapping[str, JSON]", release)["held"])
+    return held
+
+
+def _refused(item: ParameterVerdict, held: Mapping[str, str]) -> ParameterVerdict:
+    """The verdict of a parameter that was held in the end because it had not been determined before."""
+    for family, reason in held.items():
+        if item.parameter == family or item.parameter.startswith(f"{family}_"):
+            return ParameterVerdict(item.parameter, item.entity, "not_determinable", reason)
+    return item
+
+
+def _with_held(verdict: FlightVerdict, held: Mapping[str, str]) -> FlightVerdict:
+    if not held:
+        return verdict
+    reasons = tuple(f"{family} is held at its given value: {reason}" for family, reason in held.items())
+    return FlightVerdict("refused", (*verdict.reasons, *reasons), verdict.remarks)
+
+
+def _camera(cameras: pd.DataFrame, name: str, given: CameraInput) -> CalibratedCamera:
+    (row,) = cameras[cameras["camera"] == name].to_dict("records")
+    return CalibratedCamera(
+        name=name,
+        identity=given.identity,
+        columns=int(row["columns"]),
+        rows=int(row["rows"]),
+        pixel_um=float(row["pixel_um"]),
+        mount_deg=int(row["mount_deg"]),
+        calibration_axes_deg=int(row["calibration_axes_deg"]),
+    )
+
+
+def _parameters(material: _Material, camera: str) -> tuple[CalibratedParameter, ...]:
+    return tuple(
+        CalibratedParameter(
+            parameter=row["parameter"],
+            entity=row["entity"],
+            unit=row["unit"],
+            value=row["value"],
+            given=row["value"] - row["change"],
+            sigma=_known(row["sigma"]),
+            sigma_prior=_known(row["sigma_prior"]),
+            status=row["status"],
+            verdict=verdict.verdict,
+            because=verdict.because,
+        )
+        for row in material.rows(camera).to_dict("records")
+        for verdict in (material.verdicts[row["parameter"], row["entity"]],)
+    )
+
+
+def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ...]:
+    rows = material.rows(camera)
+    rows = rows[rows["sigma"].notna()]
+    keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
+    matrix = covariance_of(keys, material.parameters, material.correlations)
+    return tuple(tuple(float(value) for value in row) for row in matrix)
+
+
+def _flight(
+    material: _Material, camera: str, name: str, crs: str, flown: date | None, counts: Mapping[str, int]
+) -> CalibrationFlight:
+    images = material.images[material.images["camera"] == camera]
+    (row,) = material.cameras[material.cameras["camera"] == camera].to_dict("records")
+    heights = tuple(round(float(height), 1) for height in material.pattern.heights)
+    return CalibrationFlight(
+        project=name,
+        crs=crs,
+        flown=flown,
+        images=len(images),
+        strips=len(images[["flight", "strip"]].drop_duplicates()),
+        heights_m=heights,
+        headings_deg=tuple(
+            round(float(np.rad2deg(angle)) % 360.0, 1) for angle in material.pattern.directions
+        ),
+        gsd_m=tuple(
+            float(f"{height * 1e-3 * row['pixel_um'] / row['focal_length_mm']:.3g}") for height in heights
+        ),
+        **counts,
+    )
+
+
+def _figures(
+    material: _Material, releases: tuple[JSON, ...], steps: StepComparison | None, remarks: tuple[str, ...]
+) -> JSON:
+    """For summary.json: verdicts, pattern, releases, and the comparison with the second step."""
+    return {
+        "verdict": material.of_flight.verdict,
+        "reasons": list(material.of_flight.reasons),
+        "remarks": [*material.of_flight.remarks, *remarks],
+        "directions": direction_words(material.pattern),
+        "heights": height_words(material.pattern),
+        "parameters": [
+            {
+                "parameter": item.parameter,
+                "entity": item.entity,
+                "verdict": item.verdict,
+                "because": item.because,
+                "sigma": item.sigma,
+                "limit": item.limit,
+                "sigma_over_prior": item.sigma_over_prior,
+                "correlated_with": None if item.strongest is None else str(item.strongest),
+                "correlation": None if item.strongest is None else item.strongest.correlation,
+            }
+            for item in material.verdicts.values()
+            if is_calibrated(item.parameter)
+        ],
+        "releases": list(releases),
+        "two_step": None if steps is None else steps.to_json(),
+    }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

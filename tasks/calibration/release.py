@@ -1,0 +1,110 @@
+"""Staged release of the parameters of a one-step calibration.
+
+What a flight does not determine spoils the rest without a sign of it: the value goes anywhere along the weak
+direction and takes its partners along. So the parameters are released in stages, first the mounting and GNSS,
+then the interior orientation, then the additional parameters; after each the estimates are judged, and what
+was not determined is held from then on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias, cast
+
+from adjust.camera.additional.selection import NOTHING
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
+from tasks.settings.calibration import CalibrationSettings
+from tasks.settings.direct_georeferencing import CalibrationInput
+from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import read_notes
+
+#: Families that are held because the flight does not determine them → the reason, a sentence.
+Held: TypeAlias = Mapping[str, str]
+#: Figure in which a judgement says which families are held, and why.
+HELD = "held"
+#: Name under which all additional parameters are held together.
+ADDITIONAL = "additional_parameters"
+_INTERIOR: tuple[FreeParameter, ...] = ("focal_length", "principal_point")
+
+
+@dataclass(frozen=True)
+class Release:
+    """What is free at one moment of the calibration.
+
+    Attributes
+    ----------
+    before : families that are free since an earlier stage.
+    new : families that this stage releases.
+    additional : selection of additional parameters that this stage releases.
+    """
+
+    before: tuple[FreeParameter, ...]
+    new: tuple[FreeParameter, ...]
+    additional: str = NOTHING
+
+    @property
+    def free(self) -> tuple[FreeParameter, ...]:
+        """All families that are free."""
+        return self.before + self.new
+
+    @property
+    def newly_released(self) -> tuple[str, ...]:
+        """What was held until now."""
+        return self.new if self.additional == NOTHING else (*self.new, ADDITIONAL)
+
+    def applied_to(self, project: Project) -> Project:
+        """The project with an adjustment of this release, whose result is the calibration that is checked."""
+        own = project.adjustment.self_calibration.model_copy(update={"parameters": self.additional})
+        adjustment = project.adjustment.model_copy(update={"free": self.free, "self_calibration": own})
+        direct = project.direct_georeferencing.model_copy(
+            update={"calibration": CalibrationInput(adjustment=True)}
+        )
+        return project.model_copy(update={"adjustment": adjustment, "direct_georeferencing": direct})
+
+    def told(self, held: Held) -> JSON:
+        """What was free, and what is held after it, for summary.json."""
+        return {"free": list(self.free), "additional": self.additional, HELD: dict(held)}
+
+    def without(self, held: Held) -> Release:
+        """The same release without what is held."""
+        return replace(
+            self,
+            before=tuple(name for name in self.before if name not in held),
+            new=tuple(name for name in self.new if name not in held),
+            additional=NOTHING if ADDITIONAL in held else self.additional,
+        )
+
+
+def releases(calibration: CalibrationSettings, adjustment: AdjustmentSettings) -> tuple[Release, ...]:
+    """The stages, each with everything that is free in it; the last one is what is wanted."""
+    outer = tuple(name for name in calibration.free if name not in _INTERIOR)
+    interior = tuple(name for name in calibration.free if name in _INTERIOR)
+    stages = [Release((), outer)]
+    if interior:
+        stages.append(Release(outer, interior))
+    if adjustment.self_calibration.parameters != NOTHING:
+        stages.append(Release(outer + interior, (), adjustment.self_calibration.parameters))
+    return tuple(stages)
+
+
+def to_be_held(undetermined: Held, newly_released: tuple[str, ...]) -> Held:
+    """What is held of the families that a flight did not determine.
+
+    Those released last, if they are among them; what had been determined before them is then determined
+    again. If only others are, the last release has done it.
+    """
+    if not undetermined:
+        return {}
+    own = {name: reason for name, reason in undetermined.items() if name in newly_released}
+    if own or not newly_released:
+        return own or undetermined
+    spoilt = " ".join(undetermined.values())
+    return dict.fromkeys(newly_released, f"Free, it leaves other parameters undetermined: {spoilt}")
+
+
+def held_after(judgement: Artifact) -> Held:
+    """What a judgement holds from now on, with the reasons."""
+    return cast(Held, read_notes(judgement).figures.get(HELD, {}))

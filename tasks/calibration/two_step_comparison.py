@@ -1,0 +1,166 @@
+"""Whether one-step and two-step calibration give the same mounting and shift.
+
+Both come from the same images, so their errors are positively correlated and the variance of their difference
+is smaller than the sum of their variances. The test with the sum is therefore a cautious one: what it calls a
+contradiction is one. The standard deviations of the second step come from the scatter of the strips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from adjust.arrays import Floats
+from tasks.storage.json_text import JSON
+from tasks.tables.covariance import Key, covariance_of
+
+# Component of the two-step calibration of each parameter of the one-step calibration.
+_COMPONENT = {
+    "boresight_roll": "roll",
+    "boresight_pitch": "pitch",
+    "boresight_yaw": "yaw",
+    "lever_arm_x": "forward",
+    "lever_arm_y": "right",
+    "lever_arm_z": "down",
+    "gnss_shift_x": "east",
+    "gnss_shift_y": "north",
+    "gnss_shift_z": "up",
+}
+#: Probability below which the two contradict each other.
+CONTRADICTION = 0.01
+
+
+@dataclass(frozen=True)
+class ComparedParameter:
+    """A parameter that both have estimated, in the unit of parameters.parquet."""
+
+    parameter: str
+    entity: str
+    unit: str
+    one_step: float
+    one_step_sigma: float
+    two_step: float
+    two_step_sigma: float
+
+    @property
+    def difference(self) -> float:
+        """One-step minus two-step."""
+        return self.one_step - self.two_step
+
+    @property
+    def t(self) -> float:
+        """Difference over the root of the sum of both variances."""
+        return self.difference / float(np.hypot(self.one_step_sigma, self.two_step_sigma))
+
+    def to_json(self) -> JSON:
+        """For summary.json."""
+        return {
+            "parameter": self.parameter,
+            "entity": self.entity,
+            "unit": self.unit,
+            "one_step": self.one_step,
+            "one_step_sigma": self.one_step_sigma,
+            "two_step": self.two_step,
+            "two_step_sigma": self.two_step_sigma,
+            "difference": self.difference,
+            "t": self.t,
+        }
+
+
+@dataclass(frozen=True)
+class StepComparison:
+    """The test of all differences together.
+
+    Attributes
+    ----------
+    chi_squared, freedom : dᵀ C⁻¹ d with the sum of both covariance matrices, and its degrees of freedom.
+    probability : of a value as large by chance if the two are the same.
+    """
+
+    parameters: tuple[ComparedParameter, ...]
+    chi_squared: float
+    freedom: int
+    probability: float
+
+    @property
+    def sentence(self) -> str:
+        """What it says, for people."""
+        largest = max(self.parameters, key=lambda item: abs(item.t))
+        agree = "agree" if self.probability >= CONTRADICTION else "contradict each other"
+        return (
+            f"One-step and two-step calibration {agree}: χ² = {self.chi_squared:.1f} of {self.freedom} "
+            f"differences (probability {self.probability:.2g}); largest: {largest.parameter} of "
+            f"{largest.entity}, {abs(largest.t):.1f} σ."
+        )
+
+    def to_json(self) -> JSON:
+        """For summary.json."""
+        return {
+            "parameters": [item.to_json() for item in self.parameters],
+            "chi_squared": self.chi_squared,
+            "freedom": self.freedom,
+            "probability": self.probability,
+            "sentence": self.sentence,
+        }
+
+
+def compared_steps(
+    parameters: pd.DataFrame, correlations: pd.DataFrame, means: pd.DataFrame
+) -> StepComparison | None:
+    """Compare what both have estimated; None if that is nothing.
+
+    Parameters
+    ----------
+    parameters, correlations : of the one-step calibration.
+    means : orientation_difference_means.parquet of the second step.
+    """
+    estimated = parameters[parameters["sigma"].notna() & parameters["parameter"].isin(_COMPONENT)]
+    found = [
+        item for row in estimated.to_dict("records") if (item := _compared(row, means, estimated)) is not None
+    ]
+    if not found:
+        return None
+    keys: list[Key] = [(item.parameter, item.entity) for item in found]
+    covariance = covariance_of(keys, parameters, correlations)
+    covariance += np.diag([item.two_step_sigma**2 for item in found])
+    difference: Floats = np.array([item.difference for item in found])
+    chi_squared = float(difference @ np.linalg.solve(covariance, difference))
+    probability = float(special.chdtrc(len(found), chi_squared))
+    return StepComparison(tuple(found), chi_squared, len(found), probability)
+
+
+def _compared(
+    row: Mapping[Hashable, object], means: pd.DataFrame, estimated: pd.DataFrame
+) -> ComparedParameter | None:
+    """The same quantity in both; None if the second step says nothing about it."""
+    name, entity = str(row["parameter"]), str(row["entity"])
+    own = means[means["component"] == _COMPONENT[name]]
+    if name.startswith("gnss_shift"):
+        flights = estimated.loc[estimated["parameter"] == name, "entity"]
+        several = flights.nunique() > 1
+        own = own[(own["scope"] == "flight") & (own["group"] == entity)] if several else _main(own)
+    else:
+        own = _main(own[own["camera"] == entity])
+    # With a lever arm and a shift free at once, the second step sees their sum.
+    other = "lever_arm" if name.startswith("gnss_shift") else "gnss_shift"
+    mixed = not name.startswith("boresight") and estimated["parameter"].str.startswith(other).any()
+    if len(own) != 1 or mixed or not np.isfinite(float(own["sigma"].iloc[0])):
+        return None
+    return ComparedParameter(
+        name,
+        entity,
+        str(row["unit"]),
+        float(str(row["value"])),
+        float(str(row["sigma"])),
+        float(own["value"].iloc[0]),
+        float(own["sigma"].iloc[0]),
+    )
+
+
+def _main(means: pd.DataFrame) -> pd.DataFrame:
+    """Means of the exposures with the mounting of most strips."""
+    return means[(means["scope"] == "mounting") & (means["group"] == "0")]

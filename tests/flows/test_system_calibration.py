@@ -1,0 +1,213 @@
+"""System calibration from a simulated calibration flight: what is estimated, held, compared and written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.system_calibration import system_calibration
+from tasks.calibration.record import CalibrationRecord
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+from tasks.truth_comparison import compare_with_truth
+
+FEW_POINTS = ("points.count=900", "points.detection=0.5")
+ONE_HEIGHT = ("flight.2.height_m=780", "flight.3.height_m=780")
+
+
+def flown(folder: Path, *changes: str) -> Path:
+    """The project file of a calibration flight with few tie points."""
+    simulation = load_simulation("uce-calibration", (*FEW_POINTS, *changes))
+    return simulate_project(simulation, folder).project_file
+
+
+def calibrated(project: Path, *overrides: str, out: Path | None = None) -> RunOutcome:
+    return carry_out(system_calibration, RunRequest(project, out, overrides))
+
+
+def figures(outcome: RunOutcome) -> dict[str, Any]:
+    content = json.loads((outcome.directory / "summary.json").read_text())["calibration"]
+    assert isinstance(content, dict)
+    return content
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flown(
+        tmp_path_factory.mktemp("flight"),
+        'project.name="test field"',
+    )
+
+
+@pytest.fixture(scope="module")
+def accepted(flight: Path) -> RunOutcome:
+    """The flight at two heights, calibrated with the defaults."""
+    outcome = calibrated(flight)
+    assert outcome.error is None, outcome.error
+    return outcome
+
+
+@pytest.fixture(scope="module")
+def record(accepted: RunOutcome) -> CalibrationRecord:
+    return CalibrationRecord.model_validate_json((accepted.directory / "calibration.json").read_text())
+
+
+def test_the_true_values_are_found_together(flight: Path, accepted: RunOutcome) -> None:
+    comparison = compare_with_truth(flight.parent, accepted.directory)
+    assert comparison.contradictions() == ()
+    assert comparison.joint is not None
+    assert comparison.joint.freedom == 9
+    assert comparison.joint.chi_squared < 21.7
+    assert all(abs(item.t) < 3.3 for item in comparison.parameters)
+
+
+def test_a_good_flight_is_accepted_with_its_pattern_recognised(accepted: RunOutcome) -> None:
+    found = figures(accepted)
+    assert (found["verdict"], found["reasons"]) == ("accepted", [])
+    assert "opposite and crossing" in found["directions"]
+    assert "2 heights" in found["heights"]
+    assert accepted.summary.status == "done"
+    assert [gate.passed for gate in accepted.summary.gates] == [True]
+
+
+def test_mounting_is_released_before_the_interior_orientation(accepted: RunOutcome) -> None:
+    stages = [release["free"] for release in figures(accepted)["releases"]]
+    assert stages == [
+        ["boresight", "gnss_shift", "gnss_strip_bias"],
+        ["boresight", "gnss_shift", "gnss_strip_bias", "focal_length", "principal_point"],
+    ]
+
+
+def test_the_record_holds_the_tables_values_and_their_full_covariance(
+    accepted: RunOutcome, record: CalibrationRecord
+) -> None:
+    table = pd.read_parquet(accepted.directory / "parameters.parquet").set_index(["parameter", "entity"])
+    for item in record.parameters:
+        row = table.loc[item.key]
+        assert item.value == row["value"]
+        assert item.given == pytest.approx(row["value"] - row["change"])
+        assert (item.sigma is None) == np.isnan(row["sigma"])
+    assert not any(item.parameter.startswith("gnss_strip") for item in record.parameters)
+    pairs = pd.read_parquet(accepted.directory / "correlations.parquet")
+    names = [item.key for item in record.estimated]
+    matrix = record.covariance_matrix
+    c, z = names.index(("focal_length", "UCE-80")), names.index(("gnss_shift_z", "1"))
+    both = pairs[pairs["parameter_a"].isin(["focal_length", "gnss_shift_z"])]
+    both = both[both["parameter_b"].isin(["focal_length", "gnss_shift_z"])]
+    expected = float(both["correlation"].iloc[0])
+    assert matrix[c, z] / np.sqrt(matrix[c, c] * matrix[z, z]) == pytest.approx(expected)
+    assert np.linalg.eigvalsh(matrix / np.outer(*[np.sqrt(np.diagonal(matrix))] * 2)).min() > 0.0
+
+
+def test_the_record_says_from_which_flight_and_files_it_is(record: CalibrationRecord) -> None:
+    assert record.flight.project == "test field"
+    assert record.flight.images == 456
+    assert record.flight.strips == 40
+    assert record.flight.control_points == 84
+    assert [round(height, -1) for height in record.flight.heights_m] == [780.0, 2340.0]
+    assert set(record.inputs) == {"image_points.csv", "exposures.csv", "control.csv"}
+    assert record.verdict == "accepted"
+
+
+def test_two_steps_find_the_same_as_one(accepted: RunOutcome) -> None:
+    found = figures(accepted)["two_step"]
+    assert {item["parameter"] for item in found["parameters"]} == {
+        *(f"boresight_{name}" for name in ("roll", "pitch", "yaw")),
+        *(f"gnss_shift_{axis}" for axis in "xyz"),
+    }
+    assert found["probability"] > 0.01
+    assert found["probability"] == pytest.approx(stats.chi2.sf(found["chi_squared"], 6))
+    assert "agree" in found["sentence"]
+
+
+def test_the_check_keeps_its_prediction_at_independent_points(accepted: RunOutcome) -> None:
+    checked = json.loads((accepted.directory / "summary.json").read_text())["direct_georeferencing"]
+    assert checked["points"][0] >= 30
+    ratio = np.array(checked["rmse_m"]) / np.array(checked["predicted_rmse_m"])
+    assert np.all(np.abs(ratio - 1.0) < 0.5)
+    assert checked["at_control_of_calibration"]["points"][0] == 84
+
+
+def test_with_one_height_the_focal_length_is_weak_and_the_flight_refused(tmp_path: Path) -> None:
+    outcome = calibrated(flown(tmp_path, *ONE_HEIGHT))
+    assert outcome.error is None, outcome.error
+    found = figures(outcome)
+    by_name = {item["parameter"]: item for item in found["parameters"]}
+    assert by_name["focal_length"]["verdict"] in ("weak", "not_determinable")
+    assert found["verdict"] == "refused"
+    assert any("one height" in reason for reason in found["reasons"])
+
+
+def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_path: Path) -> None:
+    """Mounting and shift stay determined, because the interior orientation is held again."""
+    single = tuple(f'flight.{number}.directions="single"' for number in range(4))
+    headings = tuple(f"flight.{number}.heading_deg=90" for number in range(4))
+    outcome = calibrated(flown(tmp_path, *ONE_HEIGHT, *single, *headings))
+    assert outcome.error is None, outcome.error
+    found = figures(outcome)
+    assert found["verdict"] == "refused"
+    assert outcome.summary.status == "gate_failed"
+    by_name = {item["parameter"]: item for item in found["parameters"]}
+    assert by_name["focal_length"]["verdict"] == "not_determinable"
+    assert "height" in by_name["focal_length"]["because"]
+    assert by_name["principal_point_x"]["verdict"] == "not_determinable"
+    assert {by_name[f"gnss_shift_{axis}"]["verdict"] for axis in "xyz"} == {"determined"}
+    record = CalibrationRecord.model_validate_json((outcome.directory / "calibration.json").read_text())
+    (focal_length,) = (item for item in record.parameters if item.parameter == "focal_length")
+    assert focal_length.sigma is None
+    assert focal_length.value == focal_length.given
+    assert [sorted(release["held"]) for release in found["releases"]] == [
+        [],
+        ["focal_length", "principal_point"],
+        [],
+    ]
+
+
+def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_path: Path) -> None:
+    project = flown(tmp_path, 'control=[{layout="grid",columns=2,rows=1}]')
+    outcome = calibrated(project)
+    assert outcome.error is None, outcome.error
+    assert figures(outcome)["two_step"] is None
+    assert any("no two-step calibration" in text for text in outcome.summary.problems)
+
+
+def test_additional_parameters_are_released_last(flight: Path, tmp_path: Path) -> None:
+    selection = 'adjustment.self_calibration.parameters="bluh:1-12"'
+    outcome = calibrated(flight, selection, "calibration.two_step=false", out=tmp_path)
+    assert outcome.error is None, outcome.error
+    releases = figures(outcome)["releases"]
+    assert [release["additional"] for release in releases] == ["none", "none", "bluh:1-12"]
+    record = CalibrationRecord.model_validate_json((tmp_path / "calibration.json").read_text())
+    assert {item.parameter for item in record.parameters} >= {f"bluh:{number}" for number in range(1, 13)}
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("calibration.fre=[]", "free"),
+        ('calibration.free=["boresihgt"]', "boresight"),
+        ("calibration.limits.shift_m=-1", "shift_m"),
+    ],
+)
+def test_wrong_settings_are_one_message(flight: Path, tmp_path: Path, change: str, says: str) -> None:
+    outcome = calibrated(flight, change, out=tmp_path / "out")
+    assert outcome.summary.status == "input_error"
+    assert says in str(outcome.error)
+
+
+def test_a_second_run_computes_nothing(
+    flight: Path, accepted: RunOutcome, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = {path.name: path.read_bytes() for path in accepted.directory.glob("*.json")}
+    with caplog.at_level("INFO", logger="aerocal"):
+        again = calibrated(flight)
+    assert again.error is None
+    assert not [text for text in caplog.messages if "computed" in text]
+    assert (again.directory / "calibration.json").read_bytes() == before["calibration.json"]
