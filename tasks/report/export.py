@@ -41,7 +41,7 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
             "Run the project again: the report may come from an older version.",
             file=report,
         )
-    style = _style(page)
+    style = drawing_rules(page.partition("<style>")[2].partition("</style>")[0])
     out.mkdir(parents=True, exist_ok=True)
     files = []
     for name, drawing in found.items():
@@ -63,12 +63,11 @@ def standing_alone(drawing: str, style: str) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}{content}\n'
 
 
-def _style(page: str) -> str:
-    """The rules of the page for what is inside drawings, variables replaced by their values."""
-    css = page.partition("<style>")[2].partition("</style>")[0]
+def drawing_rules(css: str) -> str:
+    """The rules of a style sheet for what is inside drawings, variables replaced by their values."""
     # What is set for paper concerns the size of a drawing on the page only.
-    css = css.partition("@media print")[0]
-    rules = "\n".join(match["rule"] for match in _RULE.finditer(css))
-    for variable in _VARIABLE.finditer(css):
+    screen = css.partition("@media print")[0]
+    rules = "\n".join(match["rule"] for match in _RULE.finditer(screen))
+    for variable in _VARIABLE.finditer(screen):
         rules = rules.replace(f"var({variable['name']})", variable["value"])
     return rules

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 from tasks.report.correlations import natural_key
@@ -43,14 +43,14 @@ def offered_table(material: Material) -> Table:
     note = ""
     if len(shown) < len(ordered):
         note = f"The first {len(shown)} of {len(ordered):,}; all in self_calibration.parquet."
-    tail = _common_level(table["reason"].tolist())
+    tail = common_level(table["reason"].tolist())
     if tail:
         note = f"{note} Tests of t are {tail}.".strip()
     rows = tuple(_row(row, tail) for row in shown.to_dict("records"))
     return Table("self-calibration", "Additional parameters", columns, rows, note)
 
 
-def _common_level(reasons: list[str]) -> str:
+def common_level(reasons: Iterable[str]) -> str:
     """The level in brackets at the end of the reasons, where all that have one have the same; else empty."""
     found = {match[1] for reason in reasons if (match := _LEVEL.search(reason))}
     return found.pop() if len(found) == 1 else ""

@@ -7,6 +7,8 @@ checks the digest first, so a file that was changed behind our back is noticed a
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +21,7 @@ class Artifact:
 
     Attributes
     ----------
-    name : the file's stem, e.g. ``object_points``.
+    name : the file's stem, e.g. ``object_points``; see `artifact_names`.
     path : where it lies.
     sha256 : digest of its bytes, hexadecimal.
     rows : number of rows of a Parquet table, None for other files.
@@ -37,9 +39,18 @@ def digest_of_file(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def artifact_of(path: Path) -> Artifact:
+def artifact_of(path: Path, name: str | None = None) -> Artifact:
     """Describe a finished file: digest and, for a Parquet table, the number of rows."""
-    return Artifact(path.stem, path, digest_of_file(path), _rows(path))
+    return Artifact(path.stem if name is None else name, path, digest_of_file(path), _rows(path))
+
+
+def artifact_names(files: Collection[str]) -> dict[str, str]:
+    """Name of the artifact in each file of one output: its stem, or the whole name where stems are alike.
+
+    A document in several forms (``certificate.html``, ``certificate.pdf``) so has a name for each of them.
+    """
+    stems = Counter(Path(file).stem for file in files)
+    return {file: Path(file).stem if stems[Path(file).stem] == 1 else file for file in files}
 
 
 def verified(artifact: Artifact) -> Path:

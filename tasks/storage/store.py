@@ -26,7 +26,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Concatenate, ParamSpec, cast
 
-from tasks.storage.artifact import Artifact, artifact_of, digest_of_file
+from tasks.storage.artifact import Artifact, artifact_names, artifact_of, digest_of_file
 from tasks.storage.installation import writing_into
 from tasks.storage.json_text import JSON, read_json, replace_json
 from tasks.storage.stage_key import InputFile, StageKey, differences, input_files, stage_key
@@ -97,14 +97,13 @@ class Store:
 
     def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
         """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it."""
-        artifacts = sorted((artifact_of(path) for path in folder.iterdir()), key=lambda a: a.path.name)
+        paths = sorted(folder.iterdir(), key=lambda path: path.name)
+        names = artifact_names([path.name for path in paths])
+        artifacts = [artifact_of(path, names[path.name]) for path in paths]
         files: list[JSON] = [
             {"file": a.path.name, "sha256": a.sha256, "rows": a.rows, "bytes": a.path.stat().st_size}
             for a in artifacts
         ]
-        if len({a.name for a in artifacts}) != len(artifacts):
-            names = ", ".join(artifact.path.name for artifact in artifacts)
-            raise ValueError(f"stage {key.stage} wrote two files with the same stem: {names}")
         record: dict[str, JSON] = {
             "stage": key.stage,
             "key": key.digest,
@@ -131,7 +130,8 @@ def stored(
 
     The decorated function takes a `Store` in place of the folder and keyword arguments only
     (artifacts, settings, tuples, lists and dicts of these, plain values) and returns the artifacts it
-    wrote by file stem. It computes nothing when the store has the output already.
+    wrote by name (`tasks.storage.artifact.artifact_names`). It computes nothing when the store has the
+    output already.
 
     Raises
     ------
@@ -215,12 +215,15 @@ def _checked_outputs(place: Path) -> Outputs:
     """
     content = cast(Mapping[str, JSON], read_json(place / STAGE_FILE))
     outputs: Outputs = {}
-    for entry in cast(list[Mapping[str, JSON]], content["files"]):
+    entries = cast(list[Mapping[str, JSON]], content["files"])
+    names = artifact_names([str(entry["file"]) for entry in entries])
+    for entry in entries:
         path = place / str(entry["file"])
         sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
         if digest_of_file(path) != sha256:
             raise ValueError(f"{path.name} was changed after it had been written")
-        outputs[path.stem] = Artifact(path.stem, path, sha256, rows)
+        name = names[path.name]
+        outputs[name] = Artifact(name, path, sha256, rows)
     return outputs
 
 

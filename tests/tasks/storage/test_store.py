@@ -54,6 +54,7 @@ def fill_the_disk(folder: Path, *, size: int) -> None:
 def two_files_of_one_stem(folder: Path, *, text: str) -> None:
     (folder / "a.json").write_text(text)
     (folder / "a.txt").write_text(text)
+    (folder / "b.txt").write_text(text)
 
 
 @pytest.fixture
@@ -158,9 +159,12 @@ def test_a_full_disk_gives_one_message_and_leaves_nothing(store: Store) -> None:
     assert not list((store.folder / "fill_the_disk").iterdir())
 
 
-def test_two_files_with_one_stem_are_refused(store: Store) -> None:
-    with pytest.raises(ValueError, match=r"a\.json, a\.txt"):
-        two_files_of_one_stem(store, text="x")
+def test_two_files_with_one_stem_are_told_apart_by_their_whole_names(store: Store) -> None:
+    for outputs in (two_files_of_one_stem(store, text="x"), two_files_of_one_stem(store, text="x")):
+        assert {name: artifact.path.name for name, artifact in outputs.items()} == {
+            "a.json": "a.json", "a.txt": "a.txt", "b": "b.txt",
+        }  # fmt: skip
+        assert all(artifact.name == name for name, artifact in outputs.items())
 
 
 def test_leftovers_of_a_killed_run_are_swept_and_never_read(store: Store, delivery: Delivery) -> None:

@@ -1,0 +1,1 @@
+"""The certificate of a calibration: one content, written as HTML, PDF and JSON."""

@@ -1,0 +1,46 @@
+"""The content of a certificate from its material: the sections in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tasks.certificate.check_section import check_section, point_section
+from tasks.certificate.content import CertificateContent
+from tasks.certificate.correlation_section import correlation_section
+from tasks.certificate.effect_section import effect_section
+from tasks.certificate.flight_section import flight_section
+from tasks.certificate.identity_section import identity_section
+from tasks.certificate.material import CertificateMaterial
+from tasks.certificate.origin_section import origin_section, verification_section
+from tasks.certificate.parameter_section import parameter_section
+from tasks.certificate.statistics_section import statistics_section
+from tasks.certificate.use_section import use_section
+from tasks.certificate.verdict_section import brief_section, verdict_section, verdict_sentence
+
+
+def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> CertificateContent:
+    """Everything the certificate says; `software` made the documents."""
+    record = material.record
+    sections = [
+        identity_section(material),
+        brief_section(material),
+        flight_section(material),
+        parameter_section(material),
+        correlation_section(material),
+        effect_section(material),
+        check_section(material),
+        statistics_section(material),
+        verdict_section(material),
+        use_section(material),
+        verification_section(material),
+    ]
+    annex = point_section(material)
+    annexes = (*([] if annex is None else [annex]), origin_section(material, software))
+    return CertificateContent(
+        camera=record.camera.name,
+        project=record.flight.project,
+        verdict=record.verdict,
+        sentence=verdict_sentence(record),
+        code=record.digest,
+        sections=(*sections, *annexes),
+    )

@@ -1,0 +1,182 @@
+"""What a certificate says, before it is a page, a PDF or JSON: sections of words, tables and drawings.
+
+The three documents are made from this one tree, so their numbers cannot differ. Numbers carry their full
+value besides the digits that are shown (`tasks.report.table.Number`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from markupsafe import Markup
+
+from tasks.report.table import Cell, Table
+
+#: Letters of the verification code that are printed in the head of every page.
+_GROUPS, _LETTERS = 4, 4
+
+
+@dataclass(frozen=True)
+class Words:
+    """A paragraph; ``note`` is printed small."""
+
+    text: str
+    tone: Literal["plain", "note"] = "plain"
+
+
+@dataclass(frozen=True)
+class Sentences:
+    """Sentences below each other, with a heading; there is at least one."""
+
+    heading: str
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One line of a list of facts.
+
+    Attributes
+    ----------
+    key : for programs.
+    label : for people.
+    values : numbers or texts, printed with ``joint`` between them.
+    unit : after the last value; empty for texts and counts.
+    """
+
+    key: str
+    label: str
+    values: tuple[Cell, ...]
+    unit: str = ""
+    joint: str = ", "
+
+    @property
+    def shown(self) -> str:
+        """The values as they are printed."""
+        return f"{self.joint.join(str(value) for value in self.values)}{self.gap}{self.unit}"
+
+    @property
+    def gap(self) -> str:
+        """What stands before the unit."""
+        return "" if self.unit in ("", "°") else " "
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Facts below each other, with a heading that may be empty."""
+
+    name: str
+    heading: str
+    facts: tuple[Fact, ...]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A table.
+
+    Attributes
+    ----------
+    table : with its caption and note.
+    wide : names of the columns of texts that share the room the others leave.
+    """
+
+    table: Table
+    wide: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A cell of a matrix of correlations: the coefficient, its ground, and whether it is printed white."""
+
+    value: float
+    shown: str
+    colour: str
+    inverse: bool
+
+
+@dataclass(frozen=True)
+class CorrelationMatrix:
+    """The triangle under the diagonal of a matrix of correlations; row i has i coefficients."""
+
+    name: str
+    caption: str
+    labels: tuple[str, ...]
+    rows: tuple[tuple[Coefficient, ...], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing.
+
+    Attributes
+    ----------
+    name, caption : for programs and for people.
+    alternative : what it shows, in words.
+    drawing : SVG.
+    width : of the room between the margins, 1 for all of it.
+    """
+
+    name: str
+    caption: str
+    alternative: str
+    drawing: Markup
+    width: float = 1.0
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Places for signatures by hand."""
+
+    labels: tuple[str, ...]
+
+
+Block: TypeAlias = Words | Sentences | Facts | Listing | CorrelationMatrix | Figure | Signatures
+
+
+@dataclass(frozen=True)
+class Section:
+    """A numbered section: name for programs, heading for people."""
+
+    name: str
+    heading: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class CertificateContent:
+    """A certificate.
+
+    Attributes
+    ----------
+    camera : what it is about, in the head of every page.
+    project : the calibration flight's project.
+    verdict : of the record.
+    sentence : the verdict in words.
+    code : sha256 of the record.
+    sections : in their order.
+    """
+
+    camera: str
+    project: str
+    verdict: Literal["accepted", "refused"]
+    sentence: str
+    code: str
+    sections: tuple[Section, ...]
+
+    @property
+    def short_code(self) -> str:
+        """The first letters of the code, in groups."""
+        return short_code(self.code)
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """All drawings in their order."""
+        return tuple(b for section in self.sections for b in section.blocks if isinstance(b, Figure))
+
+
+def short_code(digest: str) -> str:
+    """The first letters of a digest in groups that can be read aloud: ``3F9A-…``."""
+    letters = digest[: _GROUPS * _LETTERS].upper()
+    return "-".join(letters[at : at + _LETTERS] for at in range(0, len(letters), _LETTERS))

@@ -1,0 +1,91 @@
+"""Section of the image: effect of the additional parameters, and what the residuals still show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from markupsafe import Markup
+
+from adjust.camera.interior import FrameCamera
+from tasks.certificate.content import Block, Figure, Listing, Section, Words
+from tasks.certificate.material import CertificateMaterial
+from tasks.report import axes, image_errors, image_errors_plot, residual_field
+from tasks.report.format_plot import FormatPlot
+from tasks.report.material import Material
+from tasks.report.residual_field import ResidualField
+
+#: Where the drawings over the format have room for it: left, top, width, height.
+_ROOM = (70.0, 24.0, axes.WIDTH - 82.0, 640.0)
+_LEAST_WIDTH = 470.0
+
+
+def effect_section(material: CertificateMaterial) -> Section:
+    """Maps over the image format, of the certified camera only."""
+    results, name = material.results, material.record.camera.name
+    blocks = [*_effects(results, name), *_residuals(results, name)]
+    return Section("image", "Systematic image errors and residuals", tuple(blocks))
+
+
+def _effects(results: Material, name: str) -> list[Block]:
+    errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name == name)
+    acting = tuple(own for own in errors if own.all.longest_um > 0.0)
+    if not acting:
+        offered = " Those that were offered have all been eliminated." if errors else ""
+        return [Words(f"No additional parameters act on the image.{offered}")]
+    blocks: list[Block] = [Listing(image_errors.errors_table(acting))]
+    for index, own in enumerate(acting, start=1):
+        name_of_figure = "image-errors" if len(acting) == 1 else f"image-errors-{index}"
+        caption = (
+            f"Effect of the additional parameters of {own.entity}: the systematic image error −Δ, by which a "
+            "measured coordinate is wrong. The scale is below."
+        )
+        words = f"Systematic image errors of {own.entity}, root mean square {own.all.rms_um:.2f} µm"
+        figure = Figure(name_of_figure, caption, words, image_errors_plot.errors_plot(own))
+        blocks.append(_cut(figure, own.camera))
+    return blocks
+
+
+def _residuals(results: Material, name: str) -> list[Block]:
+    fields = tuple(f for f in residual_field.residual_fields(results) if f.camera.name == name)
+    blocks: list[Block] = []
+    for field in fields:
+        confidence = results.project.adjustment.confidence
+        blocks.append(Listing(residual_field.field_table((field,), confidence)))
+        blocks.append(_residual_map(field, confidence))
+        if field.correction is not None:
+            figure = Figure(
+                "residual-corrections",
+                "What was added to the image coordinates before the adjustment: the mean residuals of an "
+                "earlier one. They are not parameters of the record; who uses the record needs them.",
+                f"Corrections of the image coordinates of camera {field.camera.name}",
+                residual_field.field_plot(field, field.correction, "Corrections"),
+            )
+            blocks.append(_cut(figure, field.camera))
+    if not blocks:
+        blocks.append(Words("No sub-area of the image has enough residuals for a mean."))
+    return blocks
+
+
+def _residual_map(field: ResidualField, confidence: float) -> Figure:
+    caption = (
+        "Mean residuals (adjusted − observed) in sub-areas of the image, after the correction by all "
+        f"parameters. Dark: different from zero at {100 * confidence:g} %; the table says how many are so "
+        "by chance."
+    )
+    figure = Figure(
+        "mean-residuals",
+        caption,
+        f"Mean residuals of camera {field.camera.name} in sub-areas of the image",
+        residual_field.field_plot(field, field.mean, "Mean residuals"),
+    )
+    return _cut(figure, field.camera)
+
+
+def _cut(figure: Figure, camera: FrameCamera) -> Figure:
+    """The figure without the empty ground to the right of a format that is taller than wide."""
+    plot = FormatPlot.within(camera.half_format, *_ROOM)
+    # The legend under the format needs some room of its own.
+    right = round(min(max(plot.x.end + 30.0, _LEAST_WIDTH), axes.WIDTH))
+    whole, cut = f'viewBox="0 0 {axes.WIDTH:g} ', f'viewBox="0 0 {right:g} '
+    drawing = Markup(str(figure.drawing).replace(whole, cut, 1))
+    return replace(figure, drawing=drawing, width=right / axes.WIDTH)

@@ -1,0 +1,104 @@
+"""Section of the calibration flight: its facts, its levels, its map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from tasks.certificate.content import Block, Fact, Facts, Figure, Listing, Section
+from tasks.certificate.flight_map import flight_map
+from tasks.certificate.identity_section import NOT_DECLARED
+from tasks.certificate.material import CertificateMaterial
+from tasks.coordinates.crs import MapFrame
+from tasks.report.table import Cell, Column, Number, Row, Table, numbers, text_column
+
+
+def flight_section(material: CertificateMaterial) -> Section:
+    """When, how and over which control the flight was flown."""
+    blocks: list[Block] = [
+        Facts("flight", "", _facts(material)),
+        Listing(level_table(material)),
+    ]
+    if len(material.images):
+        caption = (
+            "Flight pattern. Each strip is drawn to the right of its line as it was flown, so that a line "
+            "flown forward and reverse shows two arrows; dots are exposures, triangles control points, "
+            "circles check points."
+        )
+        blocks.append(
+            Figure(
+                "flight-pattern",
+                caption,
+                "Map of the flight strips with control and check points",
+                flight_map(material),
+            )
+        )
+    return Section("flight", "Calibration flight", tuple(blocks))
+
+
+def _facts(material: CertificateMaterial) -> tuple[Fact, ...]:
+    flight, settings = material.record.flight, material.results.project.project
+    flown = NOT_DECLARED if flight.flown is None else flight.flown.isoformat()
+    frame = MapFrame.of(settings.crs, settings.heights).description
+    sigma = _control_sigmas(material)
+    facts = [
+        Fact("project", "project", (flight.project,)),
+        Fact("flown", "date of the flight", (flown,)),
+        Fact("frame", "coordinate reference system", (frame,)),
+        Fact("images", "images", (Number(flight.images),)),
+        Fact("strips", "strips", (Number(flight.strips),)),
+        Fact("heights_m", "flying heights above ground", numbers(flight.heights_m, 0), "m"),
+        Fact("gsd_m", "ground sampling distance", numbers((g * 100 for g in flight.gsd_m), 1), "cm"),
+        Fact("headings_deg", "flight directions", numbers(flight.headings_deg, 0), "°"),
+        Fact("object_points", "object points", (Number(flight.object_points),)),
+        Fact("image_points", "image points", (Number(flight.image_points),)),
+        Fact("control_points", "control points", (Number(flight.control_points),)),
+    ]
+    if sigma is not None:
+        facts.append(Fact("control_sigma_m", "σ of control east, north, up (median)", numbers(sigma, 3), "m"))
+    return tuple(facts)
+
+
+def _control_sigmas(material: CertificateMaterial) -> tuple[float, ...] | None:
+    """Median σ of the control points, metres; None without any."""
+    points = material.results.control_points
+    own = points[points["role"] == "control"]
+    if own.empty:
+        return None
+    return tuple(float(own[f"sigma_{axis}_m"].median()) for axis in "xyz")
+
+
+def level_table(material: CertificateMaterial) -> Table:
+    """One row for each flying height: GSD, images, strips and directions."""
+    columns = (
+        text_column("level", "height level"),
+        Column("height_m", "height above ground", "m"),
+        Column("gsd_cm", "GSD", "cm"),
+        Column("images", "images"),
+        Column("strips", "strips"),
+        text_column("directions", "flight directions (strips)"),
+    )
+    rows = []
+    for level, images in material.images.groupby("level", sort=True):
+        height = float((images["z_m"] - images["ground_m"]).median())
+        cells: tuple[Cell, ...] = (
+            f"level {int(str(level)) + 1}",
+            Number(height, 0),
+            Number(float(images["gsd_m"].median()) * 100.0, 1),
+            Number(len(images)),
+            Number(images["strip"].nunique()),
+            _directions(images, material.record.flight.headings_deg),
+        )
+        rows.append(Row(f"level-{int(str(level)) + 1}", cells))
+    return Table("levels", "Height levels, as found in the data", columns, tuple(rows))
+
+
+def _directions(images: pd.DataFrame, known: tuple[float, ...]) -> str:
+    """Directions of the record with the number of strips that fly them: ``90° (7), 270° (7)``."""
+    found: list[float] = []
+    for _, strip in images.groupby("strip", sort=True):
+        angle = np.deg2rad(strip["heading_deg"].dropna().to_numpy(np.float64))
+        if len(angle) and known:
+            mean = np.arctan2(np.sin(angle).mean(), np.cos(angle).mean())
+            found.append(min(known, key=lambda heading: -np.cos(np.deg2rad(heading) - mean)))
+    return ", ".join(f"{heading:.0f}° ({found.count(heading)})" for heading in known if heading in found)

@@ -1,0 +1,56 @@
+"""Verification code and signatures; annex of the origin: digests of the deliveries, versions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tasks.calibration.record import CalibrationRecord
+from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Signatures, Words, short_code
+from tasks.certificate.material import CertificateMaterial
+from tasks.report.table import Row, Table, text_column
+
+
+def verification_section(material: CertificateMaterial) -> Section:
+    """How the certificate is verified, and who answers for it."""
+    record = material.record
+    code = (
+        Fact("short_code", "short form, in the head of every page", (short_code(record.digest),)),
+        Fact("code", "verification code", (record.digest,)),
+    )
+    blocks: list[Block] = [
+        Facts("verification", "", code),
+        Words(
+            "The code is the SHA-256 of the record of this calibration (calibration.json). To verify the "
+            "certificate, compare the code with that of the registry (aerocal registry verify), or compute "
+            "it from the record, which certificate.json holds whole under the key “record”: it is the "
+            "SHA-256 of its JSON text in UTF-8, keys sorted, one space after every comma and colon. With one "
+            "number changed the code is another. Then compare the numbers on paper with those of the record."
+        ),
+        Signatures(("Place, date", "Responsible for the calibration", "Approved")),
+    ]
+    return Section("verification", "Verification", tuple(blocks))
+
+
+def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -> Section:
+    """Annex: what the values were computed from and with what, and what made the document."""
+    record = material.record
+    blocks = (
+        Listing(input_table(record), ("sha256",)),
+        Listing(software_table("software", "Software of the calibration", record.software)),
+        Listing(software_table("document-software", "Software of this document", software)),
+    )
+    return Section("origin", "Annex: deliveries and software", blocks)
+
+
+def input_table(record: CalibrationRecord) -> Table:
+    """The delivered files with their digests."""
+    rows = tuple(Row(name, (name, sha256)) for name, sha256 in sorted(record.inputs.items()))
+    columns = (text_column("file", "delivered file"), text_column("sha256", "SHA-256"))
+    return Table("inputs", "Delivered files", columns, rows, "" if rows else "The record names none.")
+
+
+def software_table(name: str, caption: str, software: Mapping[str, str]) -> Table:
+    """Names and versions of software."""
+    rows = tuple(Row(each, (each, version)) for each, version in sorted(software.items()))
+    columns = (text_column("software", "software"), text_column("version", "version"))
+    return Table(name, caption, columns, rows)

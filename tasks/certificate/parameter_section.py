@@ -1,0 +1,228 @@
+"""Section of the calibrated parameters: values, change, σ and finding of each, and other conventions.
+
+A parameter without a result (held, eliminated, not determinable) has no calibrated value and no σ: it is
+fixed or unknown, and not perfectly known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from adjust.camera.interior import nominal_mounting
+from adjust.geometry import rotation
+from tasks.calibration.record import CalibratedParameter
+from tasks.certificate import quantities
+from tasks.certificate.additional_parameters import additional_blocks
+from tasks.certificate.content import Block, Listing, Section, Sentences, Words
+from tasks.certificate.material import CertificateMaterial
+from tasks.certificate.quantities import change_over_sigma, finding, has_result, quantity_of
+from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
+
+#: Decimals of a value without σ: what is held is printed as finely as what is usually determined.
+_HELD_DECIMALS = {"mm": 4, "µm": 1, "°": 5, "m": 3, "ms": 2}
+_GON = 10.0 / 9.0
+_SHIFT_NOTE = (
+    "Too much in the positions given: to be subtracted from them, antenna = projection centre + lever arm "
+    "(body axes, turned) + shift. As a correction that is added (in the way of CX, CY, CZ of the program "
+    "GPSPL, whose sign is not documented) each has the opposite sign."
+)
+_MISALIGNMENT_NOTE = (
+    "R(camera) = R(INS) · Rz(yaw) Ry(pitch) Rx(roll) · T, a product of matrices; T = diag(1, −1, −1) · "
+    "Rz({mount}°), body axes forward, right, down. Positive: right wing down, nose up, clockwise."
+)
+
+
+def parameter_section(material: CertificateMaterial) -> Section:
+    """All calibrated quantities."""
+    groups = (
+        ("interior", "Interior orientation", quantities.INTERIOR, _interior_note(material)),
+        (
+            "boresight",
+            "Boresight misalignment, body axes of the inertial unit",
+            quantities.BORESIGHT,
+            _MISALIGNMENT_NOTE.format(mount=material.record.camera.mount_deg),
+        ),
+        (
+            "lever-arm",
+            "Lever arm from the projection centre to the point the positions are of, body axes",
+            quantities.LEVER_ARM,
+            "",
+        ),
+        ("gnss-shift", f"GNSS shift, axes of {_axes(material)}", quantities.GNSS_SHIFT, _SHIFT_NOTE),
+        (
+            "time-offset",
+            "Time offset",
+            quantities.TIME_OFFSET,
+            "Positions given are those of the exposure + Δt.",
+        ),
+    )
+    blocks: list[Block] = [Words(_reading(material), "note")]
+    for name, caption, known, note in groups:
+        own = [item for item in material.parameters if item.parameter in known]
+        if not own:
+            continue
+        own = list(quantities.in_order(tuple(own)))
+        blocks.append(Listing(parameter_table(name, caption, own, note), ("finding",)))
+        if name == "boresight" and any(has_result(item) for item in own):
+            blocks.append(Listing(conventions_table(material, own), ("convention",)))
+    blocks += additional_blocks(material)
+    blocks += _others(material)
+    because = reasons(material.parameters)
+    if because:
+        blocks.append(Sentences("Why, and what would determine it", because))
+    return Section("parameters", "Calibrated parameters", tuple(blocks))
+
+
+def _axes(material: CertificateMaterial) -> str:
+    crs = material.record.flight.crs
+    return "the local system" if crs == "local" else f"the block (east, north, up; {crs})"
+
+
+def _interior_note(material: CertificateMaterial) -> str:
+    origin = material.results.project.cameras[material.record.camera.name].pixel_origin
+    point = "corner" if origin == "corner" else "centre"
+    return (
+        "Origin at the format centre, x along increasing columns, y against increasing rows; pixel (0, 0) is "
+        f"the {point} of the top-left pixel. A measured coordinate is corrected as x − x0 + Δ, Δ of the "
+        "additional parameters."
+    )
+
+
+def _reading(material: CertificateMaterial) -> str:
+    confidence = material.results.project.adjustment.confidence
+    return (
+        "σ: standard deviation a posteriori. t: change over σ, tested two-sided at "
+        f"{100 * confidence:g} %: significant, or not significantly different from the value before. Held: "
+        "not estimated, kept at the value before. Eliminated: offered, and taken out because the flight does "
+        "not support it. Not determinable: no result. These three have no value of this calibration and no σ."
+    )
+
+
+def parameter_table(name: str, caption: str, items: Sequence[CalibratedParameter], note: str) -> Table:
+    """One row for each parameter in customary units."""
+    entities = {item.entity for item in items}
+    columns = (
+        text_column("quantity", "quantity"),
+        text_column("symbol", ""),
+        Column("given", "before"),
+        Column("calibrated", "calibrated"),
+        text_column("unit", ""),
+        Column("change", "change"),
+        Column("sigma", "σ"),
+        text_column("fine_unit", ""),
+        Column("t", "t"),
+        text_column("finding", "finding"),
+    )
+    rows = [_row(item, with_entity=len(entities) > 1) for item in items]
+    return Table(name, caption, columns, tuple(rows), note)
+
+
+def _row(item: CalibratedParameter, *, with_entity: bool) -> Row:
+    quantity, known = quantity_of(item), has_result(item)
+    decimals = _decimals(item)
+    sigma = item.sigma * quantity.fine_factor if known and item.sigma is not None else None
+    fine = decimals_for(sigma)
+    value = item.value * quantity.factor if known else None
+    change = (item.value - item.given) * quantity.fine_factor if known else None
+    words = f"{quantity.words} ({item.entity})" if with_entity else quantity.words
+    cells: tuple[Cell, ...] = (
+        words,
+        quantity.symbol,
+        *numbers((item.given * quantity.factor, value), decimals),
+        quantity.unit,
+        Number(change, fine, plus=True),
+        Number(sigma, fine),
+        quantity.fine_unit if known else "",
+        Number(change_over_sigma(item), 1, plus=True),
+        finding(item),
+    )
+    return Row(f"{item.parameter}@{item.entity}", cells)
+
+
+def _decimals(item: CalibratedParameter) -> int:
+    """Decimals of the value: those that give its σ two digits."""
+    quantity = quantity_of(item)
+    if has_result(item) and item.sigma is not None:
+        return decimals_for(item.sigma * quantity.factor)
+    return _HELD_DECIMALS.get(quantity.unit, 6)
+
+
+def conventions_table(material: CertificateMaterial, items: Sequence[CalibratedParameter]) -> Table:
+    """The misalignment as other programs write it, in degrees and gon."""
+    by_name = {item.parameter: item for item in items}
+    roll, pitch, yaw = (by_name[name].value if name in by_name else 0.0 for name in quantities.BORESIGHT)
+    body_from_camera = nominal_mounting(material.record.camera.mount_deg)
+    matrix = rotation.from_roll_pitch_yaw(np.deg2rad([roll, pitch, yaw]))
+    image_side = np.rad2deg(rotation.to_omega_phi_kappa(body_from_camera.T @ matrix @ body_from_camera)) + 0.0
+    columns = (
+        text_column("convention", "convention"),
+        text_column("angles", "angles"),
+        *(Column(f"angle_{n}_deg", f"{n}.", "°") for n in (1, 2, 3)),
+        *(Column(f"angle_{n}_gon", f"{n}.", "gon") for n in (1, 2, 3)),
+    )
+    both = (
+        ("body", "Rz(yaw) Ry(pitch) Rx(roll), body axes, as above", "roll, pitch, yaw", (roll, pitch, yaw)),
+        (
+            "added",
+            "added to the angles of the INS, in the way of the program GPSPL; as above in level flight, "
+            "different by the tilt times the misalignment else",
+            "CROLL, CPITCH, CYAW",
+            (roll, pitch, yaw),
+        ),
+        (
+            "image_side",
+            "image side, R(camera) = R(INS) · T · Rx(ω) Ry(φ) Rz(κ), axes of the image: x = column, y = up",
+            "ω, φ, κ",
+            tuple(image_side.tolist()),
+        ),
+    )
+    rows = tuple(
+        Row(key, (words, angles, *numbers(deg, 5), *numbers((value * _GON for value in deg), 5)))
+        for key, words, angles, deg in both
+    )
+    unknown = [quantity_of(item).words for item in items if not has_result(item)]
+    note = f"With the value before for {', '.join(unknown)}." if unknown else ""
+    return Table("boresight-conventions", "The same misalignment in other conventions", columns, rows, note)
+
+
+def _others(material: CertificateMaterial) -> list[Block]:
+    """Parameters of no group above, and a line about those of single strips."""
+    known = {**quantities.INTERIOR, **quantities.BORESIGHT, **quantities.LEVER_ARM}
+    known |= {**quantities.GNSS_SHIFT, **quantities.TIME_OFFSET}
+    rest = [
+        item
+        for item in material.parameters
+        if item.parameter not in known and not quantities.is_additional(item)
+    ]
+    blocks: list[Block] = []
+    if rest:
+        blocks.append(Listing(parameter_table("others", "Other parameters", rest, ""), ("finding",)))
+    strips = material.strip_parameters
+    if len(strips):
+        blocks.append(Words(_strip_words(material), "note"))
+    return blocks
+
+
+def _strip_words(material: CertificateMaterial) -> str:
+    strips = material.strip_parameters
+    parts = []
+    for unit, own in strips.groupby("unit", sort=True):
+        rms = float(np.sqrt(np.mean(own["value"].to_numpy(np.float64) ** 2)))
+        prior = own["sigma_prior"].dropna()
+        before = f", σ before {float(prior.median()):.3g} {unit}" if len(prior) else ""
+        parts.append(f"{len(own)} values, RMS {rms:.3g} {unit}{before}")
+    return (
+        f"Estimated with them, and of no use to other flights: GNSS biases or drifts of "
+        f"{strips['entity'].nunique()} strips ({'; '.join(parts)}). The σ above contain their uncertainty."
+    )
+
+
+def reasons(parameters: Sequence[CalibratedParameter]) -> tuple[str, ...]:
+    """What the record says about single parameters, once each."""
+    found: dict[str, list[str]] = {}
+    for item in quantities.in_order(tuple(parameters)):
+        if item.because:
+            found.setdefault(item.because, []).append(quantities.short_name(item))
+    return tuple(f"{', '.join(names)}: {because}" for because, names in found.items())

@@ -1,0 +1,49 @@
+"""The certificate as a stage: ``certificate.html``, ``certificate.pdf`` and ``certificate.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+
+from tasks.certificate.compose import content_of
+from tasks.certificate.material import read_certificate_material
+from tasks.certificate.page import page_of
+from tasks.certificate.paper import pdf_of
+from tasks.certificate.twin import twin_of
+from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
+from tasks.storage.json_text import json_text
+from tasks.storage.store import stored
+
+#: Names of the artifacts, which are also those of the files.
+CERTIFICATE = ("certificate.html", "certificate.json", "certificate.pdf")
+#: Versions that decide how the documents look, besides those of the numerical libraries.
+SOFTWARE: Mapping[str, str] = {name: version(name) for name in ("aerocal", "jinja2", "markupsafe", "typst")}
+
+
+@stored("certificate")
+def write_certificate(
+    folder: Path,
+    *,
+    record: Artifact,
+    stages: tuple[Mapping[str, Artifact], ...],
+    project: Project,
+    software: Mapping[str, str] = SOFTWARE,
+) -> None:
+    """Write certificate.html, certificate.json and certificate.pdf.
+
+    Parameters
+    ----------
+    record : the file calibration.json.
+    stages : the outputs of all stages so far by name, in the order in which they ran; those of a
+        direct-georeferencing check among them are shown.
+    project : the settings of the run; its gates are tested.
+    software : versions that decide how the documents look.
+    """
+    material = read_certificate_material(record, stages, project)
+    content = content_of(material, software)
+    html, twin, pdf = (folder / name for name in CERTIFICATE)
+    html.write_text(page_of(content), encoding="utf-8")
+    twin.write_text(json_text(twin_of(content, material.record), indent=2) + "\n", encoding="utf-8")
+    pdf.write_bytes(pdf_of(content))

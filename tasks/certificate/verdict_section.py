@@ -1,0 +1,127 @@
+"""The verdict: its sentence, the result in brief, reasons, remarks and the limits it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from tasks.calibration.record import CalibratedParameter, CalibrationRecord
+from tasks.certificate import quantities
+from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Sentences, Words
+from tasks.certificate.material import CertificateMaterial
+from tasks.certificate.quantities import Quantity, finding, has_result, quantity_of
+from tasks.report.key_figures import gate_table
+from tasks.report.table import Cell, Number, Row, Table, decimals_for, text_column
+
+_VERDICTS = {
+    "determined": "determined",
+    "weak": "weakly determined",
+    "not_determinable": "not determinable",
+    "held": "held",
+}
+
+
+def verdict_sentence(record: CalibrationRecord) -> str:
+    """The verdict in one sentence."""
+    if record.verdict == "accepted":
+        return "Accepted: the flight meets the limits of a calibration flight."
+    if len(record.reasons) == 1:
+        return f"Refused: {record.reasons[0]}"
+    number = len(record.reasons)
+    words = f"Refused for {number} reasons, see limits and verdict." if number else "Refused."
+    return f"{words} None of the values may be used."
+
+
+def brief_section(material: CertificateMaterial) -> Section:
+    """The main parameters with their σ, for the first page."""
+    known = (
+        quantities.INTERIOR,
+        quantities.BORESIGHT,
+        quantities.LEVER_ARM,
+        quantities.GNSS_SHIFT,
+        quantities.TIME_OFFSET,
+    )
+    facts = [fact for group in known for fact in _of_group(material, group)]
+    additional = [item for item in material.parameters if quantities.is_additional(item)]
+    if additional:
+        count = Number(sum(has_result(item) for item in additional))
+        offered = Number(len(additional))
+        facts.append(Fact("additional", "additional parameters kept", (count, offered), "offered", " of "))
+    return Section("brief", "Result in brief", (Facts("result", "", tuple(facts)),))
+
+
+def _of_group(material: CertificateMaterial, group: Mapping[str, Quantity]) -> list[Fact]:
+    """One fact for each parameter of a group; one for all of an entity if nothing is said about any."""
+    own = quantities.in_order(tuple(item for item in material.parameters if item.parameter in group))
+    facts = []
+    for entity in dict.fromkeys(item.entity for item in own):
+        items = [item for item in own if item.entity == entity]
+        words = {finding(item) for item in items}
+        if len(items) > 1 and len(words) == 1 and not any(has_result(item) for item in items):
+            together = ", ".join(quantity_of(item).words for item in items)
+            facts.append(replace(_brief(items[0]), label=_label(items[0], together)))
+        else:
+            facts += [_brief(item) for item in items]
+    return facts
+
+
+def _label(item: CalibratedParameter, words: str) -> str:
+    """A quantity with the name of its group, and of a flight where it belongs to one."""
+    if item.parameter in quantities.INTERIOR:
+        return words
+    if item.parameter not in quantities.TIME_OFFSET:
+        group = item.parameter.rsplit("_", 1)[0].replace("_", " ").replace("gnss", "GNSS")
+        words = f"{group}, {words}"
+    of_flight = item.parameter in quantities.GNSS_SHIFT or item.parameter in quantities.TIME_OFFSET
+    return f"{words} (flight {item.entity})" if of_flight else words
+
+
+def _brief(item: CalibratedParameter) -> Fact:
+    """A parameter as value ± σ in the unit of the value; one without a result in words."""
+    quantity = quantity_of(item)
+    label = _label(item, quantity.words)
+    key = f"{item.parameter}@{item.entity}"
+    if not has_result(item) or item.sigma is None:
+        return Fact(key, label, (finding(item),))
+    sigma = item.sigma * quantity.factor
+    decimals = decimals_for(sigma)
+    values = (Number(item.value * quantity.factor, decimals), Number(sigma, decimals))
+    return Fact(key, label, values, quantity.unit, " ± ")
+
+
+def verdict_section(material: CertificateMaterial) -> Section:
+    """Verdict with reasons, what is said of each parameter, and the limits of the project."""
+    record = material.record
+    blocks: list[Block] = [Words(verdict_sentence(record))]
+    if record.reasons:
+        blocks.append(Sentences("Reasons", record.reasons))
+    blocks.append(Listing(determinability_table(material), ("because",)))
+    gates = gate_table(material.results.summary.gates)
+    if gates.rows:
+        blocks.append(Listing(gates))
+    else:
+        blocks.append(Words("The project sets no limits of its own.", "note"))
+    if record.remarks:
+        blocks.append(Sentences("Remarks", record.remarks))
+    problems = tuple(p for p in material.results.summary.problems if p not in record.remarks)
+    if problems:
+        blocks.append(Sentences("Remarks of the adjustment", problems))
+    return Section("verdict", "Limits and verdict", tuple(blocks))
+
+
+def determinability_table(material: CertificateMaterial) -> Table:
+    """What the flight could determine: one row for each kind of verdict and reason."""
+    columns = (
+        text_column("parameters", "parameters"),
+        text_column("verdict", "could this flight determine it?"),
+        text_column("because", "because"),
+    )
+    together: dict[tuple[str, str], list[str]] = {}
+    for item in quantities.in_order(material.parameters):
+        words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
+        together.setdefault((words, item.because), []).append(quantities.short_name(item))
+    rows = []
+    for number, ((words, because), names) in enumerate(together.items(), start=1):
+        cells: tuple[Cell, ...] = (", ".join(dict.fromkeys(names)), words, because)
+        rows.append(Row(f"{number}", cells))
+    return Table("determinability", "What this flight could determine", columns, tuple(rows))
