@@ -125,6 +125,61 @@ class ResidualGridFigure(_Figure):
     iteration: GridIterationFigure | None = None
 
 
+class CalibrationVerdictFigure(_Figure):
+    """What a flight says about one parameter; numbers in the unit of parameters.parquet."""
+
+    parameter: str
+    entity: str
+    verdict: str
+    because: str = ""
+    sigma: float | None = None
+    limit: float | None = None
+    sigma_over_prior: float | None = None
+    correlated_with: str | None = None
+    correlation: float | None = None
+
+
+class ReleaseFigure(_Figure):
+    """What was free at one stage of a calibration, and what was held after it."""
+
+    free: tuple[str, ...]
+    additional: str
+    held: Mapping[str, str] = {}
+
+
+class ComparedStepFigure(_Figure):
+    """A parameter by one-step and by two-step calibration."""
+
+    parameter: str
+    entity: str
+    unit: str
+    one_step: float
+    one_step_sigma: float
+    two_step: float
+    two_step_sigma: float
+    difference: float
+    t: float
+
+
+class StepComparisonFigure(_Figure):
+    """The two methods compared."""
+
+    parameters: tuple[ComparedStepFigure, ...]
+    sentence: str
+
+
+class CalibrationFigures(_Figure):
+    """A system calibration; ``two_step`` is null without a second step."""
+
+    verdict: str
+    reasons: tuple[str, ...] = ()
+    directions: str
+    heights: str
+    parameters: tuple[CalibrationVerdictFigure, ...]
+    releases: tuple[ReleaseFigure, ...]
+    two_step: StepComparisonFigure | None = None
+
+
 class AdjustmentFigures(_Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
@@ -139,6 +194,7 @@ class AdjustmentFigures(_Figure):
     sigma_scaled_by: float | None = None
     self_calibration: SelfCalibrationFigures | None = None
     residual_grid: ResidualGridFigure = ResidualGridFigure()
+    calibration: CalibrationFigures | None = None
     frame: str = ""
 
 
@@ -165,6 +221,7 @@ _GATE_WORDS = {
     "direct_georeferencing_max_m": "largest difference at check points georeferenced directly",
     "y_parallax_rms_um": "RMS of the y-parallaxes",
     "y_parallax_max_um": "largest y-parallax",
+    "missed_limits_of_calibration": "missed limits of a calibration flight",
 }
 
 

@@ -39,6 +39,7 @@ class Material:
     image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
         check_points, residual_grid, residual_autocorrelation : the tables of these names.
     self_calibration : the additional parameters that were offered; empty without any.
+    strip_means : orientation_difference_means of a two-step calibration; empty without one.
     """
 
     project: Project
@@ -57,6 +58,7 @@ class Material:
     residual_grid: pd.DataFrame
     residual_autocorrelation: pd.DataFrame
     self_calibration: pd.DataFrame
+    strip_means: pd.DataFrame
 
     @cached_property
     def figures(self) -> AdjustmentFigures:
@@ -157,7 +159,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     }
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
-    offered = tables.get("self_calibration")
+    offered, means = (tables.get(name) for name in ("self_calibration", "orientation_difference_means"))
     camera_table = read_table(tables["cameras"])
     return Material(
         project=project,
@@ -165,5 +167,6 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         cameras=frame_cameras(camera_table),
         camera_table=camera_table,
         self_calibration=pd.DataFrame() if offered is None else read_table(offered),
+        strip_means=pd.DataFrame() if means is None else read_table(means),
         **read,
     )

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from tasks.report import (
     block_map,
+    calibration,
     correlations,
     datum,
     grid_iteration,
@@ -25,6 +26,7 @@ from tasks.report import (
     residual_correlation,
     residual_field,
     self_calibration,
+    strip_differences,
     surveyed_points,
     suspicious,
     system_parameters,
@@ -102,6 +104,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         self_calibration.offered_table(material),
         self_calibration.group_table(material),
         self_calibration.flight_table(material),
+        *calibration.calibration_tables(material),
         datum.datum_table(material),
         suspicious.rejected_table(material),
         suspicious.uncontrolled_images(material),
@@ -139,6 +142,7 @@ def _plots(material: Material) -> list[Plot]:
         "residual-correlation": residual_correlation.correlation_plot(material),
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
+        "strip-differences": strip_differences.strip_plot(material),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]
 

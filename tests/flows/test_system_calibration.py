@@ -17,6 +17,7 @@ from tasks.calibration.record import CalibrationRecord
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 from tasks.truth_comparison import compare_with_truth
+from tests.tasks.report.page_reader import Page
 
 FEW_POINTS = ("points.count=900", "points.detection=0.5")
 ONE_HEIGHT = ("flight.2.height_m=780", "flight.3.height_m=780")
@@ -211,3 +212,21 @@ def test_a_second_run_computes_nothing(
     assert again.error is None
     assert not [text for text in caplog.messages if "computed" in text]
     assert (again.directory / "calibration.json").read_bytes() == before["calibration.json"]
+
+
+def test_the_report_shows_the_verdicts_and_both_methods(accepted: RunOutcome) -> None:
+    page = Page((accepted.directory / "report.html").read_text(encoding="utf-8"))
+    parameters = pd.read_parquet(accepted.directory / "parameters.parquet")
+    rows_of = parameters.set_index(parameters["parameter"] + "@" + parameters["entity"])
+    verdicts = page.tables["calibration"]
+    assert len(verdicts.keys) == 9
+    for key in verdicts.keys:
+        for column in ("sigma", "change"):
+            assert float(verdicts.numbers[key, column].data) == rows_of.loc[key, column]
+    steps = page.tables["calibration-steps"]
+    compared = figures(accepted)["two_step"]["parameters"]
+    assert len(steps.keys) == len(compared) == 6
+    for item in compared:
+        key = f"{item['parameter']}@{item['entity']}"
+        assert float(steps.numbers[key, "t"].data) == item["t"]
+    assert "accepted" in page.text
