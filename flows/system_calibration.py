@@ -13,6 +13,7 @@ from tasks import two_step
 from tasks.calibration import applied_cameras, describe, judge
 from tasks.calibration.control_alone import control_alone
 from tasks.calibration.release import Held, Release, held_after, releases
+from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
 from tasks.report.provenance import SOFTWARE
 from tasks.settings.project import Project
@@ -24,6 +25,7 @@ judge_release = stage(judge.judge_release)
 apply_to_cameras = stage(applied_cameras.apply_to_cameras)
 calibrate_in_two_steps = stage(two_step.calibrate_in_two_steps)
 describe_calibration = stage(describe.describe_calibration)
+write_certificate = stage(certificate.write_certificate)
 publish = stage(publishing.publish)
 
 
@@ -60,8 +62,21 @@ def system_calibration(project: Project, store: Store) -> Summary:
     stages = (*block.stages, one.adjusted, *two.outputs, described)
     stages = (*stages, checked_block(one.project, store, stages))
     pages = (page_of_check(one.project, store, stages), report_of(one.project, store, stages))
-    names = (*publishing.OF_CALIBRATIONS, *(name for name in described if name != "notes"))
-    return publish(store, project, (*stages, *pages), names)
+    certificates = tuple(
+        write_certificate(
+            store,
+            record=record,
+            stages=stages,
+            project=one.project,
+            suffix=name.removeprefix(describe.CALIBRATION),
+        )
+        for name, record in described.items()
+        if name != "notes"
+    )
+    own = {name for outputs in (described, *certificates) for name in outputs} - {"notes"}
+    return publish(
+        store, project, (*stages, *pages, *certificates), (*publishing.OF_CALIBRATIONS, *sorted(own))
+    )
 
 
 def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> OneStep:

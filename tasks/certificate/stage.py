@@ -16,8 +16,6 @@ from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import json_text
 from tasks.storage.store import stored
 
-#: Names of the artifacts, which are also those of the files.
-CERTIFICATE = ("certificate.html", "certificate.json", "certificate.pdf")
 #: Versions that decide how the documents look, besides those of the numerical libraries.
 SOFTWARE: Mapping[str, str] = {name: version(name) for name in ("aerocal", "jinja2", "markupsafe", "typst")}
 
@@ -29,6 +27,7 @@ def write_certificate(
     record: Artifact,
     stages: tuple[Mapping[str, Artifact], ...],
     project: Project,
+    suffix: str = "",
     software: Mapping[str, str] = SOFTWARE,
 ) -> None:
     """Write certificate.html, certificate.json and certificate.pdf.
@@ -39,11 +38,12 @@ def write_certificate(
     stages : the outputs of all stages so far by name, in the order in which they ran; those of a
         direct-georeferencing check among them are shown.
     project : the settings of the run; its gates are tested.
+    suffix : of the files' names, to keep the certificates of several cameras apart.
     software : versions that decide how the documents look.
     """
     material = read_certificate_material(record, stages, project)
     content = content_of(material, software)
-    html, twin, pdf = (folder / name for name in CERTIFICATE)
+    html, twin, pdf = (folder / f"certificate{suffix}.{ending}" for ending in ("html", "json", "pdf"))
     html.write_text(page_of(content), encoding="utf-8")
     twin.write_text(json_text(twin_of(content, material.record), indent=2) + "\n", encoding="utf-8")
     pdf.write_bytes(pdf_of(content))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -58,7 +58,7 @@ class Material:
     residual_grid: pd.DataFrame
     residual_autocorrelation: pd.DataFrame
     self_calibration: pd.DataFrame
-    strip_means: pd.DataFrame
+    strip_means: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @cached_property
     def figures(self) -> AdjustmentFigures:

@@ -14,11 +14,13 @@ import pytest
 from tasks.certificate.content import CertificateContent, Facts, short_code
 from tasks.certificate.page import page_of
 from tasks.certificate.paper import pdf_of, sources_of
-from tasks.certificate.stage import CERTIFICATE, write_certificate
+from tasks.certificate.stage import write_certificate
 from tasks.certificate.twin import FORMAT, VERSION, document_of, twin_of
 from tests.tasks.certificate.calibrations import written
 from tests.tasks.certificate.conftest import HOSTILE, Calibration, as_json, changed, tables_of
 from tests.tasks.report.page_reader import Page
+
+CERTIFICATE = ("certificate.html", "certificate.json", "certificate.pdf")
 
 
 @pytest.fixture(scope="module")
