@@ -24,13 +24,9 @@ from tasks.coordinates.local_frame import AdjustmentFrame, local_frame, map_from
 from tasks.errors import InputError
 from tasks.first_run import announce_compilation
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
+from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.flight_direction import check_flight_direction
-from tasks.plausibility.orientations import (
-    check_orientations,
-    control_limit_m,
-    ray_residuals,
-    tie_limit_px,
-)
+from tasks.plausibility.orientations import check_orientations, ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -65,6 +61,7 @@ class Approximation:
     status : (m,) texts, "used" or why not.
     residual_px : (n, 2) column, row residuals of the image points at the intersections.
     height : median flying height above the intersections, metres.
+    suspicions : slips of the orientations that the tie points suggest.
     """
 
     given: GivenOrientations
@@ -78,6 +75,7 @@ class Approximation:
     status: np.ndarray
     residual_px: Floats
     height: float
+    suspicions: tuple[str, ...]
 
 
 @stored("approximate_values")
@@ -114,8 +112,9 @@ def approximate_block(
     found = _intersected(given, frame, measured, surveyed, checks)
     points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
     differences = control_differences(surveyed, frame, points_table, _intersections(found))
-    limit_m = control_limit_m(given, checks, found.height)
-    problems += check_control(differences, surveyed_table, map_frame, frame, limit_m)
+    expected = expected_intersections(given, checks, found.height)
+    problems += found.suspicions
+    problems += check_control(differences, surveyed_table, map_frame, frame, expected)
     problems += check_flight_direction(given)
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
@@ -182,8 +181,8 @@ def _intersected(
     state = block.approximate_state()
     intersection = intersect(rays, state, len(points))
     height = _height(state, intersection)
-    limit_px = tie_limit_px(given, checks, height)
-    check_orientations(given, rays, state, len(points), limit_px)
+    limits = tie_limits(given, checks, height)
+    suspicions = check_orientations(given, rays, state, len(points), limits)
 
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
     residual_px = ray_residuals(rays, state, len(points), pixel_size).residual_px
@@ -192,12 +191,23 @@ def _intersected(
     status = np.array([_STATUS[IntersectionStatus(code)] for code in intersection.status], dtype=object)
     usable = intersection.usable
     status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = _WEAK_ANGLE
-    status[usable & (largest > 4.0 * limit_px)] = _MISMATCH
+    status[usable & (largest > 4.0 * limits.wrong_px)] = _MISMATCH
     x_in_local = np.where(usable[:, None], intersection.object_point, np.nan)
     count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
     _take_surveyed(points, surveyed, x_in_local, status, count)
     return Approximation(
-        given, frame, rays, state, points, x_in_local, intersection.angle, count, status, residual_px, height
+        given,
+        frame,
+        rays,
+        state,
+        points,
+        x_in_local,
+        intersection.angle,
+        count,
+        status,
+        residual_px,
+        height,
+        tuple(suspicions),
     )
 
 

@@ -65,6 +65,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
 from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
+from tasks.plausibility.lever_arm import lever_arm_suspicions, suspicions_without_rejection
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.storage.artifact import Artifact
@@ -116,7 +117,12 @@ def adjust_bundle(
     observations, rows = _observations(block, given, surveyed, measured, adjustment, calibration)
     rays, fields = with_given_corrections(observations.image_points, block, adjustment.residual_grid)
     observations = replace(observations, image_points=rays)
-    block, result, selection = _adjusted(block, observations, adjustment)
+    arms = (given.mountings.names, given.mountings.lever_arm)
+    try:
+        block, result, selection = _adjusted(block, observations, adjustment)
+    except NotComputableError as error:
+        slips = suspicions_without_rejection(*arms, block, observations, _options(adjustment))
+        raise NotComputableError(" ".join((*slips, str(error)))) from error
     grids = block_grids(
         block,
         observations,
@@ -154,7 +160,9 @@ def adjust_bundle(
         "residual_grid": residual_grid_figures(block.cameras, grids, adjustment.confidence),
     }
     of_images = residual_grid_sentences(block.cameras, grids, adjustment.confidence)
-    write_notes(folder, Notes((*adjustment_problems(adjusted, adjustment), *problems, *of_images), figures))
+    slips = lever_arm_suspicions(*arms, block, result)
+    said = (*slips, *adjustment_problems(adjusted, adjustment), *problems, *of_images)
+    write_notes(folder, Notes(said, figures))
 
 
 def _observations(

@@ -12,6 +12,7 @@ from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
+from tasks.plausibility.declared_accuracy import ExpectedIntersections
 
 # A common height difference is a matter of the datum when it exceeds this many times its own scatter.
 _COMMON_HEIGHT = 5.0
@@ -64,13 +65,13 @@ def check_control(
     table: pd.DataFrame,
     map_frame: MapFrame,
     frame: AdjustmentFrame,
-    limit_m: float,
+    expected: ExpectedIntersections,
 ) -> list[str]:
     """Refuse control points that cannot be where they are said to be; name what looks suspicious.
 
     Parameters
     ----------
-    limit_m : distance from the intersection above which a point is called wrong, metres.
+    expected : how far intersections may lie from their points.
 
     Returns
     -------
@@ -81,19 +82,15 @@ def check_control(
     InputError
         If points lie further from their intersections than the limit.
     """
+    limit_m = expected.limit_m
     distance = np.linalg.norm(np.nan_to_num(differences.enu), axis=1)
     far = distance > limit_m
+    heights = _common_height(differences, expected)
     if not far.any():
-        return _common_height(differences)
+        return [] if heights is None else [f"{heights[0]} {heights[1]}"]
     plan = np.linalg.norm(np.nan_to_num(differences.enu[:, :2]), axis=1)
-    if (plan <= limit_m).all() and far.sum() > 0.5 * len(far):
-        height = float(np.nanmedian(differences.enu[:, 2]))
-        raise InputError(
-            f"The heights of {int(far.sum())} control points differ from the intersections of their rays "
-            f"by {height:+.1f} m (median), their plan positions agree.",
-            "Check `heights` of the control and of the exposures: ellipsoidal heights and altitudes above "
-            "the geoid differ by the undulation.",
-        )
+    if heights is not None and (plan <= limit_m).all():
+        raise InputError(*heights)
     if _swapped(differences, far, table, map_frame, frame, limit_m):
         raise InputError(
             f"x and y of {int(far.sum())} control points look swapped: with x and y exchanged they lie "
@@ -136,18 +133,30 @@ def _swapped(
     return bool((distance <= limit_m).all())
 
 
-def _common_height(differences: ControlDifferences) -> list[str]:
-    """A sentence if all heights differ by the same amount, as between two height systems."""
+def _common_height(
+    differences: ControlDifferences, expected: ExpectedIntersections
+) -> tuple[str, str] | None:
+    """What is wrong and its remedy if all heights differ by the same amount, as between two height systems.
+
+    How much they scatter is taken from themselves, and for fewer than three from what is expected.
+    """
     up = differences.enu[:, 2]
     up = up[np.isfinite(up)]
-    if len(up) < 2:
-        return []
+    if len(up) == 0:
+        return None
     median = float(np.median(up))
-    scatter = float(np.median(np.abs(up - median))) * 1.4826
-    if abs(median) < max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter):
-        return []
-    return [
-        f"All control heights differ from the given orientations by {median:+.1f} m "
-        f"(scatter {scatter:.1f} m): as if the control and the exposures had different height systems. "
-        "Check `heights` of both."
-    ]
+    scatter = float(np.median(np.abs(up - median))) * 1.4826 if len(up) >= 3 else expected.sigma_m
+    notable = max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter, 2.0 * expected.sigma_m)
+    if abs(median) < notable:
+        return None
+    points = "the one surveyed point comes" if len(up) == 1 else f"{len(up)} surveyed points come"
+    spread = f" (scatter {scatter:.1f} m)" if len(up) >= 3 else ""
+    focal_length = 100.0 * abs(median) / expected.height if expected.height > 0.0 else np.inf
+    alike = f"; a focal length wrong by {focal_length:.1f} % would look alike" if focal_length < 10.0 else ""
+    return (
+        "The heights of exposures and control refer to different height systems (geoid undulation?): from "
+        f"the given orientations {points} out {abs(median):.1f} m {'higher' if median > 0.0 else 'lower'} "
+        f"than given{spread}.",
+        "Check `heights` of both inputs: ellipsoidal heights and altitudes above the geoid differ by the "
+        f"undulation{alike}.",
+    )

@@ -8,26 +8,22 @@ other, and one that explains the data, three times better than any other, is nam
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
-from tasks.block.given_orientations import AngleOrder, GivenOrientations
+from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
-from tasks.settings.quality import ChecksSettings
+from tasks.plausibility.declared_accuracy import TieLimits
+from tasks.plausibility.orientation_slips import Slip, usual_slips
 
 # A slip is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0
-# Residuals expected from the declared sigmas are allowed this many times over.
-_ALLOWANCE = 10.0
 # Images tried as the one that contradicts the others.
 _SUSPECTS = 8
 # Rays used to try slips: enough for a median, few enough to be instant.
@@ -48,26 +44,6 @@ class RayResiduals:
     median_px: float
 
 
-Reading: TypeAlias = tuple[GivenOrientations, ImagePoints, AngleOrder, Floats]
-
-
-@dataclass(frozen=True)
-class Slip:
-    """One usual slip.
-
-    Attributes
-    ----------
-    looks_like : what it would be.
-    remedy : what to do.
-    corrected : the input as it should have been read: orientations, image points, the order of the
-        angles, and a turn (3, 3) of the camera to be applied last.
-    """
-
-    looks_like: str
-    remedy: str
-    corrected: Callable[[GivenOrientations, ImagePoints], Reading]
-
-
 def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floats) -> RayResiduals:
     """Residuals at the intersections of the rays of ``points`` object points.
 
@@ -85,59 +61,52 @@ def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floa
     return RayResiduals(residual_px, float(np.median(length)) if len(length) else 0.0)
 
 
-def tie_limit_px(given: GivenOrientations, checks: ChecksSettings, height: float) -> float:
-    """Median residual above which the orientations are called wrong, from settings and declared sigmas.
-
-    Parameters
-    ----------
-    height : flying height above the intersected points, metres. Wrong orientations can make it anything,
-        so the distance between neighbouring exposures, which is always smaller, bounds it from below.
-    """
-    cameras = given.mountings.cameras
-    scale = np.array([camera.focal_length / camera.pixel_size for camera in cameras])[given.camera]
-    attitude = np.nan_to_num(given.angle_sigma).max(axis=1)
-    position = np.nan_to_num(given.position_sigma).max(axis=1) / max(height, _spacing(given), 1.0)
-    expected = float(np.median(scale * np.hypot(attitude, position)))
-    return max(checks.tie_residual_px, _ALLOWANCE * expected)
-
-
-def control_limit_m(given: GivenOrientations, checks: ChecksSettings, height: float) -> float:
-    """Distance of a control point from its intersection above which it is called wrong, metres.
-
-    Attitudes of σ move an intersection by about h σ in plan and three times that in height (a usual
-    ratio of height and base); attitudes taken from the track are no reason to doubt the control.
-    """
-    attitude = float(np.median(np.nan_to_num(given.angle_sigma).max(axis=1)))
-    position = float(np.median(np.nan_to_num(given.position_sigma).max(axis=1)))
-    return max(checks.control_distance_m, _ALLOWANCE * 3.0 * (position + height * attitude))
-
-
-def _spacing(given: GivenOrientations) -> float:
-    """Median distance of an exposure to the nearest one that is not at the same place, metres."""
-    plan = given.observed[:, :2]
-    if len(plan) < 2:
-        return 0.0
-    distance = np.asarray(cKDTree(plan).query(plan, k=min(len(plan), 4))[0])
-    apart = np.where(distance[:, 1:] > 1.0, distance[:, 1:], np.inf).min(axis=1)
-    return float(np.median(apart)) if np.isfinite(apart).all() else 0.0
-
-
 def check_orientations(
-    given: GivenOrientations, rays: ImagePoints, state: State, points: int, limit_px: float
-) -> None:
+    given: GivenOrientations, rays: ImagePoints, state: State, points: int, limits: TieLimits
+) -> list[str]:
     """Refuse orientations that contradict the tie points, naming the slip that explains it.
+
+    Returns
+    -------
+    problems : a slip that explains residuals which are not large enough to refuse anything.
 
     Raises
     ------
     InputError
-        If all orientations are wrong in one way, or single images contradict their neighbours.
+        If all orientations are wrong in one way, those of one camera are, or single images contradict their
+        neighbours.
     """
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
     found = ray_residuals(rays, state, points, pixel_size)
-    sample = _sample(rays, points)
-    if found.median_px > limit_px:
-        raise _explained(given, sample, state, limit_px, found.median_px, pixel_size)
-    _check_single_images(given, rays, state, points, limit_px, pixel_size)
+    worst_px = max(found.median_px, _worst_camera(given, rays, found))
+    if worst_px <= limits.suspicious_px:
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        return []
+    slip, left_px = _best_slip(given, _sample(rays, points), state, worst_px, pixel_size)
+    if worst_px <= limits.wrong_px and (slip is None or left_px > limits.suspicious_px):
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        return []
+    if worst_px > limits.wrong_px:
+        if slip is None and found.median_px <= limits.wrong_px:
+            _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        raise _refusal(worst_px, limits.wrong_px, slip if left_px <= limits.wrong_px else None, left_px)
+    refusal = _refusal(worst_px, limits.suspicious_px, slip, left_px)
+    try:
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+    except InputError as error:
+        # Images that stand out most are not to blame for what all of them show.
+        raise refusal from error
+    return [str(refusal)]
+
+
+def _worst_camera(given: GivenOrientations, rays: ImagePoints, found: RayResiduals) -> float:
+    """Largest median residual of the cameras, px: one of several may be wrong and the median not show it."""
+    length = np.hypot(found.residual_px[:, 0], found.residual_px[:, 1])
+    length = np.where(np.isfinite(length), length, np.inf)
+    camera = given.camera[rays.image]
+    several = np.bincount(rays.point)[rays.point] >= 2
+    medians = [np.median(length[several & (camera == number)]) for number in np.unique(camera[several])]
+    return float(max(medians, default=0.0))
 
 
 def _sample(rays: ImagePoints, points: int) -> ImagePoints:
@@ -160,118 +129,46 @@ def _subset(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
     )
 
 
-def _explained(
-    given: GivenOrientations, sample: ImagePoints, state: State, limit_px: float, now_px: float, pixel: Floats
-) -> InputError:
-    """The error that names the most likely slip, or says that none of the usual ones explains it."""
+def _best_slip(
+    given: GivenOrientations, sample: ImagePoints, state: State, now_px: float, pixel: Floats
+) -> tuple[Slip | None, float]:
+    """The slip that explains the residuals clearly better than all others, if any; and the least left."""
     points = int(sample.point.max()) + 1
     trials = []
-    for slip in _slips(given):
+    for slip in usual_slips(given):
         orientations, rays, order, turn = slip.corrected(given, sample)
         centre, local_from_camera = orientations.orientations(order)
         trial = replace(state, projection_centre=centre, local_from_camera=local_from_camera @ turn)
         trials.append((ray_residuals(rays, trial, points, pixel).median_px, slip))
     trials.sort(key=lambda item: item[0])
     best_px, best = trials[0]
-    what = (
-        f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
-        f"up to {limit_px:.0f} px could be explained."
-    )
-    if best_px < limit_px and best_px * _MARGIN < min(trials[1][0], now_px):
-        return InputError(f"{what} {best.looks_like}: then it is {_px(best_px)}.", best.remedy)
+    others = [px for px, slip in trials[1:] if not slip.kind or slip.kind != best.kind]
+    return (best if best_px * _MARGIN < min(*others, now_px) else None), best_px
+
+
+def _refusal(now_px: float, limit_px: float, slip: Slip | None, left_px: float) -> InputError:
+    """The error that names the most likely slip, or says that none of the usual ones explains it."""
+    if slip is not None:
+        return InputError(
+            f"{_miss(now_px, limit_px)} {slip.looks_like}: then it is {_px(left_px)}.", slip.remedy
+        )
     return InputError(
-        what,
+        _miss(now_px, limit_px),
         "None of the usual slips (unit, order or reference of the angles, a turned camera, mirrored image "
         "coordinates) explains it: check the focal length, the positions, and whether the image points "
         "belong to these exposures.",
     )
 
 
-def _px(value: float) -> str:
-    return f"{value:.1f} px" if np.isfinite(value) else "more than the format"
-
-
-_SAME = np.eye(3)
-
-
-def _slips(given: GivenOrientations) -> list[Slip]:
-    """The usual slips."""
-    grid = not bool(given.is_heading.all())
-    name = "angles.unit"
-    slips = [
-        _angles("The angles look like gon", f'Declare {name} = "gon" for the exposures.', 0.9),
-        _angles("The angles look like degrees", f'Declare {name} = "deg" for the exposures.', 10.0 / 9.0),
-        _angles("The angles look like radians", f'Declare {name} = "rad" for the exposures.', 180.0 / np.pi),
-        Slip(
-            "The image coordinates look mirrored (y down)",
-            "Image coordinates count y against the rows (up); change the sign of y, or declare unit px.",
-            lambda g, r: (g, replace(r, xy=r.xy * np.array([1.0, -1.0])), "omega-phi-kappa", _SAME),
-        ),
-        Slip(
-            "The columns x and y of the image points look swapped",
-            "Swap the two columns, or their names in the header.",
-            lambda g, r: (g, replace(r, xy=r.xy[:, ::-1].copy()), "omega-phi-kappa", _SAME),
-        ),
-        Slip(
-            "The rotations look transposed (camera from ground instead of ground from camera)",
-            "Export the angles of the rotation from the camera to the ground.",
-            lambda g, r: (g, r, "omega-phi-kappa", _transposing(g)),
-        ),
-    ]
-    for quarter in (1, 2, 3):
-        turn = np.round(rotation.about_z(quarter * np.pi / 2.0))
-        slips.append(
-            Slip(
-                f"The images look turned by {90 * quarter}° against the given angles",
-                "Check which way up the images were measured, κ, and mount_deg if headings are given.",
-                lambda g, r, turn=turn: (g, r, "omega-phi-kappa", turn),  # type: ignore[misc]
-            )
-        )
-    if grid:
-        slips.append(
-            Slip(
-                "The angles look like the other order of ω and φ",
-                'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
-                lambda g, r: (g, r, "phi-omega-kappa", _SAME),
-            )
-        )
-        slips.append(
-            Slip(
-                "The angles look as if they were counted from true north",
-                'Declare angles.reference = "true-north" for the exposures.',
-                lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
-            )
-        )
-        slips.append(
-            Slip(
-                "The angles look as if they were counted from grid north",
-                'Declare angles.reference = "grid" for the exposures.',
-                lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
-            )
-        )
-    return slips
-
-
-def _once_more(given: GivenOrientations) -> Floats:
-    """Axes (n, 3, 3) in which a meridian convergence that was added on import is taken away again."""
-    enu_from_grid = np.swapaxes(given.local_from_enu, 1, 2) @ given.local_from_grid
-    return np.asarray(given.local_from_grid @ enu_from_grid)
-
-
-def _angles(looks_like: str, remedy: str, factor: float) -> Slip:
-    return Slip(
-        looks_like,
-        remedy,
-        lambda g, r: (replace(g, angles=g.angles * factor), r, "omega-phi-kappa", _SAME),
+def _miss(now_px: float, limit_px: float) -> str:
+    return (
+        f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
+        f"up to {limit_px:.0f} px could be explained."
     )
 
 
-def _transposing(given: GivenOrientations) -> Floats:
-    """Turns (n, 3, 3) that make of each rotation grid from camera its transpose."""
-    _, local_from_camera = given.orientations()
-    grid_from_camera = np.swapaxes(given.local_from_grid, 1, 2) @ local_from_camera
-    transposed = np.swapaxes(grid_from_camera, 1, 2)
-    return transposed @ transposed
+def _px(value: float) -> str:
+    return f"{value:.1f} px" if np.isfinite(value) else "more than the format"
 
 
 def _check_single_images(

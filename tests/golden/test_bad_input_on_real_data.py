@@ -136,3 +136,79 @@ def test_a_wrong_mounting_is_suspected_from_the_track(
     outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
     assert outcome.error is None
     assert any("mount_deg" in text for text in outcome.summary.problems)
+
+
+@pytest.mark.parametrize(
+    ("example", "heights"),
+    [
+        # The real thing: altitudes above the geoid, declared as ellipsoidal heights.
+        ("ign_borea", None),
+        # Ellipsoidal heights less the undulation of 48.6 m, with a single control point.
+        ("ign_ultracam_eagle", 48.6),
+    ],
+)
+def test_orthometric_heights_of_the_exposures(
+    test_data: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    trajectory: list[str],
+    example: str,
+    heights: float | None,
+) -> None:
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+    override = 'inputs.exposures.heights="ellipsoidal"'
+    if heights is not None:
+        text = rewritten(trajectory, lambda row: [*row[:3], repr(float(row[3]) - heights), *row[4:]])
+        (tmp_path / "orthometric.opk").write_text(text)
+        override = f'inputs.exposures.file="{tmp_path / "orthometric.opk"}"'
+    project = EXAMPLE.parents[1] / example / "project.toml"
+    outcome = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", (override,)))
+    said = [
+        text for text in outcome.summary.problems if "different height systems (geoid undulation?)" in text
+    ]
+    assert len(said) == 1
+    metres = re.search(r"out (\d+\.\d) m lower than given", said[0])
+    assert metres is not None
+    assert float(metres[1]) == pytest.approx(49.0, abs=3.0)
+
+
+@pytest.mark.parametrize(
+    ("lever_arm", "words"),
+    [
+        ((0.61, 0.34), None),
+        ((-0.61, -0.34), "along forward and right"),
+        ((0.61, -0.34), "along right"),
+    ],
+)
+def test_wrong_signs_of_the_lever_arm(
+    test_data: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    lever_arm: tuple[float, float],
+    words: str | None,
+) -> None:
+    """IGN's own solution has (0.61, 0.34) m forward, right; what 20 images say of it is 0.1 to 0.2 m off."""
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+    overrides = (
+        f"cameras.UCE-M3-f120-s07.lever_arm_m=[{lever_arm[0]}, {lever_arm[1]}, 0.0]",
+        'adjustment.free=["boresight"]',
+    )
+    outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+    assert outcome.error is None
+    said = [text for text in outcome.summary.problems if "lever arm of camera UCE-M3-f120-s07 looks" in text]
+    if words is None:
+        assert said == []
+    else:
+        assert f"had the wrong sign {words}: (" in said[0]
+
+
+@pytest.mark.parametrize("example", ["ign_borea", "ign_ultracam_eagle"])
+def test_the_examples_as_they_are_raise_no_suspicion(
+    test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, example: str
+) -> None:
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
+    project = EXAMPLE.parents[1] / example / "project.toml"
+    outcome = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out"))
+    assert outcome.error is None
+    words = ("height systems", "looks as if", "look like", "look turned", "mount_deg")
+    assert [text for text in outcome.summary.problems if any(word in text for word in words)] == []

@@ -42,3 +42,21 @@ def test_no_given_lever_arm_has_no_sign() -> None:
 
 def test_what_is_not_determined_proves_nothing() -> None:
     assert lever_arm_suspicion(-TRUE, TRUE, np.full(3, 1.0), "C") is None
+
+
+def test_a_component_that_is_not_determined_takes_no_part() -> None:
+    """Its sign is not judged, and it does not keep that of the others from being judged."""
+    found = np.array([0.61, 0.34, 55.0])
+    sentence = lever_arm_suspicion(-TRUE, found, np.array([0.02, 0.02, 60.0]), "C")
+    assert sentence is not None
+    assert "wrong sign along forward and right:" in sentence
+    assert "(+0.61, +0.34, ?) m found" in sentence
+    assert "? cannot be told from a GNSS shift" in sentence
+
+
+def test_each_component_is_judged_by_its_own_standard_deviation() -> None:
+    """A large uncertainty in height does not hide a sign in plan."""
+    given, found = np.array([0.35, 0.12, -1.20]), np.array([0.35, -0.12, -1.40])
+    sentence = lever_arm_suspicion(given, found, np.array([0.02, 0.02, 0.25]), "C")
+    assert sentence is not None
+    assert "wrong sign along right:" in sentence

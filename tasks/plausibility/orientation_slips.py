@@ -1,0 +1,174 @@
+"""The usual slips of delivered orientations: units, orders and references of angles, turned images.
+
+Each is the reading of the input as it would have to be if the slip had been made; whether it explains the
+data is judged by the tie points, see `tasks.plausibility.orientations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.geometry import rotation
+from adjust.observations.image_point import ImagePoints
+from tasks.block.given_orientations import AngleOrder, GivenOrientations
+
+Reading: TypeAlias = tuple[GivenOrientations, ImagePoints, AngleOrder, Floats]
+
+
+@dataclass(frozen=True)
+class Slip:
+    """One usual slip.
+
+    Attributes
+    ----------
+    looks_like : what it would be.
+    remedy : what to do.
+    corrected : the input as it should have been read: orientations, image points, the order of the
+        angles, and a turn (3, 3) of the camera to be applied last.
+    kind : slips of one kind are different ways to have made the same one; need not be told from each other.
+    """
+
+    looks_like: str
+    remedy: str
+    corrected: Callable[[GivenOrientations, ImagePoints], Reading]
+    kind: str = ""
+
+
+_SAME = np.eye(3)
+
+
+def usual_slips(given: GivenOrientations) -> list[Slip]:
+    """The usual slips."""
+    grid = not bool(given.is_heading.all())
+    name = "angles.unit"
+    slips = [
+        _angles("The angles look like gon", f'Declare {name} = "gon" for the exposures.', 0.9),
+        _angles("The angles look like degrees", f'Declare {name} = "deg" for the exposures.', 10.0 / 9.0),
+        _angles("The angles look like radians", f'Declare {name} = "rad" for the exposures.', 180.0 / np.pi),
+        Slip(
+            "The image coordinates look mirrored (y down)",
+            "Image coordinates count y against the rows (up); change the sign of y, or declare unit px.",
+            lambda g, r: (g, replace(r, xy=r.xy * np.array([1.0, -1.0])), "omega-phi-kappa", _SAME),
+        ),
+        Slip(
+            "The columns x and y of the image points look swapped",
+            "Swap the two columns, or their names in the header.",
+            lambda g, r: (g, replace(r, xy=r.xy[:, ::-1].copy()), "omega-phi-kappa", _SAME),
+        ),
+        Slip(
+            "The rotations look transposed (camera from ground instead of ground from camera)",
+            "Export the angles of the rotation from the camera to the ground.",
+            lambda g, r: (g, r, "omega-phi-kappa", _transposing(g)),
+        ),
+    ]
+    for quarter in (1, 2, 3):
+        turn = np.round(rotation.about_z(quarter * np.pi / 2.0))
+        slips.append(
+            Slip(
+                f"The images look turned by {90 * quarter}° against the given angles",
+                "Check which way up the images were measured, κ, and mount_deg if headings are given.",
+                lambda g, r, turn=turn: (g, r, "omega-phi-kappa", turn),  # type: ignore[misc]
+                f"turned by {90 * quarter}°",
+            )
+        )
+        if given.is_heading.any():
+            slips.append(_turned_headings(quarter))
+        for camera in _several(given):
+            slips += _turned_camera(given, camera, quarter)
+    if grid:
+        slips.append(
+            Slip(
+                "The angles look like the other order of ω and φ",
+                'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
+                lambda g, r: (g, r, "phi-omega-kappa", _SAME),
+            )
+        )
+        slips.append(
+            Slip(
+                "The angles look as if they were counted from true north",
+                'Declare angles.reference = "true-north" for the exposures.',
+                lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
+            )
+        )
+        slips.append(
+            Slip(
+                "The angles look as if they were counted from grid north",
+                'Declare angles.reference = "grid" for the exposures.',
+                lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
+            )
+        )
+    return slips
+
+
+def _turned_headings(quarter: int) -> Slip:
+    """Headings off by quarter turns: unlike a turned camera, roll and pitch stay with the body's axes."""
+    return Slip(
+        f"The headings look turned by {90 * quarter}°",
+        "Check what the headings are of: the nose of the aircraft, clockwise from north; and mount_deg.",
+        lambda g, r: (_with_turned_headings(g, quarter), r, "omega-phi-kappa", _SAME),
+        f"turned by {90 * quarter}°",
+    )
+
+
+def _with_turned_headings(
+    given: GivenOrientations, quarter: int, camera: int | None = None
+) -> GivenOrientations:
+    """Headings, of one camera only if it is named, turned clockwise by quarter turns."""
+    turned = given.is_heading if camera is None else given.is_heading & (given.camera == camera)
+    first = np.array([1.0, 0.0, 0.0])
+    return replace(given, angles=given.angles + np.where(turned, quarter * np.pi / 2.0, 0.0)[:, None] * first)
+
+
+def _several(given: GivenOrientations) -> list[int]:
+    """The cameras that took images, if more than one did."""
+    cameras = [int(camera) for camera in np.unique(given.camera)]
+    return cameras if len(cameras) > 1 else []
+
+
+def _turned_camera(given: GivenOrientations, camera: int, quarter: int) -> list[Slip]:
+    """The images of one of several cameras, or their headings, turned by quarter turns."""
+    turn = np.where(
+        (given.camera == camera)[:, None, None], np.round(rotation.about_z(quarter * np.pi / 2.0)), _SAME
+    )
+    name = given.mountings.names[camera]
+    looks_like = f"The images of camera {name} look turned by {90 * quarter}° against the given angles"
+    remedy = f"Check which way up its images were measured, their κ or headings, and mount_deg of {name}."
+    kind = f"camera {camera} turned by {90 * quarter}°"
+    slips = [Slip(looks_like, remedy, lambda g, r: (g, r, "omega-phi-kappa", turn), kind)]
+    if given.is_heading.any():
+        slips.append(
+            Slip(
+                looks_like,
+                remedy,
+                lambda g, r: (_with_turned_headings(g, quarter, camera), r, "omega-phi-kappa", _SAME),
+                kind,
+            )
+        )
+    return slips
+
+
+def _once_more(given: GivenOrientations) -> Floats:
+    """Axes (n, 3, 3) in which a meridian convergence that was added on import is taken away again."""
+    enu_from_grid = np.swapaxes(given.local_from_enu, 1, 2) @ given.local_from_grid
+    return np.asarray(given.local_from_grid @ enu_from_grid)
+
+
+def _angles(looks_like: str, remedy: str, factor: float) -> Slip:
+    return Slip(
+        looks_like,
+        remedy,
+        lambda g, r: (replace(g, angles=g.angles * factor), r, "omega-phi-kappa", _SAME),
+    )
+
+
+def _transposing(given: GivenOrientations) -> Floats:
+    """Turns (n, 3, 3) that make of each rotation grid from camera its transpose."""
+    _, local_from_camera = given.orientations()
+    grid_from_camera = np.swapaxes(given.local_from_grid, 1, 2) @ local_from_camera
+    transposed = np.swapaxes(grid_from_camera, 1, 2)
+    return transposed @ transposed

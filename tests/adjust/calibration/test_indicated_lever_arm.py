@@ -1,0 +1,105 @@
+"""What the positions say of a lever arm: the same as an adjustment in which it is free."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.block import Block
+from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT, indicated_lever_arms
+from adjust.observations.base import StochasticModel
+from adjust.observations.direct import DirectObservations
+from adjust.observations.gnss_position import GnssPositions
+from adjust.options import AdjustmentOptions
+from adjust.parameters import BORESIGHT, FAMILIES, GNSS_SHIFT, LEVER_ARM
+from adjust.simulate.block import SimulatedBlock, simulate_block
+from adjust.simulate.system import SystemSpecification
+from adjust.solve.normal_equations import Observations
+from tests.adjust.simulate.specifications import small_specification
+
+TRUE = np.array([0.61, -0.34, -1.20])
+SHIFT_FREE = (BORESIGHT, GNSS_SHIFT)
+
+
+@pytest.fixture(scope="module")
+def simulated() -> SimulatedBlock:
+    """20 images in crossing strips, forward and reverse; no shift, 5 cm GNSS."""
+    return simulate_block(small_specification(system=SystemSpecification(lever_arm=tuple(TRUE))))
+
+
+def with_given(block: Block, lever_arm: np.ndarray) -> Block:
+    system = tuple(
+        replace(item, values=np.broadcast_to(lever_arm, item.values.shape).copy())
+        if item.family.name == LEVER_ARM
+        else item
+        for item in block.system
+    )
+    return replace(block, system=system)
+
+
+def with_small_shift(observations: Observations) -> Observations:
+    sigma = StochasticModel.from_sigma(np.full((1, 3), UNSTATED_SHIFT))
+    prior = DirectObservations(FAMILIES[GNSS_SHIFT], np.zeros(1, dtype=np.int64), np.zeros((1, 3)), sigma)
+    return replace(observations, others=(*observations.others, prior))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_it_is_that_of_an_adjustment_with_lever_arm_and_small_shift_free(
+    simulated: SimulatedBlock, sign: float
+) -> None:
+    held = with_given(simulated.block((BORESIGHT,)), sign * TRUE)
+    observations = simulated.observations(held)
+    found = indicated_lever_arms(held, adjust_block(held, observations))
+    assert found is not None
+    free = with_given(simulated.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), sign * TRUE)
+    right = adjust_block(free, with_small_shift(observations))
+    columns = right.layout.columns[LEVER_ARM][0]
+    sigma = np.sqrt(np.diagonal(right.cofactor.reduced.corner)[columns]) * max(1.0, right.test.sigma0)
+    # One step from a lever arm that is 2.8 m off: what is not linear in it is below a tenth of a σ.
+    assert (np.abs(found.value[0] - right.state.system[LEVER_ARM][0]) < 0.1 * sigma).all()
+    np.testing.assert_allclose(found.sigma[0], sigma, rtol=0.02)
+    assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
+
+
+def test_a_free_shift_leaves_the_height_open_and_the_plan_determined(simulated: SimulatedBlock) -> None:
+    block = with_given(simulated.block(SHIFT_FREE), -TRUE)
+    found = indicated_lever_arms(block, adjust_block(block, simulated.observations(block)))
+    assert found is not None
+    assert (found.sigma[0, :2] < 0.05).all()
+    assert found.sigma[0, 2] > 0.5
+    assert (np.abs(found.value[0, :2] - TRUE[:2]) < 4.0 * found.sigma[0, :2]).all()
+
+
+def test_positions_rejected_by_the_dozen_are_heard_and_a_single_one_is_not(
+    simulated: SimulatedBlock,
+) -> None:
+    block = with_given(simulated.block((BORESIGHT,)), -TRUE)
+    observations = simulated.observations(block)
+    result = adjust_block(block, observations, AdjustmentOptions(critical_value=4.13))
+    positions = next(item for item in result.groups if isinstance(item.group, GnssPositions))
+    assert positions.rejected > 0.5 * len(positions.status)
+    found = indicated_lever_arms(block, result)
+    assert found is not None
+    assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
+
+    others = list(observations.others)
+    number = next(k for k, group in enumerate(others) if isinstance(group, GnssPositions))
+    observed = others[number].observed.copy()  # type: ignore[attr-defined]
+    observed[7] += 40.0
+    others[number] = replace(others[number], observed=observed)  # type: ignore[type-var]
+    right = with_given(block, TRUE)
+    spoiled = replace(observations, others=tuple(others))
+    result = adjust_block(right, spoiled, AdjustmentOptions(critical_value=4.13))
+    found = indicated_lever_arms(right, result)
+    assert found is not None
+    assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
+
+
+def test_without_positions_nothing_is_said(simulated: SimulatedBlock) -> None:
+    block = with_given(simulated.block((BORESIGHT,)), TRUE)
+    observations = simulated.observations(block)
+    others = tuple(group for group in observations.others if not isinstance(group, GnssPositions))
+    assert indicated_lever_arms(block, adjust_block(block, replace(observations, others=others))) is None

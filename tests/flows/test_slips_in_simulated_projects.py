@@ -1,0 +1,278 @@
+"""Slips made on purpose in simulated projects are named; projects without a slip raise no suspicion.
+
+The same slips in real deliveries: tests/golden/test_bad_input_on_real_data.py.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.examination import examine_project
+from flows.project_run import RunRequest, carry_out
+from tasks.errors import InputError
+from tasks.settings.load import load_project
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+from tasks.storage.store import Store
+
+# Undulations of the geoid, metres: India and New Guinea are further out, Germany has 34 to 51.
+UNDULATIONS = (-30.0, 48.0)
+OMEGA_PHI_KAPPA = "project.angles=omega-phi-kappa"
+HEADINGS = "project.angles=heading-pitch-roll"
+ANGLES = ("heading", "pitch", "roll", "omega", "phi", "kappa")
+# Presets with fewer points, and fewer images where there are many.
+PRESETS: Mapping[str, tuple[str, ...]] = {
+    "uce-high": ("points.count=300",),
+    "uce-low": (
+        "flight.0.lines=2",
+        "flight.0.exposures=6",
+        "flight.1.lines=1",
+        "flight.1.exposures=6",
+        "points.count=300",
+    ),
+    "uce-calibration": ("points.count=600",),
+    "dmc-burn-in": ("points.count=300",),
+    "dmc-20cm": ("points.count=400",),
+    "dmc2-140": ("points.count=400",),
+    "dmc2-250": ("points.count=400",),
+    "ucx-20cm": ("points.count=400",),
+    "ucx-8cm": ("points.count=600",),
+    "rmk-8cm": ("points.count=400",),
+}
+LEVER_ARM = (0.35, -0.12, -1.20)
+
+Edit = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def simulated(folder: Path, preset: str, *changes: str) -> Path:
+    simulate_project(load_simulation(preset, (*PRESETS[preset], *changes)), folder)
+    return folder
+
+
+def examined(project: Path, out: Path, *overrides: str) -> str:
+    """All that ``aerocal doctor`` has to say, the message of a refusal included."""
+    store = Store.of(out)
+    store.begin_run()
+    try:
+        findings = examine_project(load_project(project / "project.toml", overrides), store)
+    except InputError as error:
+        return str(error)
+    return "\n".join(problem for finding in findings for problem in finding.problems)
+
+
+@pytest.fixture(scope="module", params=[HEADINGS, OMEGA_PHI_KAPPA], ids=["heading", "omega"])
+def block(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """28 images in four crossing strips, forward and reverse."""
+    return simulated(tmp_path_factory.mktemp("block"), "uce-high", request.param)
+
+
+@pytest.fixture
+def named(tmp_path: Path) -> Callable[..., str]:
+    """What is said of a project whose exposures were changed."""
+
+    def examine(project: Path, edit: Edit, *overrides: str) -> str:
+        folder = Path(shutil.copytree(project, tmp_path / "project"))
+        table = pd.read_csv(folder / "exposures.csv", dtype={"strip": str, "flight": str})
+        edit(table).to_csv(folder / "exposures.csv", index=False)
+        return examined(folder, tmp_path / "out", *overrides)
+
+    return examine
+
+
+@pytest.mark.parametrize("undulation", UNDULATIONS)
+def test_orthometric_heights_of_the_exposures(block: Path, named, undulation: float) -> None:
+    said = named(block, lambda table: table.assign(z=table["z"] - undulation))
+    assert "different height systems (geoid undulation?)" in said
+    # The simulated GNSS has a shift of 0.286 m, the intersections of raw orientations a scatter of 0.4 m.
+    number = float(said.split(" surveyed points come out ")[1].split(" m ")[0])
+    assert number == pytest.approx(abs(undulation), abs=0.7)
+    assert f" m {'lower' if undulation > 0.0 else 'higher'} than given" in said
+    assert "Check `heights`" in said
+
+
+def test_orthometric_heights_are_told_by_a_single_control_point(block: Path, named, tmp_path: Path) -> None:
+    one = Path(shutil.copytree(block, tmp_path / "one"))
+    control = pd.read_csv(one / "control.csv")
+    control[control["point"] == control["point"].iloc[40]].to_csv(one / "control.csv", index=False)
+    said = named(one, lambda table: table.assign(z=table["z"] - 30.0))
+    assert "different height systems" in said
+    assert "the one surveyed point comes out 30." in said or "the one surveyed point comes out 29." in said
+
+
+@pytest.mark.parametrize("limit", [11, 12])
+def test_wherever_the_limit_of_control_lies_heights_are_named_as_heights(
+    block: Path, named, limit: int
+) -> None:
+    """Scattered about the limit some points lie beyond it and some do not: no single point is to blame."""
+    said = named(block, lambda table: table.assign(z=table["z"] - 12.0), f"checks.control_distance_m={limit}")
+    assert "different height systems (geoid undulation?)" in said
+    assert "control point" not in said
+
+
+def in_gon(table: pd.DataFrame) -> pd.DataFrame:
+    columns = [name for name in ANGLES if name in table]
+    return table.assign(**{name: table[name] / 0.9 for name in columns})
+
+
+def test_angles_in_gon(block: Path, named) -> None:
+    assert 'eclare angles.unit = "gon"' in named(block, in_gon)
+
+
+@pytest.mark.parametrize("attitude_deg", [0.3, 1.0])
+def test_angles_in_gon_of_strips_to_the_north(tmp_path: Path, named, attitude_deg: float) -> None:
+    """Headings near zero are nearly the same in gon; roll and pitch show it, by ten to a hundred pixels."""
+    north = (
+        "flight.0.heading_deg=4",
+        "flight.0.directions=single",
+        "trajectory.crab_deg=0.5",
+        f"trajectory.attitude_deg=[{attitude_deg}, {attitude_deg}, 0.5]",
+        HEADINGS,
+    )
+    project = simulated(tmp_path / "north", "dmc-burn-in", *north)
+    said = named(project, in_gon)
+    assert "The angles look like gon" in said
+    assert 'Declare angles.unit = "gon"' in said
+    assert "image W" not in said
+
+
+@pytest.mark.parametrize("turn", [90, 180, 270])
+def test_images_turned_against_their_angles(block: Path, named, turn: int) -> None:
+    def turned(table: pd.DataFrame) -> pd.DataFrame:
+        column = "heading" if "heading" in table else "kappa"
+        return table.assign(**{column: (table[column] + turn) % 360.0})
+
+    said = named(block, turned)
+    # Turned back they fit; headings count clockwise, κ does not.
+    back = 360 - turn
+    assert f"turned by {back}°" in said
+    assert "Check" in said
+
+
+def test_a_mounting_turned_by_half_a_turn(block: Path, tmp_path: Path) -> None:
+    """With headings the rays contradict it, with ω, φ, κ only the track of the aircraft does."""
+    said = examined(block, tmp_path / "out", "cameras.UCE-80.mount_deg=180")
+    if "The aircraft flies 180° off" not in said:
+        assert "The images look turned by 180°" in said
+    assert "mount_deg" in said
+
+
+@pytest.mark.parametrize("share", [1, 2])
+def test_one_of_two_cameras_turned(block: Path, named, share: int) -> None:
+    """The strips of a second camera, every image turned by 180°, are named as that camera's."""
+    project = (block / "project.toml").read_text(encoding="utf-8")
+    start = project.index("[cameras.UCE-80]")
+    camera = project[start : project.index("[inputs.image_points]")]
+
+    def with_a_second_camera(table: pd.DataFrame) -> pd.DataFrame:
+        column = "heading" if "heading" in table else "kappa"
+        others = table["strip"].isin(sorted(table["strip"].unique())[-share:])
+        turned = np.where(others, (table[column] + 180.0) % 360.0, table[column])
+        return table.assign(camera=np.where(others, "SECOND", table["camera"]), **{column: turned})
+
+    text = project.replace(camera, camera + camera.replace("UCE-80", "SECOND"))
+    (block / "two.toml").write_text(text, encoding="utf-8")
+    try:
+        shutil.copy(block / "project.toml", block / "one.toml")
+        shutil.move(block / "two.toml", block / "project.toml")
+        said = named(block, with_a_second_camera)
+    finally:
+        shutil.move(block / "one.toml", block / "project.toml")
+    assert "camera SECOND" in said
+    assert "180°" in said
+
+
+@pytest.fixture(scope="module")
+def with_lever_arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The antenna 0.35 m before, 0.12 m to the left of and 1.20 m above the camera."""
+    folder = tmp_path_factory.mktemp("lever_arm")
+    return simulated(folder, "uce-high", f"truth.lever_arm_m={list(LEVER_ARM)}")
+
+
+def adjusted(project: Path, out: Path, signs: tuple[int, ...], free: str, rejection: str = '"none"') -> str:
+    arm = [sign * value for sign, value in zip(signs, LEVER_ARM, strict=True)]
+    overrides = (
+        f"cameras.UCE-80.lever_arm_m={arm}",
+        f"adjustment.free=[{free}]",
+        f"adjustment.rejection={rejection}",
+    )
+    outcome = carry_out(aerial_triangulation, RunRequest(project / "project.toml", out, overrides))
+    return "\n".join(text for text in outcome.summary.problems if "lever arm" in text)
+
+
+SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"boresight", "lever_arm"'
+
+
+@pytest.mark.parametrize(
+    ("signs", "free", "rejection", "words"),
+    [
+        ((-1, -1, -1), SHIFT_FREE, '"none"', "along forward and right"),
+        ((-1, -1, -1), ALL_HELD, '"none"', "in all three components"),
+        ((-1, -1, -1), ALL_HELD, "{ critical_value = 4.13 }", "in all three components"),
+        ((-1, -1, -1), ARM_FREE, '"none"', "in all three components"),
+        ((-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward"),
+        ((1, -1, 1), SHIFT_FREE, '"none"', "along right"),
+        ((1, 1, -1), ALL_HELD, '"none"', "along down"),
+    ],
+)
+def test_wrong_signs_of_a_lever_arm(
+    with_lever_arm: Path, tmp_path: Path, signs: tuple[int, ...], free: str, rejection: str, words: str
+) -> None:
+    """Held or free, with the shift held or free, with and without rejection of what contradicts it."""
+    said = adjusted(with_lever_arm, tmp_path, signs, free, rejection)
+    assert f"had the wrong sign {words}: (" in said
+    assert "correct lever_arm_m" in said
+
+
+@pytest.mark.parametrize("free", [SHIFT_FREE, ALL_HELD, ARM_FREE])
+def test_a_right_lever_arm_is_not_doubted(with_lever_arm: Path, tmp_path: Path, free: str) -> None:
+    assert adjusted(with_lever_arm, tmp_path, (1, 1, 1), free) == ""
+
+
+def test_the_height_of_a_lever_arm_cannot_be_told_from_a_free_shift(
+    with_lever_arm: Path, tmp_path: Path
+) -> None:
+    assert adjusted(with_lever_arm, tmp_path, (1, 1, -1), SHIFT_FREE) == ""
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_good_projects_raise_no_suspicion(tmp_path: Path, preset: str) -> None:
+    """Ten presets, each with the angles, the seed and the lever arm of its own."""
+    number = list(PRESETS).index(preset)
+    changes = (
+        OMEGA_PHI_KAPPA if number % 2 else HEADINGS,
+        f"seed={100 + number}",
+        "truth.lever_arm_m=[0.35, -0.12, -1.2]",
+    )
+    project = simulated(tmp_path / "project", preset, *changes)
+    said = [
+        text
+        for text in examined(project, tmp_path / "out").splitlines()
+        # How many points are weak is a count and no suspicion.
+        if not text.endswith(("…).", ").")) or "do not take part" not in text
+    ]
+    assert said == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", PRESETS)
+def test_good_projects_raise_no_suspicion_when_adjusted(tmp_path: Path, preset: str) -> None:
+    """The lever arm that was simulated is given, with boresight and shift free as the preset has them."""
+    project = simulated(tmp_path / "project", preset, "truth.lever_arm_m=[0.35, -0.12, -1.2]")
+    camera = next(iter(load_project(project / "project.toml", ()).cameras))
+    for free in (SHIFT_FREE, ALL_HELD, ARM_FREE):
+        overrides = (f"cameras.{camera}.lever_arm_m=[0.35, -0.12, -1.2]", f"adjustment.free=[{free}]")
+        outcome = carry_out(
+            aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "out", overrides)
+        )
+        assert outcome.error is None, outcome.error
+        doubts = [
+            text for text in outcome.summary.problems if "looks as if" in text or "height system" in text
+        ]
+        assert doubts == []
