@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.postgresql_server import PostgresqlServer, running_server
+
 # Prefect reads its settings when it is imported, so they stand here, before any test module is loaded.
 _prefect_home = tempfile.TemporaryDirectory(prefix="aerocal-tests-prefect-")
 os.environ["PREFECT_HOME"] = _prefect_home.name
@@ -67,6 +69,13 @@ def prefect_server() -> Iterator[None]:
 
     with prefect_test_harness(server_startup_timeout=120):
         yield
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[PostgresqlServer]:
+    """A PostgreSQL server, once for all tests that need one."""
+    with running_server() as server:
+        yield server
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
+from flows.command.registry import registry
 from flows.command.run import run
 from flows.command.simulate import simulate
 from flows.command.sweep import sweep
@@ -55,6 +56,7 @@ app.command()(simulate)
 app.command()(sweep)
 app.command()(figures)
 app.command()(flight_check)
+app.add_typer(registry, name="registry")
 
 
 def main() -> None:

@@ -1,0 +1,173 @@
+"""``aerocal registry``: calibrations, who approved them, and from when they hold."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+from flows.command.exit_code import end_with
+
+registry = typer.Typer(
+    help="Keep calibrations: immutable versions, approved by name, valid from a date.\n\n"
+    "A calibration goes in as a draft (add), is compared with the one that holds and approved (approve), "
+    "and is later superseded by the next one. Nothing is ever changed or taken out; whatever is edited "
+    "behind the registry's back is found (verify).\n\n"
+    'A project takes the one that holds for its cameras on project.flown: calibration = "registry".\n\n'
+    "[bold]Examples[/bold]\n\n"
+    "  aerocal registry add results --note 'after the change of the shutter'\n\n"
+    "  aerocal registry approve 3 --from 2026-03-01\n\n"
+    "  aerocal registry show UC-Eagle-1-42 --plot camera.html\n\n"
+    "The registry is a SQLite file of this user, else what AEROCAL_REGISTRY or --registry names.",
+    epilog="[bold]Exit codes[/bold]  0 done · 2 input wrong, conflict, or the registry was edited · 1 the "
+    "database cannot be reached",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+)
+
+Address: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--registry",
+        metavar="URL",
+        help="The registry: path of a SQLite file, or postgresql://USER@HOST/DATABASE (password in "
+        "PGPASSWORD).",
+        show_default="AEROCAL_REGISTRY, else a file of this user",
+    ),
+]
+Person: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--by", metavar="NAME", help="Who does it.", show_default="name of the user's account"),
+]
+Note: TypeAlias = Annotated[str, typer.Option("--note", metavar="TEXT", help="What is to be said about it.")]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")]
+Number: TypeAlias = Annotated[
+    str, typer.Argument(metavar="ID", help="Number of the calibration, or 8 digits of its verification code.")
+]
+# typer knows days as datetime only.
+_DAY = {"formats": ["%Y-%m-%d"], "metavar": "DATE"}
+
+
+@registry.command()
+def add(
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE|RESULTS", help="calibration.json, or a folder of results.")
+    ],
+    person: Person = None,
+    note: Note = "",
+    address: Address = None,
+) -> None:
+    """Add a calibration, or all of a folder, as the next version of its camera, as a draft.
+
+    The camera is known by body, lens and product (cameras.NAME.identity), else by its name.
+    """
+    from flows.command.registry_actions import add_calibrations
+
+    end_with(lambda: add_calibrations(source, person, note, address))
+
+
+@registry.command("list")
+def list_(
+    camera: Annotated[
+        str | None, typer.Argument(metavar="CAMERA", help="Only this one: its name, body or lens.")
+    ] = None,
+    json: Json = False,
+    address: Address = None,
+) -> None:
+    """List the calibrations with state and validity, camera by camera."""
+    from flows.command.registry_tables import list_calibrations
+
+    end_with(lambda: list_calibrations(camera, address, as_json=json))
+
+
+@registry.command()
+def show(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="ID|CAMERA",
+            help="A calibration by its number or the beginning of its verification code, or a camera by its "
+            "name, body or lens.",
+        ),
+    ],
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE.html", help="Write the parameters of the camera over the years as a page."
+        ),
+    ] = None,
+    json: Json = False,
+    address: Address = None,
+) -> None:
+    """Show one calibration with its parameters and history, or how a camera has changed.
+
+    A calibration is shown beside the approved one before it: every change with its σ.
+    """
+    from flows.command.registry_tables import show_calibrations
+
+    end_with(lambda: show_calibrations(what, plot, address, as_json=json))
+
+
+@registry.command()
+def approve(
+    number: Number,
+    start: Annotated[datetime, typer.Option("--from", help="First day on which it holds.", **_DAY)],
+    end: Annotated[
+        datetime | None,
+        typer.Option("--to", help="Last day.", show_default="until superseded", **_DAY),
+    ] = None,
+    person: Person = None,
+    note: Note = "",
+    although: Annotated[
+        str,
+        typer.Option("--although", metavar="REASON", help="Approve what its own calibration has refused."),
+    ] = "",
+    address: Address = None,
+) -> None:
+    """Approve a draft: it holds from a day on, and supersedes the one before it.
+
+    It is compared with that one, as in aerocal registry show: χ² with both covariances, each parameter.
+
+    A difference does not stop the approval; it is for you to judge.
+
+    If two approve calibrations of one camera at the same time, one gets a message; nothing is lost.
+    """
+    from flows.command.registry_actions import approve_calibration
+
+    first, last = start.date(), None if end is None else end.date()
+    end_with(lambda: approve_calibration(number, (first, last), person, note, although, address))
+
+
+@registry.command()
+def export(
+    number: Number,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write there.", show_default="screen")
+    ] = None,
+    address: Address = None,
+) -> None:
+    """Write a calibration as JSON: byte for byte what its verification code is the sha256 of."""
+    from flows.command.registry_actions import export_calibration
+
+    end_with(lambda: export_calibration(number, out, address))
+
+
+@registry.command()
+def verify(
+    since: Annotated[
+        str | None,
+        typer.Option("--since", metavar="DIGEST", help="A state of the registry that was noted earlier."),
+    ] = None,
+    json: Json = False,
+    address: Address = None,
+) -> None:
+    """Hold every record against its digest and the history; name everything that was edited.
+
+    It prints the digest of the present state. Noted elsewhere (on a certificate, in an e-mail) and given as
+    --since later, it shows that nothing before it was rewritten, not even with all digests recomputed.
+    """
+    from flows.command.registry_actions import verify_registry
+
+    end_with(lambda: verify_registry(since, address, as_json=json))

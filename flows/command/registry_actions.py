@@ -1,0 +1,168 @@
+"""Carry out ``aerocal registry add``, ``approve``, ``export`` and ``verify``."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from datetime import date
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from flows.command.exit_code import DONE, INPUT_ERROR, complain
+from flows.command.registry_words import changes_table
+from tasks.errors import InputError
+from tasks.registry.approval import Approval, approval_of
+from tasks.registry.calibration_file import read_calibrations
+from tasks.registry.contents import StoredCalibration
+from tasks.registry.history import Validity
+from tasks.registry.registry import Registry, Signature
+from tasks.settings.registry import registry_address
+from tasks.storage.installation import writing_into
+from tasks.storage.json_text import json_text
+
+
+def opened(address: str | None) -> Registry:
+    """The registry an option, the environment or the user's data folder names."""
+    return Registry.at(registry_address(address))
+
+
+def add_calibrations(source: Path, person: str | None, note: str, address: str | None) -> int:
+    """Add the records of a file or folder and say what each became."""
+    records, signature = read_calibrations(source), Signature(_person(person), note)
+    found = opened(address)
+    for sealed in records:
+        _say_added(found.add(sealed, signature))
+    return DONE
+
+
+def _say_added(added: StoredCalibration) -> None:
+    camera, console = added.camera, Console()
+    console.print(
+        Text(f"Added as calibration {added.id}, a draft: version {added.version} of {camera.label}.")
+    )
+    console.print(Text(f"Verification code {added.sealed.digest}"), soft_wrap=True)
+    if added.record.verdict == "refused":
+        console.print(Text("Its own calibration has refused it:", style="yellow"))
+    for reason in added.record.reasons:
+        console.print(Text(f"• {reason}", style="yellow"))
+    if not camera.numbers:
+        sentence = (
+            f"It names neither body nor lens: whatever else is called '{camera.name}' counts as the same "
+            f"camera. Give cameras.{camera.name}.identity and calibrate again."
+        )
+        console.print(Text(sentence, style="yellow"))
+    console.print(Text(f"Next: aerocal registry show {added.id}"))
+    console.print(Text(f"      aerocal registry approve {added.id} --from DATE"))
+
+
+def approve_calibration(
+    number: str,
+    days: tuple[date, date | None],
+    person: str | None,
+    note: str,
+    although: str,
+    address: str | None,
+) -> int:
+    """Show how a calibration differs from what holds, then approve it."""
+    found = opened(address)
+    approval = approval_of(found.contents(), number, Validity(*days), although)
+    console = Console()
+    show_comparison(approval, console)
+    signature = Signature(_person(person), note)
+    found.approve(approval, signature, although)
+    label = approval.chosen.label
+    console.print(
+        Text(f"\nApproved by {signature.person}: {label}, valid {approval.validity}.", style="bold green")
+    )
+    for old, left in approval.supersedes:
+        remains = "It no longer holds." if left is None else f"It holds for flights of {left}."
+        console.print(Text(f"Superseded: {old.label}. {remains}"))
+        lost = old.validity
+        end = approval.validity.end
+        if lost is not None and end is not None and (lost.end is None or lost.end > end):
+            console.print(Text(f"After {end} no calibration holds any more.", style="yellow"))
+    return DONE
+
+
+def show_comparison(approval: Approval, console: Console) -> None:
+    """The test of a calibration against the one that holds before it."""
+    before, test = approval.predecessor, approval.test
+    if before is None or test is None:
+        console.print(
+            Text(f"Calibration {approval.chosen.id} is the first of its camera: nothing to compare with.")
+        )
+        return
+    console.print(
+        Text(f"Calibration {approval.chosen.id} against {before.label}, valid {before.validity}", "bold")
+    )
+    if test.changes:
+        console.print(changes_table(test))
+    for sentence in test.sentences:
+        console.print(Text(f"• {sentence}", style="" if test.agrees else "yellow"))
+
+
+def export_calibration(number: str, out: Path | None, address: str | None) -> int:
+    """Write the content of a record, and nothing else."""
+    content = opened(address).calibration(number).sealed.content.encode()
+    if out is None:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+        return DONE
+    with writing_into(out.parent):
+        out.write_bytes(content)
+    return DONE
+
+
+def verify_registry(since: str | None, address: str | None, *, as_json: bool) -> int:
+    """Say whether everything is as it was written."""
+    found = opened(address)
+    contents = found.verified()
+    sentences = [finding.sentence for finding in contents.findings]
+    if since and not any(event.digest.startswith(since.lower()) for event in contents.events):
+        sentences.append(f"The state {since} is no part of the history: what came before it was rewritten.")
+    if as_json:
+        print(
+            json_text(
+                {
+                    "registry": str(found.database.address),
+                    "sound": not sentences,
+                    "findings": sentences,
+                    "calibrations": len(contents.calibrations),
+                    "events": len(contents.events),
+                    "state": contents.digest or None,
+                },
+                indent=2,
+            )
+        )
+    if not sentences:
+        counts = f"{len(contents.calibrations)} calibrations and {len(contents.events)} events"
+        if not as_json:
+            words = f"{counts} are as they were written.\nState {contents.digest or 'empty'}"
+            Console().print(Text(words), soft_wrap=True)
+        return DONE
+    if not as_json:
+        for sentence in sentences:
+            Console(stderr=True).print(Text(f"• {sentence}"), soft_wrap=True)
+    complain(
+        f"{len(sentences)} thing{'s' * (len(sentences) > 1)} in the registry {found.database.address} "
+        "did not come from aerocal. Restore it from a backup."
+    )
+    return INPUT_ERROR
+
+
+def _person(option: str | None) -> str:
+    """Who does it.
+
+    Raises
+    ------
+    InputError
+        If the account has no name.
+    """
+    if option is not None and option.strip():
+        return option.strip()
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError) as error:
+        raise InputError("It is not known who does this.", "Say it: --by NAME.") from error

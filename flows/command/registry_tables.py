@@ -1,0 +1,187 @@
+"""Carry out ``aerocal registry list`` and ``show``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from flows.command.exit_code import DONE, INPUT_ERROR, complain
+from flows.command.registry_actions import opened
+from flows.command.registry_words import (
+    as_json as json_of,
+)
+from flows.command.registry_words import (
+    calibrations_table,
+    empty_table,
+    history_table,
+    parameters_table,
+)
+from tasks.errors import InputError
+from tasks.registry.approval import predecessor
+from tasks.registry.compatibility import SPOKEN, Compatibility, compatibility, spoken
+from tasks.registry.contents import Contents, StoredCalibration
+from tasks.registry.history import Validity
+from tasks.registry.series import ParameterSeries, series_of
+from tasks.registry.time_series_page import write_time_series
+from tasks.registry.time_series_plot import LIMIT
+from tasks.report.table import Number, decimals_for
+from tasks.storage.json_text import json_text
+
+
+def list_calibrations(camera: str | None, address: str | None, *, as_json: bool) -> int:
+    """Print the calibrations, camera by camera, and what was edited."""
+    contents = opened(address).contents()
+    items = contents.calibrations if camera is None else contents.of_camera(camera)
+    if as_json:
+        print(json_text([json_of(item) for item in items], indent=2))
+    else:
+        _print_cameras(items)
+    if not contents.findings:
+        return DONE
+    for finding in contents.findings:
+        Console(stderr=True).print(Text(f"• {finding.sentence}"), soft_wrap=True)
+    complain("The registry was edited, see above. Restore it from a backup.")
+    return INPUT_ERROR
+
+
+def _print_cameras(items: Sequence[StoredCalibration]) -> None:
+    console = Console()
+    if not items:
+        console.print("The registry is empty.")
+    for key in dict.fromkeys(item.camera.camera_key for item in items):
+        own = [item for item in items if item.camera.camera_key == key]
+        camera = own[-1].camera
+        console.print(Text(f"\n{camera.label}", "bold"))
+        console.print(Text(f"{camera.product}, {camera.image}", "dim"))
+        for mounting in dict.fromkeys(item.camera.mounting for item in own):
+            console.print(Text(f"\n{mounting}"))
+            console.print(calibrations_table([item for item in own if item.camera.mounting == mounting]))
+
+
+def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_json: bool) -> int:
+    """Show one calibration, or all of a camera."""
+    registry = opened(address)
+    contents = registry.contents()
+    one = _single(contents, what)
+    own = contents.sisters(one.camera) if one is not None else contents.of_camera(what)
+    if one is not None:
+        one = registry.calibration(str(one.id))
+    if as_json:
+        print(json_text(json_of(one) if one is not None else [json_of(item) for item in own], indent=2))
+    elif one is not None:
+        _show_one(one, contents)
+    else:
+        _show_camera(own)
+    if plot is not None:
+        write_time_series(plot, own)
+        if not as_json:
+            Console().print(Text(f"\nPlot: {plot}"), soft_wrap=True)
+    return DONE
+
+
+def _single(contents: Contents, what: str) -> StoredCalibration | None:
+    """The calibration that is meant; None: it may be a camera."""
+    try:
+        return contents.calibration(what)
+    except InputError:
+        if what.isdecimal() and not any(what in item.camera.names for item in contents.calibrations):
+            raise
+    return None
+
+
+def _show_one(item: StoredCalibration, contents: Contents) -> None:
+    console, record = Console(), item.record
+    console.print(Text(f"\nCalibration {item.id}: {item.camera.label}, version {item.version}", "bold"))
+    console.print(_facts(item))
+    for sentence in (*record.reasons, *record.remarks):
+        console.print(Text(f"• {sentence}", style="yellow"))
+    start = item.approval.validity.start if item.approval and item.approval.validity else None
+    before = predecessor(contents, item, Validity(start or item.flown or date.max))
+    test = None if before is None else compatibility(record, before.record)
+    console.print(Text("\nParameters", "bold"))
+    console.print(parameters_table(item, test))
+    if before is not None and test is not None:
+        console.print(Text(f"\nAgainst {before.label}", "bold"))
+        _say(console, test)
+    console.print(Text("\nHistory", "bold"))
+    console.print(history_table(item))
+    console.print(Text(f"\nVerification code {item.sealed.digest}"), soft_wrap=True)
+
+
+def _say(console: Console, test: Compatibility) -> None:
+    for sentence in test.sentences:
+        console.print(Text(f"• {sentence}", style="" if test.agrees else "yellow"))
+
+
+def _facts(item: StoredCalibration) -> Table:
+    """What a calibration is of and from, in two columns."""
+    record, camera, flight = item.record, item.camera, item.record.flight
+    heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
+    headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)
+    held = "no flight" if item.validity is None else f"flights of {item.validity}"
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in (
+        ("state", f"{item.state}, holds for {held}"),
+        ("verdict", f"{record.verdict} by its own calibration"),
+        ("image", f"{camera.product}, {camera.image}"),
+        ("mounting", camera.mounting),
+        ("flight", f"{flight.project}, {flight.flown or 'date not given'}"),
+        ("", f"{flight.images} images in {flight.strips} strips, {flight.control_points} control points"),
+        ("", f"heights {heights} m, headings {headings}°"),
+        ("σ0, redundancy", f"{record.sigma0:.3f}, {record.redundancy:,}"),
+        ("made from", f"{len(record.inputs)} file{'s' * (len(record.inputs) != 1)}"),
+        ("software", ", ".join(f"{name} {version}" for name, version in record.software.items())),
+    ):
+        table.add_row(name, value)
+    return table
+
+
+def _show_camera(items: Sequence[StoredCalibration]) -> None:
+    """The calibrations of a camera, and every parameter from one to the next."""
+    _print_cameras(items)
+    console = Console()
+    found = [series for series in series_of(items) if len(series.points) > 1]
+    if not found:
+        return
+    console.print(Text("\nParameters from one calibration to the next", "bold"))
+    table = empty_table(
+        "parameter", "ID", "flown", "value", "± σ", "unit", "change", "", "in σ",
+        right=("ID", "value", "± σ", "change", "in σ"),
+    )  # fmt: skip
+    for series in found:
+        _add_rows(table, series)
+    console.print(table)
+
+
+def _add_rows(table: Table, series: ParameterSeries) -> None:
+    unit, factor = SPOKEN.get(series.unit, (series.unit, 1.0))
+    for index, point in enumerate(series.points):
+        decimals = decimals_for(point.sigma)
+        change, t = _change(series, index, factor)
+        table.add_row(
+            spoken(series.parameter) if index == 0 else "",
+            str(point.calibration),
+            "–" if point.flown is None else str(point.flown),
+            str(Number(point.value, decimals)),
+            str(Number(point.sigma, decimals)),
+            series.unit,
+            change,
+            unit if change else "",
+            t,
+            end_section=index == len(series.points) - 1,
+        )
+
+
+def _change(series: ParameterSeries, index: int, factor: float) -> tuple[str, Text]:
+    found = series.change(index)
+    if found is None:
+        return "", Text()
+    change, sigma = found
+    number = Number(change * factor, decimals_for(sigma * factor), plus=True)
+    outstanding = abs(change / sigma) > LIMIT
+    return str(number), Text(str(Number(change / sigma, 1, plus=True)), "bold yellow" if outstanding else "")

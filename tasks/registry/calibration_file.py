@@ -1,0 +1,86 @@
+"""A calibration.json as it is taken into a registry: checked, and in the one spelling its digest is of."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from tasks.calibration.record import CalibrationRecord
+from tasks.errors import InputError
+from tasks.storage.json_text import json_text
+
+# One camera alone has the short name.
+_FILES = ("calibration.json", "calibration_*.json")
+_REMEDY = "Name the calibration.json that `aerocal calibrate` wrote, or its folder of results."
+
+
+@dataclass(frozen=True)
+class SealedRecord:
+    """The content of a record, byte for byte what its digest is of.
+
+    Attributes
+    ----------
+    content : JSON without line breaks, keys sorted.
+    """
+
+    content: str
+
+    @classmethod
+    def of(cls, record: CalibrationRecord) -> SealedRecord:
+        """A record that was just made."""
+        return cls(json_text(record.model_dump(mode="json")))
+
+    @property
+    def digest(self) -> str:
+        """sha256 of the content; what a certificate prints as verification code."""
+        return hashlib.sha256(self.content.encode()).hexdigest()
+
+    @cached_property
+    def record(self) -> CalibrationRecord:
+        """The record.
+
+        Raises
+        ------
+        ValidationError
+            If the content is none.
+        """
+        return CalibrationRecord.model_validate_json(self.content)
+
+
+def read_calibrations(place: Path) -> tuple[SealedRecord, ...]:
+    """Read a record, or all records in a folder of results: one for each camera.
+
+    Raises
+    ------
+    InputError
+        If there is none, or one of them is not a calibration.
+    """
+    if not place.is_dir():
+        return (_read(place),)
+    files = [file for pattern in _FILES for file in sorted(place.glob(pattern))]
+    if not files:
+        raise InputError("There is no calibration in this folder.", _REMEDY, file=place)
+    return tuple(_read(file) for file in files)
+
+
+def _read(file: Path) -> SealedRecord:
+    try:
+        # The file's own values, and not those of the model: its digest is that of whoever wrote it.
+        sealed = SealedRecord(json_text(json.loads(file.read_text(encoding="utf-8"))))
+        sealed.record  # noqa: B018
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the record"
+        raise InputError(
+            f"This is not a calibration: {place}: {first['msg']}.", _REMEDY, file=file
+        ) from error
+    except OSError as error:
+        raise InputError(f"The file cannot be read ({error.strerror}).", _REMEDY, file=file) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"This is not JSON ({error}).", _REMEDY, file=file) from error
+    return sealed

@@ -1,0 +1,177 @@
+"""The database of a registry: transactions that readers and writers can rely on, and errors in words.
+
+A writer holds the registry alone from its first statement to its commit (SQLite: ``BEGIN IMMEDIATE``;
+PostgreSQL: the row of ``registry_head`` is locked), so that whatever it has read still holds when it writes.
+A reader sees one state. A process that dies leaves nothing: what was not committed never was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, insert, inspect, select, text
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.pool import NullPool
+
+from tasks.errors import InputError
+from tasks.registry.database_errors import in_words
+from tasks.registry.history import BEGINNING
+from tasks.registry.tables import HEAD, METADATA, SCHEMA, SCHEMA_VERSION
+from tasks.settings.registry import RegistryAddress
+from tasks.storage.installation import writing_into
+
+#: How long a writer waits for another one.
+WAIT_S = 30
+# A writer that hangs (not dies) must not hold up all others for ever.
+_IDLE_S = 60
+# Any number, the same in every process: makers of the tables wait for each other on it.
+_CREATION_LOCK = 0x6165726F63616C
+_WRITING = "aerocal_writing"
+
+
+@dataclass(frozen=True)
+class Database:
+    """A registry's database.
+
+    Attributes
+    ----------
+    address : where it is.
+    engine : connects to it.
+    """
+
+    address: RegistryAddress
+    engine: Engine
+
+    @classmethod
+    def at(cls, address: RegistryAddress, wait_s: float = WAIT_S) -> Database:
+        """The database at an address; nothing is opened yet.
+
+        Parameters
+        ----------
+        wait_s : how long a writer waits for another one.
+        """
+        if address.is_file:
+            engine = create_engine(address.url, poolclass=NullPool, connect_args={"timeout": wait_s})
+            event.listen(engine, "connect", _leave_transactions_to_us)
+            event.listen(engine, "begin", _begin_in_sqlite)
+        else:
+            # Longer than any wait for a lock, so that the server has the first word.
+            options = {"timeout": wait_s + 15, "ssl_context": address.ssl_context}
+            engine = create_engine(
+                address.url, poolclass=NullPool, connect_args=options, hide_parameters=True
+            )
+            event.listen(engine, "begin", _limits_of(wait_s))
+        return cls(address, engine)
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A transaction that sees one state of an existing registry.
+
+        Raises
+        ------
+        InputError
+            If there is no registry, or one of another version.
+        InstallationError
+            If the database cannot be reached.
+        """
+        file = self.address.file
+        if file is not None and not file.is_file():
+            raise self._missing()
+        options = {} if self.address.is_file else {"isolation_level": "REPEATABLE READ"}
+        with in_words(self.address), self.engine.connect().execution_options(**options) as connection:
+            if not inspect(connection).has_table(SCHEMA.name):
+                raise self._missing()
+            self._require_version(connection)
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """A transaction that has the registry for itself; committed at its end, or nothing of it happened.
+
+        The tables are made if there are none.
+
+        Raises
+        ------
+        InputError
+            If it is a registry of another version, or no registry, or another writer was faster.
+        InstallationError
+            If the database cannot be reached or written, or another writer does not come to an end.
+        """
+        file = self.address.file
+        if file is not None:
+            with writing_into(file.parent):
+                file.parent.mkdir(parents=True, exist_ok=True)
+        with in_words(self.address):
+            try:
+                with self._connected_for_writing() as connection, connection.begin():
+                    self._make_tables(connection)
+                    self._require_version(connection)
+                    connection.execute(select(HEAD.c.one).with_for_update()).all()
+                    yield connection
+            except IntegrityError as error:
+                raise InputError(
+                    "Another program has written into the registry at the same time, and not by aerocal: "
+                    f"{str(error.orig).splitlines()[0]}",
+                    "Nothing was changed. Run `aerocal registry verify`, then try again.",
+                ) from error
+
+    def _connected_for_writing(self) -> Connection:
+        return self.engine.connect().execution_options(**{_WRITING: True})
+
+    def _make_tables(self, connection: Connection) -> None:
+        if not self.address.is_file:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
+        tables = inspect(connection)
+        if tables.has_table(SCHEMA.name):
+            return
+        if self.address.is_file and tables.get_table_names():
+            raise InputError(
+                "This database belongs to another program: it has tables, but none of a registry.",
+                "Name a new file.",
+                file=self.address.file,
+            )
+        METADATA.create_all(connection)
+        connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
+        connection.execute(insert(HEAD).values(one=1, calibrations=0, events=0, digest=BEGINNING))
+
+    def _require_version(self, connection: Connection) -> None:
+        versions = [row.version for row in connection.execute(select(SCHEMA.c.version))]
+        if versions != [SCHEMA_VERSION]:
+            found = " and ".join(map(str, versions)) or "none"
+            raise InputError(
+                f"The registry {self.address} has tables of version {found}; this aerocal knows version "
+                f"{SCHEMA_VERSION}.",
+                "Use the aerocal that made it, or export its records and add them to a new registry.",
+            )
+
+    def _missing(self) -> InputError:
+        return InputError(
+            f"There is no registry at {self.address}.",
+            "`aerocal registry add` makes one; --registry or AEROCAL_REGISTRY name another place.",
+        )
+
+
+def _leave_transactions_to_us(connection: Any, _record: Any) -> None:
+    """Keep Python's driver from beginning transactions of its own, late and deferred."""
+    connection.isolation_level = None
+    connection.execute("PRAGMA foreign_keys = ON")
+    connection.execute("PRAGMA synchronous = FULL")
+
+
+def _begin_in_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get(_WRITING, False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _limits_of(wait_s: float) -> Any:
+    """What begins a transaction on a server: no waiting, and no holding up others, for ever."""
+
+    def begin(connection: Connection) -> None:
+        if connection.get_execution_options().get(_WRITING, False):
+            connection.exec_driver_sql(f"SET LOCAL lock_timeout = '{int(wait_s * 1000)}ms'")
+            connection.exec_driver_sql(f"SET LOCAL idle_in_transaction_session_timeout = '{_IDLE_S}s'")
+
+    return begin

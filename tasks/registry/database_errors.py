@@ -1,0 +1,100 @@
+"""What a database complains about, in one sentence with a remedy, and never with a password."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from sqlalchemy.exc import DBAPIError, IntegrityError
+
+from tasks.errors import AerocalError, InputError
+from tasks.settings.registry import RegistryAddress
+from tasks.storage.installation import InstallationError
+
+_BUSY = (
+    "The registry {address} is being written by another process that does not come to an end.",
+    "Wait for it, or end it; nothing was changed.",
+)
+_REACH = "Start it, or correct --registry or AEROCAL_REGISTRY."
+# SQLSTATE → what, remedy.
+_SERVER: Mapping[str, tuple[str, str]] = {
+    "28P01": ("The database {address} refuses this user or password.", "Give the password in PGPASSWORD."),
+    "28000": ("The database {address} refuses this user.", "Ask whoever runs it for access."),
+    "3D000": ("There is no database {address}.", "Create it, or correct --registry or AEROCAL_REGISTRY."),
+    "42501": ("This user may not write into {address}.", "Ask whoever runs it for access."),
+    "55P03": _BUSY,
+    "25006": ("The database {address} may only be read.", "Name the server that accepts changes."),
+}
+# Beginning of SQLite's message → what, remedy.
+_FILE: Mapping[str, tuple[str, str]] = {
+    "database is locked": _BUSY,
+    "unable to open database file": (
+        "The registry {address} cannot be opened.",
+        "Check its folder and permissions, or name another place with --registry.",
+    ),
+    "attempt to write a readonly database": (
+        "The registry {address} cannot be written.",
+        "Change the permissions of the file and its folder.",
+    ),
+    "database or disk is full": ("There is no space left on the disk of {address}.", "Free some space."),
+}
+# Undefined table, undefined column.
+_MISSING = ("42P01", "42703", "no such table", "no such column")
+_NO_DATABASE = ("file is not a database", "database disk image is malformed")
+
+
+@contextmanager
+def in_words(address: RegistryAddress) -> Iterator[None]:
+    """Turn errors of a database into errors of ours; a broken constraint passes as it is.
+
+    Raises
+    ------
+    InputError
+        If the file is no SQLite database, or its tables are no longer those of a registry.
+    InstallationError
+        If the database cannot be reached, opened or written.
+    """
+    try:
+        yield
+    except IntegrityError:
+        raise
+    except DBAPIError as error:
+        raise _explained(error, address) from None
+
+
+def _explained(error: DBAPIError, address: RegistryAddress) -> AerocalError:
+    reason = error.orig
+    if isinstance(reason, sqlite3.Error):
+        return _of_file(str(reason), address)
+    fields = reason.args[0] if reason is not None and reason.args else None
+    if isinstance(fields, Mapping):
+        state, message = str(fields.get("C", "")), str(fields.get("M", ""))
+        if state in _MISSING:
+            return _without_table(message, address)
+        what, remedy = _SERVER.get(state, (f"The database {{address}} refuses: {message}.", _REACH))
+        return InstallationError(what.format(address=address), remedy)
+    return InstallationError(f"The database {address} cannot be reached.", _REACH)
+
+
+def _of_file(message: str, address: RegistryAddress) -> AerocalError:
+    if message.startswith(_NO_DATABASE):
+        return InputError(
+            "This is not a SQLite database, or it is damaged.",
+            "Restore it from a backup, or name another file with --registry.",
+            file=address.file,
+        )
+    if message.startswith(_MISSING):
+        return _without_table(message, address)
+    for beginning, (what, remedy) in _FILE.items():
+        if message.startswith(beginning):
+            return InstallationError(what.format(address=address), remedy)
+    return InstallationError(
+        f"The registry {address} cannot be used ({message}).", "Check the file and its disk."
+    )
+
+
+def _without_table(message: str, address: RegistryAddress) -> InputError:
+    return InputError(
+        f"The registry {address} was edited: {message}.", "Restore it from a backup; nothing was changed."
+    )

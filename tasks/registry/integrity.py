@@ -1,0 +1,176 @@
+"""What in a registry was not written by it: edited records, a history with gaps, values in another place."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from pydantic import ValidationError
+
+from tasks.registry.calibration_file import SealedRecord
+from tasks.registry.contents import Contents, Finding, StoredCalibration
+from tasks.registry.history import BEGINNING, PREDECESSORS, Event
+from tasks.registry.identity import CameraBody
+
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of the tables as they are.
+
+    Attributes
+    ----------
+    head : of ``registry_head``.
+    calibrations : by id.
+    events : by sequence.
+    """
+
+    head: Sequence[Mapping[str, Any]]
+    calibrations: Sequence[Mapping[str, Any]]
+    events: Sequence[Mapping[str, Any]]
+
+
+def contents_of(rows: Rows) -> Contents:
+    """The records that fit their history, and everything that does not fit."""
+    events = tuple(Event(**row) for row in rows.events)
+    by_record: dict[Any, list[Event]] = {}
+    for event in events:
+        by_record.setdefault(event.calibration, []).append(event)
+    findings = [*_chain_findings(events), *_head_findings(rows, by_record)]
+    for row in rows.calibrations:
+        own = by_record.get(row["id"], [])
+        findings += [*_record_findings(row, own), *_state_findings(row["id"], own)]
+    known = {row["id"] for row in rows.calibrations}
+    for missing, own in by_record.items():
+        if missing not in known:
+            sentence = (
+                f"Calibration {missing} is missing; event {own[0].sequence} of the history speaks of it "
+                f"(digest {_short(own[0].record_digest)})."
+            )
+            findings.append(Finding(sentence))
+    findings += [] if findings else _version_findings(rows)
+    doubtful = {finding.calibration for finding in findings}
+    stored = tuple(
+        StoredCalibration(
+            row["id"], row["version"], SealedRecord(row["content"]), tuple(by_record[row["id"]])
+        )
+        for row in rows.calibrations
+        if row["id"] not in doubtful
+    )
+    return Contents(stored, tuple(findings), events)
+
+
+def _chain_findings(events: Sequence[Event]) -> Iterator[Finding]:
+    """Events whose digest does not cover their values, and places where the chain is broken."""
+    for event in events:
+        if event.digest != event.expected_digest:
+            yield Finding(
+                f"Event {event.sequence} ({event.state}, calibration {event.calibration}): its values do not "
+                "give its digest; one of them was changed.",
+                event.calibration,
+            )
+    first = [Event(0, 0, "", "", None, None, None, "", "", "", "", "", BEGINNING)]
+    for before, event in pairwise([*first, *events]):
+        place = f"before event {event.sequence} ({event.state}, calibration {event.calibration})"
+        if event.sequence != before.sequence + 1:
+            yield Finding(f"The history has a gap {place}: an event was removed.")
+        elif event.previous != before.digest:
+            yield Finding(
+                f"The history does not continue {place}: an event was changed, removed, put in or moved."
+            )
+
+
+def _head_findings(rows: Rows, by_record: Mapping[Any, Sequence[Event]]) -> Iterator[Finding]:
+    """What the registry has counted against what is there."""
+    if len(rows.head) != 1:
+        yield Finding("The row of registry_head is missing.")
+        return
+    head, count = rows.head[0], len(rows.events)
+    if head["events"] != count:
+        yield Finding(
+            f"The registry has counted {head['events']} events and there are {count}: some were removed or "
+            "put in."
+        )
+    elif head["digest"] != (rows.events[-1]["digest"] if count else BEGINNING):
+        yield Finding("The last event is not the one the registry has written last.")
+    # A record without a history is named by itself.
+    known = sum(row["id"] in by_record for row in rows.calibrations)
+    if head["calibrations"] != known:
+        yield Finding(
+            f"The registry has counted {head['calibrations']} calibrations with a history, and there "
+            f"are {known}."
+        )
+
+
+def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterator[Finding]:
+    """Content and columns of a record against its digest and its first event."""
+    number, content = row["id"], str(row["content"])
+    name = f"Calibration {number} ({row['camera']}, version {row['version']})"
+    if not events:
+        yield Finding(f"{name} has no history: it was put in behind the registry's back.", number)
+        return
+    digest = hashlib.sha256(content.encode()).hexdigest()
+    expected = events[0].record_digest
+    if digest != expected:
+        yield Finding(
+            f"{name}: its content has the digest {_short(digest)}, the history says {_short(expected)}; the "
+            "content was changed.",
+            number,
+        )
+        return
+    try:
+        camera = CameraBody.of_record(SealedRecord(content).record.camera)
+        record = SealedRecord(content).record
+    except ValidationError:
+        yield Finding(f"{name}: its content is no calibration this aerocal can read.", number)
+        return
+    flown = record.flight.flown
+    columns = {
+        "digest": digest,
+        "camera_key": camera.camera_key,
+        "mounting_key": camera.mounting_key,
+        "camera": camera.name,
+        "flown": None if flown is None else flown.isoformat(),
+        "verdict": record.verdict,
+    }
+    for column, value in columns.items():
+        if row[column] != value:
+            yield Finding(f"{name}: {column} says '{row[column]}', its content says '{value}'.", number)
+    if any(event.record_digest != digest for event in events):
+        yield Finding(f"{name}: an event of its history speaks of another content.", number)
+
+
+def _state_findings(number: int, events: Sequence[Event]) -> Iterator[Finding]:
+    """Whether the states follow each other as they must."""
+    before: str | None = None
+    for event in events:
+        if before not in PREDECESSORS.get(event.state, ()):
+            yield Finding(
+                f"Calibration {number}: its history goes from {before or 'nothing'} to {event.state} (event "
+                f"{event.sequence}); something between was removed.",
+                number,
+            )
+            return
+        days = [day for day in (event.valid_from, event.valid_to) if day is not None]
+        if not all(_DAY.fullmatch(str(day)) for day in days):
+            yield Finding(f"Calibration {number}: event {event.sequence} has no dates.", number)
+            return
+        before = event.state
+
+
+def _version_findings(rows: Rows) -> Iterator[Finding]:
+    """Whether the versions of each camera are counted 1, 2, …; of a registry in which all else is right."""
+    counted: dict[str, int] = {}
+    for row in rows.calibrations:
+        due = counted[row["camera_key"]] = counted.get(row["camera_key"], 0) + 1
+        if row["version"] != due:
+            yield Finding(f"Calibration {row['id']}: version {row['version']} where {due} is due.", row["id"])
+
+
+def _short(digest: str) -> str:
+    return f"{digest[:12]}…"

@@ -1,0 +1,202 @@
+"""Add calibrations to a registry, approve them, read them; nothing is ever altered or taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sqlalchemy import Connection, insert, select, update
+
+from tasks.errors import InputError
+from tasks.registry.approval import Approval, approved_meanwhile, require_approvable, superseded_by
+from tasks.registry.calibration_file import SealedRecord
+from tasks.registry.contents import Contents, StoredCalibration
+from tasks.registry.database import WAIT_S, Database
+from tasks.registry.history import BEGINNING, Event, Validity
+from tasks.registry.identity import CameraBody
+from tasks.registry.integrity import Rows, contents_of
+from tasks.registry.query_tables import record_row_findings, row_findings, write_rows
+from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD
+from tasks.settings.registry import RegistryAddress
+from tasks.storage.stage_record import utc_now
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Who does something, and what that person has to say about it."""
+
+    person: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Registry:
+    """A registry of calibrations in a database."""
+
+    database: Database
+
+    @classmethod
+    def at(cls, address: RegistryAddress, wait_s: float = WAIT_S) -> Registry:
+        """The registry at an address.
+
+        Parameters
+        ----------
+        wait_s : how long a writer waits for another one.
+        """
+        return cls(Database.at(address, wait_s))
+
+    def contents(self) -> Contents:
+        """Everything in it, held against its history.
+
+        Raises
+        ------
+        InputError
+            If there is no registry.
+        InstallationError
+            If the database cannot be reached.
+        """
+        with self.database.reading() as connection:
+            return _contents(connection)
+
+    def verified(self) -> Contents:
+        """As `contents`, with the parameters and covariances in their own tables held against the records."""
+        with self.database.reading() as connection:
+            contents = _contents(connection)
+            return replace(contents, findings=(*contents.findings, *row_findings(connection, contents)))
+
+    def calibration(self, text: str) -> StoredCalibration:
+        """The record with an id, or with a digest that begins so; its rows in the query tables are checked.
+
+        Raises
+        ------
+        InputError
+            If there is none, or it was edited.
+        """
+        with self.database.reading() as connection:
+            contents = _contents(connection)
+            found = contents.calibration(text)
+            differing = tuple(record_row_findings(connection, found))
+        replace(contents, findings=differing).require_sound((found.id,))
+        return found
+
+    def add(self, sealed: SealedRecord, signature: Signature) -> StoredCalibration:
+        """Add a record as the next version of its camera, as a draft.
+
+        Raises
+        ------
+        InputError
+            If it is there already, or the registry was edited.
+        """
+        with self.database.writing() as connection:
+            contents = _contents(connection)
+            contents.require_untouched()
+            there = next((i for i in contents.calibrations if i.sealed.digest == sealed.digest), None)
+            if there is not None:
+                raise InputError(
+                    f"This calibration is in the registry already: it is {there.label}, added by "
+                    f"{there.events[0].person} on {there.events[0].at[:10]}.",
+                    f"`aerocal registry show {there.id}` shows it.",
+                )
+            number = _insert_record(connection, sealed)
+            (event,) = _append(connection, [_event(number, sealed.digest, "draft", signature)])
+            added = _contents(connection)
+        return next(item for item in added.calibrations if item.id == event.calibration)
+
+    def approve(self, approval: Approval, signature: Signature, although: str = "") -> tuple[Event, ...]:
+        """Carry out an approval, and supersede what held before it.
+
+        Parameters
+        ----------
+        approval : what was looked at before deciding.
+        although : why a record is approved that its own calibration refuses.
+
+        Returns
+        -------
+        events : what happened, the approval first.
+
+        Raises
+        ------
+        InputError
+            If the record was edited or cannot be approved, or another approval of the same camera came
+            between looking and deciding.
+        """
+        with self.database.writing() as connection:
+            contents = _contents(connection)
+            contents.require_untouched()
+            chosen = contents.calibration(str(approval.chosen.id))
+            approved_meanwhile(contents, approval)
+            require_approvable(contents, chosen, approval.validity, although)
+            digest = chosen.sealed.digest
+            events = [
+                replace(
+                    _event(chosen.id, digest, "approved", signature, approval.validity), although=although
+                )
+            ]
+            for old, left in superseded_by(contents, chosen, approval.validity):
+                event = _event(old.id, old.sealed.digest, "superseded", Signature(signature.person), left)
+                events.append(replace(event, successor=chosen.id))
+            return _append(connection, events)
+
+
+def _contents(connection: Connection) -> Contents:
+    def rows(statement: object) -> list[dict[str, object]]:
+        return [dict(row) for row in connection.execute(statement).mappings()]  # type: ignore[call-overload]
+
+    return contents_of(
+        Rows(
+            rows(select(HEAD)),
+            rows(select(CALIBRATIONS).order_by(CALIBRATIONS.c.id)),
+            rows(select(EVENTS).order_by(EVENTS.c.sequence)),
+        )
+    )
+
+
+def _event(
+    number: int, digest: str, state: str, signature: Signature, validity: Validity | None = None
+) -> Event:
+    """An event that has no place in the history yet."""
+    start = None if validity is None else validity.start.isoformat()
+    end = None if validity is None or validity.end is None else validity.end.isoformat()
+    person, note = signature.person, signature.note
+    return Event(0, number, digest, state, start, end, None, person, utc_now(), note, "", BEGINNING)
+
+
+def _insert_record(connection: Connection, sealed: SealedRecord) -> int:
+    """Write a record with its rows; returns its id."""
+    record = sealed.record
+    camera = CameraBody.of_record(record.camera)
+    number = int(connection.execute(select(HEAD.c.calibrations)).scalar_one()) + 1
+    same = select(CALIBRATIONS.c.id).where(CALIBRATIONS.c.camera_key == camera.camera_key)
+    version = len(connection.execute(same).all()) + 1
+    flown = record.flight.flown
+    connection.execute(
+        insert(CALIBRATIONS).values(
+            id=number,
+            camera_key=camera.camera_key,
+            mounting_key=camera.mounting_key,
+            version=version,
+            digest=sealed.digest,
+            camera=camera.name,
+            flown=None if flown is None else flown.isoformat(),
+            verdict=record.verdict,
+            content=sealed.content,
+        )
+    )
+    write_rows(connection, number, record)
+    connection.execute(update(HEAD).values(calibrations=number))
+    return number
+
+
+def _append(connection: Connection, events: Sequence[Event]) -> tuple[Event, ...]:
+    """Seal events, chain them to the last one, and write them."""
+    head = connection.execute(select(HEAD.c.events, HEAD.c.digest)).one()
+    sequence, digest, sealed = int(head.events), str(head.digest), list[Event]()
+    for event in events:
+        sequence += 1
+        sealed.append(replace(event, sequence=sequence, previous=digest).sealed)
+        digest = sealed[-1].digest
+    connection.execute(
+        insert(EVENTS), [{column.name: getattr(e, column.name) for column in EVENTS.c} for e in sealed]
+    )
+    connection.execute(update(HEAD).values(events=sequence, digest=digest))
+    return tuple(sealed)

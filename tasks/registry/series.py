@@ -1,0 +1,94 @@
+"""The parameters of one camera over its calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from math import hypot
+
+from adjust.parameters import FAMILIES
+from tasks.registry.compatibility import OF_MOUNTING, OF_OTHERS
+from tasks.registry.contents import StoredCalibration
+from tasks.registry.history import Validity
+
+#: Those that every camera has come first, the others in the order in which they are met.
+_FIRST = tuple(name for f in FAMILIES.values() if f.entity_kind == "camera" for name in f.components)
+
+
+@dataclass(frozen=True)
+class SeriesPoint:
+    """One calibration of a parameter.
+
+    Attributes
+    ----------
+    calibration : id of the record.
+    flown : date of the flight.
+    added : date on which it was added.
+    value, sigma : in the unit of the series.
+    state : of the record.
+    validity : days on which it holds.
+    mounting : in words.
+    """
+
+    calibration: int
+    flown: date | None
+    added: date
+    value: float
+    sigma: float
+    state: str
+    validity: Validity | None
+    mounting: str
+
+    @property
+    def day(self) -> date:
+        """Where it stands in a series: the day of the flight, else that on which it was added."""
+        return self.flown if self.flown is not None else self.added
+
+
+@dataclass(frozen=True)
+class ParameterSeries:
+    """All calibrations of one parameter, by date."""
+
+    parameter: str
+    unit: str
+    points: tuple[SeriesPoint, ...]
+
+    def change(self, index: int) -> tuple[float, float] | None:
+        """Change from the calibration before, and its σ from both.
+
+        None for the first one, and for boresight and lever arm of another mounting.
+        """
+        if index == 0:
+            return None
+        before, point = self.points[index - 1], self.points[index]
+        if self.parameter in OF_MOUNTING and point.mounting != before.mounting:
+            return None
+        return point.value - before.value, hypot(point.sigma, before.sigma)
+
+
+def series_of(items: Sequence[StoredCalibration]) -> tuple[ParameterSeries, ...]:
+    """The series of every parameter that some calibration of a camera has determined."""
+    found: dict[tuple[str, str], list[SeriesPoint]] = {}
+    for item in items:
+        for one in item.record.estimated:
+            own = one.entity == item.record.camera.name and one.parameter not in OF_OTHERS
+            if own and one.sigma and one.verdict in ("determined", "weak"):
+                found.setdefault((one.parameter, one.unit), []).append(_point(item, one.value, one.sigma))
+    keys = sorted(found, key=lambda key: _FIRST.index(key[0]) if key[0] in _FIRST else len(_FIRST))
+    return tuple(
+        ParameterSeries(*key, tuple(sorted(found[key], key=lambda p: (p.day, p.calibration)))) for key in keys
+    )
+
+
+def _point(item: StoredCalibration, value: float, sigma: float) -> SeriesPoint:
+    return SeriesPoint(
+        item.id,
+        item.flown,
+        date.fromisoformat(item.events[0].at[:10]),
+        value,
+        sigma,
+        item.state,
+        item.validity,
+        item.camera.mounting,
+    )

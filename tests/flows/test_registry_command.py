@@ -1,0 +1,252 @@
+"""`aerocal registry` as its users meet it: from calibration.json to an approved calibration."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from flows.command.main import app
+from tasks.settings.cameras import CameraIdentity
+from tasks.settings.registry import registry_address
+from tests.postgresql_server import PASSWORD, PostgresqlServer
+from tests.tasks.registry.records import Registry, add, approve, changed, record
+from tests.tasks.report.page_reader import Page
+
+
+class Console:
+    """The command line with a registry of its own."""
+
+    def __init__(self, registry: str) -> None:
+        self.registry = registry
+
+    def __call__(self, *arguments: str | Path, **environment: str) -> Result:
+        variables = {"COLUMNS": "120", "AEROCAL_REGISTRY": self.registry, **environment}
+        return CliRunner().invoke(app, ["registry", *map(str, arguments)], env=variables)
+
+
+@pytest.fixture
+def console(tmp_path: Path) -> Console:
+    return Console(str(tmp_path / "data" / "registry.sqlite"))
+
+
+@pytest.fixture
+def filled(console: Console) -> Console:
+    """A superseded calibration, an approved one, a refused draft, and a camera head of the same body."""
+    registry = Registry.at(registry_address(console.registry))
+    head = CameraIdentity(body="UC-E-1", product="camera_head")
+    refused = record(changed(85), verdict="refused", reasons=("One flying height only.",))
+    for item in (record(), record(changed(1)), refused, record(name="H", identity=head)):
+        add(registry, item)
+    approve(registry, 1, date(2024, 3, 1))
+    approve(registry, 2, date(2024, 9, 1))
+    return console
+
+
+def error(done: Result, code: int = 2) -> str:
+    assert done.exit_code == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+    assert len(errors) == 1, done.stderr
+    return errors[0]
+
+
+def test_from_the_results_of_a_calibration_to_an_approved_version(console: Console, tmp_path: Path) -> None:
+    (tmp_path / "results").mkdir()
+    for number in range(2):
+        file = tmp_path / "results" / "calibration.json"
+        file.write_text(record(changed(number)).text, encoding="utf-8")
+        done = console("add", tmp_path / "results", "--by", "ann", "--note", "spring")
+        assert done.exit_code == 0, done.stderr
+        assert f"calibration {number + 1}, a draft: version {number + 1} of UCE (body UC-E-1)" in done.stdout
+        assert record(changed(number)).digest in done.stdout
+        done = console("approve", number + 1, "--from", f"2024-0{number + 5}-01", "--by", "ben")
+        assert done.exit_code == 0, done.stderr
+    assert "All 5 common parameters together agree" in done.stdout
+    assert "Superseded: calibration 1 (UCE, version 1)" in done.stdout
+    assert "It holds for flights of 2024-05-01 to 2024-05-31" in done.stdout
+    listed = json.loads(console("list", "--json").stdout)
+    assert [(item["id"], item["state"], item["valid_to"]) for item in listed] == [
+        (1, "superseded", "2024-05-31"),
+        (2, "approved", None),
+    ]
+    assert [event["by"] for event in listed[0]["history"]] == ["ann", "ben", "ben"]
+    assert listed[1]["record"] == json.loads(record(changed(1)).text)
+
+
+def test_the_records_of_all_cameras_of_a_folder_are_added(console: Console, tmp_path: Path) -> None:
+    for name in ("left", "right"):
+        calibration = record(name=name, identity=CameraIdentity())
+        (tmp_path / f"calibration_{name}.json").write_text(calibration.text, encoding="utf-8")
+    done = console("add", tmp_path)
+    assert done.exit_code == 0, done.stderr
+    assert "version 1 of left" in done.stdout
+    assert "version 1 of right" in done.stdout
+    assert "cameras.left.identity" in done.stdout
+
+
+def test_what_is_exported_has_the_verification_code_and_can_be_added_elsewhere(
+    filled: Console, tmp_path: Path
+) -> None:
+    digest = record(changed(1)).digest
+    spoken = "-".join(digest[i : i + 4].upper() for i in range(0, 16, 4))
+    assert filled("export", spoken, "--out", tmp_path / "two.json").exit_code == 0
+    content = (tmp_path / "two.json").read_bytes()
+    assert hashlib.sha256(content).hexdigest() == digest
+    assert filled("export", "2").stdout_bytes == content
+    other = Console(str(tmp_path / "other.sqlite"))
+    assert digest in other("add", tmp_path / "two.json").stdout
+
+
+def test_list_and_show_say_what_there_is(filled: Console) -> None:
+    listed = filled("list")
+    assert listed.exit_code == 0, listed.stderr
+    for words in ("UCE (body UC-E-1)", "IMU I-7", "superseded", "2024-03-01 – 2024-08-31", "draft, refused"):
+        assert words in listed.stdout
+    assert "c [mm] ± σ [µm]" in listed.stdout
+    assert "79.9920 ± 1.2" in listed.stdout
+    shown = filled("show", "3").stdout
+    for words in ("One flying height only.", "boresight roll", "+6.0", "do not agree", "Against calibration"):
+        assert words in shown, shown
+    assert record(changed(85), verdict="refused", reasons=("One flying height only.",)).digest in shown
+    camera = filled("show", "UCE").stdout
+    assert "Parameters from one calibration to the next" in camera
+    assert "+0.1 " in camera
+    assert len(json.loads(filled("show", "UCE", "--json").stdout)) == 3
+
+
+def test_the_plot_has_every_value_of_every_calibration(filled: Console, tmp_path: Path) -> None:
+    done = filled("show", "UCE", "--plot", tmp_path / "plots" / "uce.html")
+    assert done.exit_code == 0, done.stderr
+    text = (tmp_path / "plots" / "uce.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert text.count("<svg") == 5
+    assert text.count('class="calibration"') == 15
+    assert text.count('class="limits"') == 10
+    for number, values in ((1, changed(0)), (2, changed(1)), (3, changed(85))):
+        cell = page.tables["values"].numbers[f"focal_length:{number}", "value"]
+        assert float(cell.data) == values[0]
+
+
+def test_a_refused_calibration_is_approved_with_a_reason_only(filled: Console) -> None:
+    said = error(filled("approve", "3", "--from", "2025-01-01"))
+    assert "One flying height only." in said
+    assert "--although" in said
+    done = filled("approve", "3", "--from", "2025-01-01", "--although", "no other flight", "--by", "cid")
+    assert done.exit_code == 0, done.stderr
+    assert "do not agree" in done.stdout
+    assert "Focal length changed by" in done.stdout
+    history = json.loads(filled("show", "3", "--json").stdout)["history"]
+    assert history[-1]["although"] == "no other flight"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("show", "9"), "There is no calibration '9'"),
+        (("show", "UC-E-2"), "Did you mean 'UC-E-1'?"),
+        (("show", "UC-E-1"), ":camera_head"),
+        (("approve", "2", "--from", "2025-01-01"), "approved already"),
+        (("approve", "3", "--from", "2025-01-01", "--to", "2024-01-01"), "before it begins"),
+        (("add", "nowhere"), "nowhere"),
+        (("verify", "--since", "0123456789"), "did not come from aerocal"),
+        (("list", "--registry", "mysql://u:secret@h/d"), "cannot be kept in 'mysql'"),
+        (("list", "--registry", "postgresql://u:secret@h:port/d"), "is not understood"),
+        (("list", "--registry", "postgresql://u:secret@h/d?x=1"), "'x' is not understood"),
+        (("list", "--registry", "nowhere.sqlite"), "There is no registry at"),
+    ],
+)
+def test_what_cannot_be_ends_with_2_and_one_sentence(
+    filled: Console, arguments: tuple[str, ...], words: str
+) -> None:
+    done = filled(*arguments)
+    assert words in error(done)
+    assert "secret" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [("no JSON", "not JSON"), ('{"format": "x"}', "not a calibration"), ("[1, NaN]", "not JSON")],
+)
+def test_a_file_that_is_no_calibration_is_refused_with_its_name(
+    console: Console, tmp_path: Path, content: str, words: str
+) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(content)
+    said = error(console("add", tmp_path))
+    assert words in said
+    assert str(file) in said
+    assert not Path(console.registry).exists()
+
+
+def test_an_edited_registry_is_named_and_not_used(filled: Console) -> None:
+    sound = filled("verify")
+    assert sound.exit_code == 0
+    state = sound.stdout.split("State ")[1].split()[0]
+    assert filled("verify", "--since", state).exit_code == 0
+    with sqlite3.connect(filled.registry) as connection:
+        connection.execute(
+            "UPDATE calibrations SET content = replace(content, '79.99', '79.98') WHERE id = 2"
+        )
+    done = filled("verify")
+    assert "1 thing in the registry" in error(done)
+    assert "Calibration 2 (UCE, version 2): its content has the digest" in done.stderr
+    for arguments in (("show", "2"), ("export", "2"), ("approve", "3", "--from", "2025-01-01")):
+        assert "The registry was edited: Calibration 2" in error(filled(*arguments))
+    listed = filled("list")
+    assert "Calibration 2" in listed.stderr
+    assert error(listed)
+
+
+def test_a_file_that_is_no_database_is_said_to_be_none(console: Console, tmp_path: Path) -> None:
+    text = tmp_path / "notes.txt"
+    text.write_text("no database " * 100)
+    assert "not a SQLite database" in error(console("list", "--registry", text))
+    other = tmp_path / "other.sqlite"
+    with sqlite3.connect(other) as connection:
+        connection.execute("CREATE TABLE somebody (x)")
+    calibration = tmp_path / "calibration.json"
+    calibration.write_text(record().text)
+    assert "belongs to another program" in error(console("add", calibration, "--registry", other))
+
+
+def test_a_server_that_does_not_answer_ends_with_1_and_shows_no_password(console: Console) -> None:
+    done = console("list", "--registry", "postgresql://u:secret@127.0.0.1:9/d")
+    said = error(done, code=1)
+    assert "postgresql://u:***@127.0.0.1:9/d cannot be reached" in said
+    assert "secret" not in done.stdout + done.stderr
+
+
+def test_help_teaches_and_comes_without_the_database(console: Console) -> None:
+    done = console("--help")
+    for word in ("add", "approve", "verify", "Exit codes", "AEROCAL_REGISTRY", "project.flown"):
+        assert word in done.stdout
+    loaded = "import flows.command.main, sys; print('sqlalchemy' in sys.modules, 'numpy' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["False", "False"]
+
+
+@pytest.mark.service
+def test_the_same_on_a_server(postgresql: PostgresqlServer, tmp_path: Path) -> None:
+    url = postgresql.emptied()
+    console = Console(url.replace(f":{PASSWORD}", ""))
+    (tmp_path / "calibration.json").write_text(record().text)
+    done = console("add", tmp_path, PGPASSWORD=PASSWORD)
+    assert done.exit_code == 0, done.stderr
+    assert console("approve", "1", "--from", "2024-05-01", PGPASSWORD=PASSWORD).exit_code == 0
+    assert "1 calibrations and 2 events" in console("verify", PGPASSWORD=PASSWORD).stdout
+    wrong = console("list", PGPASSWORD="wrong-one")
+    assert "refuses this user or password" in error(wrong, code=1)
+    missing = Console(postgresql.url("nowhere"))("list")
+    assert "There is no database" in error(missing, code=1)
+    for done in (wrong, missing):
+        assert PASSWORD not in done.stdout + done.stderr
+        assert "wrong-one" not in done.stdout + done.stderr

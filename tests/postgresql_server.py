@@ -1,0 +1,77 @@
+"""A PostgreSQL server of Debian's package for the tests: a temporary folder, a free port, gone afterwards."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pg8000.dbapi
+
+PASSWORD = "not-to-be-printed"
+
+
+@dataclass
+class PostgresqlServer:
+    """A running server; every test begins with an empty database."""
+
+    port: int
+
+    def url(self, database: str = "postgres", password: str = PASSWORD) -> str:
+        return f"postgresql://tester:{password}@127.0.0.1:{self.port}/{database}"
+
+    def emptied(self) -> str:
+        """The URL of its database, without any tables."""
+        address = {"host": "127.0.0.1", "port": self.port, "database": "postgres", "password": PASSWORD}
+        connection = pg8000.dbapi.connect("tester", **address)
+        with closing(connection):
+            connection.cursor().execute("DROP SCHEMA public CASCADE")
+            connection.cursor().execute("CREATE SCHEMA public")
+            connection.commit()
+        return self.url()
+
+
+def program(name: str) -> str:
+    found = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"))
+    assert found, "PostgreSQL is missing: make service-deps installs it"
+    return str(found[-1])
+
+
+@contextmanager
+def running_server() -> Iterator[PostgresqlServer]:
+    # The server refuses to run as root; Debian's package brings a user.
+    user = "postgres" if os.geteuid() == 0 else None
+    folder = Path(tempfile.mkdtemp(prefix="aerocal-postgresql-"))
+    try:
+        if user is not None:
+            entry = pwd.getpwnam(user)
+            os.chown(folder, entry.pw_uid, entry.pw_gid)
+        data, words = folder / "data", folder / "password"
+        words.write_text(PASSWORD)
+        words.chmod(0o644)
+        made = [program("initdb"), "-D", data, "-U", "tester", "--pwfile", words, "--auth=scram-sha-256"]
+        subprocess.run(
+            [*map(str, made), "--encoding=UTF8", "--locale=C.UTF-8", "--no-sync"],
+            check=True, capture_output=True, user=user, cwd="/",
+        )  # fmt: skip
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = int(free.getsockname()[1])
+        options = f"-p {port} -k {folder} -c listen_addresses=127.0.0.1 -c fsync=off"
+        start = [program("pg_ctl"), "-D", data, "-w", "-l", folder / "log", "-o", options, "start"]
+        stop = [program("pg_ctl"), "-D", data, "-w", "-m", "fast", "stop"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        subprocess.run([*map(str, start)], check=True, user=user, cwd="/", **quiet)  # type: ignore[call-overload]
+        try:
+            yield PostgresqlServer(port)
+        finally:
+            subprocess.run([*map(str, stop)], check=True, user=user, cwd="/", **quiet)  # type: ignore[call-overload]
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
