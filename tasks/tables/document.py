@@ -13,7 +13,7 @@ from pathlib import Path
 from tasks.publish import OF_SWEEPS, PUBLISHED
 from tasks.tables.schemas import SCHEMAS, Column, TableSchema
 
-MARKER = "<!-- The rest is written by python -m tasks.tables.document from tasks/tables/schemas.py. -->"
+MARKER = "<!-- The rest is written by python -m tasks.tables.document from tasks/tables/schemas. -->"
 
 
 def with_tables(page: str) -> str:

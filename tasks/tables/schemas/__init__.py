@@ -1,0 +1,95 @@
+"""The Parquet contracts: every table's columns with type, unit and meaning, and its key.
+
+The key is also the sort order. Names and meanings of published tables are a contract: they are extended,
+never renamed. A number that does not exist is null, never zero or NaN. A new table is a `TableSchema` in the
+file of its subject and a line in `SCHEMAS`; users see it if `tasks.publish` names it.
+"""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.adjustment import (
+    CHECK_POINTS,
+    CONTROL_RESIDUALS,
+    EXTERIOR_ORIENTATIONS,
+    OBJECT_POINTS,
+    RESIDUALS,
+)
+from tasks.tables.schemas.columns import Column, ColumnType, TableSchema
+from tasks.tables.schemas.deliveries import (
+    APPROXIMATE_POINTS,
+    CAMERAS,
+    CONTROL_POINTS,
+    EXPOSURES,
+    IMAGE_POINTS,
+    IMAGES,
+)
+from tasks.tables.schemas.georeferencing import (
+    DIRECT_GEOREFERENCING,
+    DIRECT_GEOREFERENCING_MODELS,
+    STEREO_MODELS,
+    Y_PARALLAXES,
+)
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS, SELF_CALIBRATION
+from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
+from tasks.tables.schemas.sweep import SWEEP
+from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+
+#: All tables, in the order in which they are documented.
+SCHEMAS: dict[str, TableSchema] = {
+    schema.name: schema
+    for schema in (
+        CAMERAS,
+        IMAGES,
+        IMAGE_POINTS,
+        EXPOSURES,
+        CONTROL_POINTS,
+        APPROXIMATE_POINTS,
+        EXTERIOR_ORIENTATIONS,
+        OBJECT_POINTS,
+        RESIDUALS,
+        PARAMETERS,
+        SELF_CALIBRATION,
+        CORRELATIONS,
+        CONTROL_RESIDUALS,
+        CHECK_POINTS,
+        ORIENTATION_DIFFERENCES,
+        ORIENTATION_DIFFERENCE_MEANS,
+        SWEEP,
+        RESIDUAL_GRID,
+        RESIDUAL_AUTOCORRELATION,
+        DIRECT_GEOREFERENCING,
+        DIRECT_GEOREFERENCING_MODELS,
+        Y_PARALLAXES,
+        STEREO_MODELS,
+    )
+}
+
+__all__ = [
+    "APPROXIMATE_POINTS",
+    "CAMERAS",
+    "CHECK_POINTS",
+    "CONTROL_POINTS",
+    "CONTROL_RESIDUALS",
+    "CORRELATIONS",
+    "DIRECT_GEOREFERENCING",
+    "DIRECT_GEOREFERENCING_MODELS",
+    "EXPOSURES",
+    "EXTERIOR_ORIENTATIONS",
+    "IMAGES",
+    "IMAGE_POINTS",
+    "OBJECT_POINTS",
+    "ORIENTATION_DIFFERENCES",
+    "ORIENTATION_DIFFERENCE_MEANS",
+    "PARAMETERS",
+    "RESIDUALS",
+    "RESIDUAL_AUTOCORRELATION",
+    "RESIDUAL_GRID",
+    "SCHEMAS",
+    "SELF_CALIBRATION",
+    "STEREO_MODELS",
+    "SWEEP",
+    "Y_PARALLAXES",
+    "Column",
+    "ColumnType",
+    "TableSchema",
+]

@@ -1,0 +1,115 @@
+"""Tables of an adjusted block: orientations, object points, residuals, differences at surveyed points."""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.columns import (
+    IMAGE,
+    OPK,
+    POINT,
+    XYZ,
+    XYZ_M,
+    Column,
+    TableSchema,
+    count,
+    number,
+    position,
+    sigmas,
+    text,
+)
+
+EXTERIOR_ORIENTATIONS = TableSchema(
+    "exterior_orientations",
+    "Adjusted orientation of an image.",
+    (
+        IMAGE,
+        *position("projection centre"),
+        *OPK,
+        *sigmas(XYZ, "m"),
+        *sigmas(("omega", "phi", "kappa"), "deg"),
+    ),
+    ("image",),
+    XYZ_M,
+)
+
+OBJECT_POINTS = TableSchema(
+    "object_points",
+    "Adjusted object point.",
+    (POINT, *position("point"), *sigmas(XYZ, "m"), count("rays", "number of image points used")),
+    ("point",),
+    XYZ_M,
+)
+
+RESIDUALS = TableSchema(
+    "residuals",
+    "One component of an observation after the adjustment.",
+    (
+        text("group", "observation group"),
+        text("image", "image, null where it does not apply", nullable=True),
+        text("point", "point, null where it does not apply", nullable=True),
+        text("component", "component of the observation: x, y, z or roll, pitch, yaw, or a parameter"),
+        number("residual", "see unit", "adjusted minus observed; null if it never entered", nullable=True),
+        number("sigma", "see unit", "a-priori standard deviation of the observation"),
+        text("unit", "unit of residual, sigma and mdb: um, m or deg"),
+        number("redundancy", "", "redundancy number, 0 to 1", nullable=True),
+        number("standardized", "", "residual over its own standard deviation", nullable=True),
+        number("mdb", "see unit", "minimal detectable bias", nullable=True),
+        number(
+            "external",
+            "",
+            "external reliability: by how many of its standard deviations an undetected error of that size "
+            "moves any result at most",
+            nullable=True,
+        ),
+        text("status", "what became of it", values=("used", "rejected", "uncontrolled", "not_used")),
+    ),
+    ("group", "image", "point", "component"),
+)
+
+_WAYS = (("dx", "east"), ("dy", "north"), ("dz", "up"))
+
+
+def _differences(name: str, meaning: str, further: tuple[Column, ...] = ()) -> TableSchema:
+    return TableSchema(
+        name,
+        meaning,
+        (
+            POINT,
+            *(number(f"{d}_m", "m", f"computed − given, {way}", nullable=True) for d, way in _WAYS),
+            *(
+                number(f"sigma_{d}_m", "m", f"predicted standard deviation, {way}", nullable=True)
+                for d, way in _WAYS
+            ),
+            count("rays", "number of image points used"),
+            *further,
+        ),
+        ("point",),
+    )
+
+
+CONTROL_RESIDUALS = _differences(
+    "control_residuals",
+    "Adjusted minus given coordinates of a control point, in the adjustment and in the one without it.",
+    (
+        *(
+            number(
+                f"loo_{d}_m",
+                "m",
+                f"computed by the adjustment without the point − given, {way}; null if nothing else "
+                "determines it",
+                nullable=True,
+            )
+            for d, way in _WAYS
+        ),
+        *(
+            number(
+                f"sigma_loo_{d}_m",
+                "m",
+                f"predicted standard deviation of loo_{d}_m, with that of the survey",
+                nullable=True,
+            )
+            for d, way in _WAYS
+        ),
+    ),
+)
+
+CHECK_POINTS = _differences("check_points", "Adjusted minus given coordinates of a check point.")

@@ -1,0 +1,134 @@
+"""Tables of what was delivered, and of the approximate values made of it."""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.columns import (
+    CAMERA,
+    FLIGHT,
+    IMAGE,
+    OPTIONAL_ANGLES,
+    POINT,
+    STRIP,
+    XYZ,
+    XYZ_M,
+    TableSchema,
+    count,
+    number,
+    position,
+    sigmas,
+    text,
+)
+
+CAMERAS = TableSchema(
+    "cameras",
+    "A camera as certified and mounted.",
+    (
+        CAMERA,
+        count("columns", "width of the image in pixels"),
+        count("rows", "height of the image in pixels"),
+        number("pixel_um", "um", "side of a pixel"),
+        number("focal_length_mm", "mm", "principal distance"),
+        number("principal_point_x_mm", "mm", "principal point from the format centre, along columns"),
+        number("principal_point_y_mm", "mm", "principal point from the format centre, against rows"),
+        text(
+            "pixel_origin",
+            "point of the top-left pixel with pixel coordinates (0, 0)",
+            values=("corner", "centre"),
+        ),
+        count("mount_deg", "κ_mount of the nominal mounting diag(1, −1, −1) R_z(κ_mount), body from camera"),
+        count(
+            "calibration_axes_deg",
+            "turn from the image axes to those of additional parameters, counter-clockwise",
+        ),
+        text("tiles", "layout of the CCD images as JSON, mm; null: that of the parameter set", nullable=True),
+        text(
+            "additional_parameters", "known additional parameters as JSON, SET:NAME to value in its own unit"
+        ),
+        *(
+            number(f"lever_arm_{axis}_m", "m", f"given lever arm in body axes, {way}")
+            for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
+        ),
+        *(
+            number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
+            for name in ("roll", "pitch", "yaw")
+        ),
+    ),
+    ("camera",),
+)
+
+IMAGES = TableSchema(
+    "images",
+    "An image of the block.",
+    (
+        IMAGE,
+        CAMERA,
+        STRIP,
+        FLIGHT,
+        number("heading_deg", "deg", "direction of flight clockwise from true north", nullable=True),
+        number(
+            "height_above_ground_m", "m", "flying height above the object points in the image", nullable=True
+        ),
+        text("status", "whether the image takes part in the adjustment, or why not"),
+    ),
+    ("image",),
+)
+
+IMAGE_POINTS = TableSchema(
+    "image_points",
+    "A measured image point.",
+    (
+        IMAGE,
+        POINT,
+        number("x_mm", "mm", "x in the image system: from the format centre along columns"),
+        number("y_mm", "mm", "y in the image system: from the format centre against rows"),
+        number("sigma_x_mm", "mm", "standard deviation of x_mm"),
+        number("sigma_y_mm", "mm", "standard deviation of y_mm"),
+    ),
+    ("image", "point"),
+)
+
+EXPOSURES = TableSchema(
+    "exposures",
+    "GNSS/INS or given orientation of an image, in the CRS of the project.",
+    (
+        IMAGE,
+        CAMERA,
+        STRIP,
+        FLIGHT,
+        number("time_s", "s", "time on the scale of the delivery", nullable=True),
+        *position("position"),
+        *sigmas(XYZ, "m"),
+        *OPTIONAL_ANGLES,
+        *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
+        text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
+    ),
+    ("image",),
+    XYZ_M,
+)
+
+CONTROL_POINTS = TableSchema(
+    "control_points",
+    "A surveyed point in the CRS of the project; a null coordinate is not known.",
+    (
+        POINT,
+        *position("point", nullable=True),
+        *sigmas(XYZ, "m", nullable=True),
+        text("role", "a check point's coordinates never enter an adjustment", values=("control", "check")),
+    ),
+    ("point",),
+    XYZ_M,
+)
+
+APPROXIMATE_POINTS = TableSchema(
+    "approximate_points",
+    "An object point intersected from the given orientations.",
+    (
+        POINT,
+        *position("point", nullable=True),
+        count("rays", "number of image points"),
+        number("angle_deg", "deg", "largest angle between two rays", nullable=True),
+        text("status", "whether the point takes part in the adjustment, or why not"),
+    ),
+    ("point",),
+    XYZ_M,
+)

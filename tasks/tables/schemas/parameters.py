@@ -1,0 +1,73 @@
+"""Tables of system and additional parameters, and of their correlations."""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.columns import TableSchema, count, number, text
+
+PARAMETERS = TableSchema(
+    "parameters",
+    "A system parameter.",
+    (
+        text("parameter", "name, e.g. boresight_roll"),
+        text("entity", "camera, flight or strip it belongs to"),
+        number("value", "see unit", "adjusted value"),
+        number("change", "see unit", "adjusted minus initial value"),
+        number("sigma", "see unit", "standard deviation", nullable=True),
+        number("sigma_prior", "see unit", "standard deviation of the given initial value", nullable=True),
+        text("unit", "unit of value, change and the sigmas"),
+        number("t", "", "change over its standard deviation", nullable=True),
+        text(
+            "status",
+            "what can be said about it",
+            values=(
+                "significant",
+                "not_significant",
+                "eliminated",
+                "fixed",
+                "prior_only",
+                "not_determinable",
+            ),
+        ),
+    ),
+    ("parameter", "entity"),
+)
+
+SELF_CALIBRATION = TableSchema(
+    "self_calibration",
+    "An additional parameter that was offered to the adjustment, and what was decided about it.",
+    (
+        text("parameter", "name SET:NAME"),
+        text("entity", "camera, or camera and flight, it belongs to"),
+        text("meaning", "what it models"),
+        text("formula", "where its formula comes from", values=("published", "reconstructed")),
+        text("unit", "unit of the values and their sigmas"),
+        number("value", "see unit", "adjusted value; null if eliminated", nullable=True),
+        number("sigma", "see unit", "standard deviation; null if eliminated", nullable=True),
+        number("t", "", "change over its standard deviation; null if eliminated", nullable=True),
+        number("value_of_all", "see unit", "change with all parameters together", nullable=True),
+        number("sigma_of_all", "see unit", "standard deviation with all parameters together", nullable=True),
+        number("t_of_all", "", "change over its standard deviation with all together", nullable=True),
+        number("strongest_correlation", "", "strongest correlation with all together", nullable=True),
+        text("correlated_with", "the parameter with which", nullable=True),
+        number("total_correlation", "", "correlation with all other free system parameters", nullable=True),
+        number("effect_max_um", "um", "largest correction in the image"),
+        number("effect_rms_um", "um", "root mean square of the correction over the image"),
+        text("decision", "the last word", values=("is significant", "is eliminated", "is kept")),
+        count("step", "number of the last decision about it, 0 without a selection"),
+        text("reason", "why"),
+    ),
+    ("parameter", "entity"),
+)
+
+CORRELATIONS = TableSchema(
+    "correlations",
+    "Correlation of two system parameters.",
+    (
+        text("parameter_a", "name of the first"),
+        text("entity_a", "entity of the first"),
+        text("parameter_b", "name of the second"),
+        text("entity_b", "entity of the second"),
+        number("correlation", "", "coefficient, −1 to 1"),
+    ),
+    ("parameter_a", "entity_a", "parameter_b", "entity_b"),
+)

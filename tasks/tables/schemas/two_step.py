@@ -1,0 +1,71 @@
+"""Tables of a two-step calibration: adjusted minus observed orientations."""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.columns import CAMERA, IMAGE, Column, TableSchema, count, number, text
+
+_COMPONENTS = (
+    ("roll", "deg", "misalignment about the forward axis of the body"),
+    ("pitch", "deg", "misalignment about the right axis"),
+    ("yaw", "deg", "misalignment about the down axis"),
+    ("forward", "m", "observed − adjusted position along the body: lever arm"),
+    ("right", "m", "the same, to the right"),
+    ("down", "m", "the same, downwards"),
+    ("east", "m", "observed − adjusted position, true east: shift"),
+    ("north", "m", "the same, true north"),
+    ("up", "m", "the same, up"),
+)
+
+ORIENTATION_DIFFERENCES = TableSchema(
+    "orientation_differences",
+    "What the adjusted and the observed orientation of an image say about boresight and offset.",
+    (
+        IMAGE,
+        CAMERA,
+        text("strip", "strip, with its flight if there are several"),
+        number("place", "", "time in seconds, or number of the exposure if no times are known"),
+        number("heading_deg", "deg", "heading of the body, clockwise from true north"),
+        number("height_m", "m", "observed height in the project's height system"),
+        count("mounting", "0: the mounting of most strips; 1, 2, …: others"),
+        *(number(f"{name}_{unit}", unit, meaning) for name, unit, meaning in _COMPONENTS),
+        *(
+            number(f"weight_{name}", "", f"factor 0 … 1 of {name} in the robust mean of the mounting")
+            for name, _, _ in _COMPONENTS
+        ),
+    ),
+    ("image",),
+)
+
+ORIENTATION_DIFFERENCE_MEANS = TableSchema(
+    "orientation_difference_means",
+    "One component of the two-step calibration of a camera for a group of its images. Flights, headings and "
+    "heights are those of the main mounting.",
+    (
+        CAMERA,
+        text(
+            "scope",
+            "what makes the group",
+            values=("all", "mounting", "flight", "heading", "height", "strip"),
+        ),
+        text("group", "which one: mounting (0 is the main one: the result), flight, heading, height, strip"),
+        text("component", "see orientation_differences", values=tuple(name for name, _, _ in _COMPONENTS)),
+        text("unit", "unit of value and of all that follow it", values=("deg", "m")),
+        number("value", "", "robust mean, as boresight angle, lever arm or shift"),
+        number("sigma", "", "its standard deviation, from the scatter of the strips", nullable=True),
+        number("value_plain", "", "arithmetic mean", nullable=True),
+        number("sigma_plain", "", "its standard deviation", nullable=True),
+        number("rms", "", "of one exposure about the mean; of a strip its standard deviation", nullable=True),
+        number("between_strips", "", "standard deviation of the means of the strips", nullable=True),
+        number("drift", "", "of a strip: change from its first to its last exposure", nullable=True),
+        number("sigma_drift", "", "its standard deviation", nullable=True),
+        Column(
+            "outlying", "bool", "", "of a strip: whether the component stands out; null: not tested", True
+        ),
+        count("mounting", "of a strip: its mounting", nullable=True),
+        count("images", "number of images"),
+        count("strips", "number of strips"),
+        number("heading_deg", "deg", "mean heading; has little meaning over several directions"),
+        number("height_m", "m", "median height in the project's height system"),
+    ),
+    ("camera", "scope", "group", "component"),
+)
