@@ -12,11 +12,12 @@ from tasks import publish as publishing
 from tasks import two_step
 from tasks.calibration import applied_cameras, describe, judge
 from tasks.calibration.control_alone import control_alone
-from tasks.calibration.release import Held, Release, held_after, releases
+from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
 from tasks.report.provenance import SOFTWARE
 from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON
 from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
@@ -82,34 +83,43 @@ def system_calibration(project: Project, store: Store) -> Summary:
 def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> OneStep:
     """Release the parameters in stages; what turns out not to be determined is held from then on."""
     held: Held = {}
+    undetermined: tuple[str, ...] = ()
     history: list[JSON] = []
     for wanted in releases(project.calibration, project.adjustment):
         while True:
             release = wanted.without(held)
             used = release.applied_to(project)
             adjusted = adjusted_block(used, store, block)
-            found = _held_after(used, store, block, adjusted, release)
+            judged = _judged(used, store, block, adjusted, release, undetermined)
+            found = held_after(judged)
             history.append(release.told(found))
             if not found:
                 break
             held = {**held, **found}
+        undetermined = undetermined_after(judged)
     return OneStep(used, adjusted, tuple(history))
 
 
-def _held_after(
-    project: Project, store: Store, block: PreparedBlock, adjusted: Outputs, release: Release
-) -> Held:
-    """What is held after a release, with the reasons."""
-    judged = judge_release(
+def _judged(
+    project: Project,
+    store: Store,
+    block: PreparedBlock,
+    adjusted: Outputs,
+    release: Release,
+    undetermined_before: tuple[str, ...],
+) -> Artifact:
+    """What a release has determined."""
+    return judge_release(
         store,
         images=block.approximate["images"],
         parameters=adjusted["parameters"],
         correlations=adjusted["correlations"],
-        free=release.free,
-        newly_released=release.newly_released,
+        before=release.before,
+        new=release.new,
+        additional=release.additional,
+        undetermined_before=undetermined_before,
         calibration=project.calibration,
-    )
-    return held_after(judged["notes"])
+    )["notes"]
 
 
 def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
@@ -126,7 +136,10 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
         adjusted = adjusted_block(control_alone(one.project), store, block.with_cameras(cameras["cameras"]))
     except NotComputableError as error:
         return SecondStep(
-            remarks=(f"There is no two-step calibration: control alone does not carry the block. {error}",)
+            remarks=(
+                "There is no two-step calibration: control alone does not carry the block. "
+                f"{str(error).partition('. ')[0].rstrip('.')}.",
+            )
         )
     means = calibrate_in_two_steps(
         store,

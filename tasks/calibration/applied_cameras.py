@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
+
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.storage.artifact import Artifact
@@ -21,7 +23,9 @@ from tasks.tables.schemas import CAMERAS
 def apply_to_cameras(
     folder: Path, *, cameras: Artifact, parameters: Artifact, correlations: Artifact
 ) -> None:
-    """Write ``cameras.parquet`` with the values of a one-step calibration."""
+    """Write ``cameras.parquet`` with the values of a one-step calibration; unused cameras as given."""
     calibration = calibration_of(read_table(parameters), read_table(correlations), SurveyedControl())
-    table = calibrated_cameras(read_table(cameras), calibration)
+    given = read_table(cameras)
+    in_use = given["camera"].isin(calibration.entities("focal_length"))
+    table = pd.concat([calibrated_cameras(given[in_use], calibration), given[~in_use]])
     write_table(folder / "cameras.parquet", CAMERAS, {name: table[name].to_numpy() for name in table.columns})

@@ -89,7 +89,7 @@ def describe_calibration(
         "image_points": image_points.rows or 0,
         "control_points": control_residuals.rows or 0,
     }
-    used = sorted(material.cameras["camera"])
+    used = sorted(material.images["camera"].unique())
     for camera in used:
         record = CalibrationRecord(
             camera=_camera(material.cameras, camera, given[camera]),
@@ -136,7 +136,7 @@ class _Material:
     def rows(self, camera: str) -> pd.DataFrame:
         """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
         table = self.parameters
-        others = set(self.cameras["camera"]) - {camera}
+        others = set(self.images["camera"]) - {camera}
         of_others = table["entity"].map(
             lambda entity: any(entity == other or entity.startswith(f"{other} in ") for other in others)
         )

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern, flight_pattern
-from tasks.calibration.release import HELD, to_be_held
+from tasks.calibration.release import HELD, UNDETERMINED, Release, Undetermined
 from tasks.calibration.verdicts import ParameterVerdict, parameter_verdicts
 from tasks.errors import InputError
 from tasks.settings.adjustment import FreeParameter
@@ -27,8 +27,10 @@ def judge_release(
     images: Artifact,
     parameters: Artifact,
     correlations: Artifact,
-    free: tuple[FreeParameter, ...],
-    newly_released: tuple[str, ...],
+    before: tuple[FreeParameter, ...],
+    new: tuple[FreeParameter, ...],
+    additional: str,
+    undetermined_before: tuple[str, ...],
     calibration: CalibrationSettings,
 ) -> None:
     """Write notes that say what is held from now on, and why.
@@ -37,22 +39,27 @@ def judge_release(
 
     Parameters
     ----------
-    free, newly_released : see `tasks.calibration.release`.
+    before, new, additional : the release, see there.
+    undetermined_before : families that were not determined before this release either.
     """
+    table, release = read_table(parameters), Release(before, new, additional)
     verdicts = parameter_verdicts(
-        read_table(parameters),
-        read_table(correlations),
-        recognised_pattern(read_table(images)),
-        calibration.limits,
+        table, read_table(correlations), recognised_pattern(read_table(images)), calibration.limits
     )
-    undetermined: dict[str, str] = {}
-    for family in free:
+    of_prior = table["status"].isin(("not_determinable", "prior_only"))
+    silent = set(zip(table.loc[of_prior, "parameter"], table.loc[of_prior, "entity"], strict=True))
+    reasons: dict[str, str] = {}
+    inseparable = set()
+    for family in release.free:
         own = [item for item in verdicts.values() if _is_of(item, family)]
         own = [item for item in own if item.verdict == "not_determinable"]
         if own:
-            undetermined[family] = " ".join(f"{item}: {item.because}" for item in own)
-    held: dict[str, JSON] = {**to_be_held(undetermined, newly_released)}
-    write_notes(folder, Notes((), {HELD: held}))
+            reasons[family] = " ".join(f"{item}: {item.because}" for item in own)
+        if any((item.parameter, item.entity) in silent for item in own):
+            inseparable.add(family)
+    found = Undetermined(reasons, frozenset(inseparable), frozenset(undetermined_before))
+    held: dict[str, JSON] = {**found.to_be_held(release)}
+    write_notes(folder, Notes((), {HELD: held, UNDETERMINED: sorted(reasons)}))
 
 
 def recognised_pattern(images: pd.DataFrame) -> FlightPattern:

@@ -8,7 +8,7 @@ was not determined is held from then on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias, cast
 
@@ -25,6 +25,8 @@ from tasks.storage.notes import read_notes
 Held: TypeAlias = Mapping[str, str]
 #: Figure in which a judgement says which families are held, and why.
 HELD = "held"
+#: Figure that names all families that were not determined.
+UNDETERMINED = "undetermined"
 #: Name under which all additional parameters are held together.
 ADDITIONAL = "additional_parameters"
 _INTERIOR: tuple[FreeParameter, ...] = ("focal_length", "principal_point")
@@ -90,21 +92,49 @@ def releases(calibration: CalibrationSettings, adjustment: AdjustmentSettings) -
     return tuple(stages)
 
 
-def to_be_held(undetermined: Held, newly_released: tuple[str, ...]) -> Held:
-    """What is held of the families that a flight did not determine.
+@dataclass(frozen=True)
+class Undetermined:
+    """What a flight does not determine after a release: family → the reason, a sentence.
 
-    Those released last, if they are among them; what had been determined before them is then determined
-    again. If only others are, the last release has done it.
+    Attributes
+    ----------
+    all : families whose σ is too large to be a result.
+    inseparable : those of them of which the flight has nothing to say.
+    before : names of those that were not determined before this release either.
     """
-    if not undetermined:
-        return {}
-    own = {name: reason for name, reason in undetermined.items() if name in newly_released}
-    if own or not newly_released:
-        return own or undetermined
-    spoilt = " ".join(undetermined.values())
-    return dict.fromkeys(newly_released, f"Free, it leaves other parameters undetermined: {spoilt}")
+
+    all: Held
+    inseparable: frozenset[str] = frozenset()
+    before: frozenset[str] = frozenset()
+
+    def to_be_held(self, release: Release) -> Held:
+        """What is held from now on.
+
+        Of mounting and GNSS only what cannot be separated from the rest: to hold what is merely weak, at a
+        value that nobody knows, would make everything else look better than it is. Of interior orientation
+        and additional parameters everything that was not determined: their given values are known. If they
+        have spoilt others, they are held for that.
+        """
+        inseparable = {name: reason for name, reason in self.all.items() if name in self.inseparable}
+        if not release.before:
+            return inseparable
+        new = {name: reason for name, reason in self.all.items() if name in release.newly_released}
+        if new:
+            return new
+        spoilt = [
+            reason for name, reason in self.all.items() if name in release.before and name not in self.before
+        ]
+        if not spoilt:
+            return inseparable
+        why = f"Free, it leaves other parameters undetermined: {' '.join(spoilt)}"
+        return dict.fromkeys(release.newly_released, why) or inseparable
 
 
 def held_after(judgement: Artifact) -> Held:
     """What a judgement holds from now on, with the reasons."""
     return cast(Held, read_notes(judgement).figures.get(HELD, {}))
+
+
+def undetermined_after(judgement: Artifact) -> tuple[str, ...]:
+    """Families that a release has not determined, whether they are held or not."""
+    return tuple(cast("Sequence[str]", read_notes(judgement).figures[UNDETERMINED]))

@@ -45,7 +45,7 @@ def _verdicts(material: Material, found: CalibrationFigures) -> Table:
 
 def _verdict_row(item: CalibrationVerdictFigure, row: Mapping[Hashable, Any]) -> Row:
     """Values with as many decimals as give σ two digits; what is not determinable has none."""
-    known = item.sigma is not None
+    known = item.sigma is not None and item.verdict != "not_determinable"
     decimals = decimals_for(item.sigma)
     cells: tuple[Cell, ...] = (
         parameter_words(item.parameter),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tasks.calibration.release import ADDITIONAL, releases, to_be_held
+from tasks.calibration.release import ADDITIONAL, Undetermined, releases
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.calibration import CalibrationSettings
 
@@ -35,17 +35,34 @@ def test_what_is_held_stays_held() -> None:
     assert last.without({ADDITIONAL: ""}).additional == "none"
 
 
+FIRST, INTERIOR = releases(CalibrationSettings(), AdjustmentSettings())
+
+
+def test_weak_mounting_stays_free_and_what_cannot_be_separated_is_held() -> None:
+    weak = Undetermined({"gnss_shift": "σ 9 cm."})
+    assert weak.to_be_held(FIRST) == {}
+    silent = Undetermined({"gnss_shift": "no control.", "boresight": "σ 1°."}, frozenset({"gnss_shift"}))
+    assert silent.to_be_held(FIRST) == {"gnss_shift": "no control."}
+
+
 def test_of_what_is_undetermined_the_newly_released_is_held() -> None:
-    undetermined = {"gnss_shift": "σ 9 cm.", "focal_length": "σ 9 µm."}
-    assert to_be_held(undetermined, ("focal_length", "principal_point")) == {"focal_length": "σ 9 µm."}
+    found = Undetermined({"gnss_shift": "σ 9 cm.", "focal_length": "σ 9 µm."})
+    assert found.to_be_held(INTERIOR) == {"focal_length": "σ 9 µm."}
 
 
 def test_what_spoils_others_is_held_itself() -> None:
-    held = to_be_held({"gnss_shift": "σ 9 cm."}, ("principal_point",))
-    assert list(held) == ["principal_point"]
+    held = Undetermined({"gnss_shift": "σ 9 cm."}).to_be_held(INTERIOR)
+    assert list(held) == ["focal_length", "principal_point"]
     assert "σ 9 cm." in held["principal_point"]
 
 
-def test_with_nothing_new_the_undetermined_itself_is_held() -> None:
-    assert to_be_held({"boresight": "x"}, ()) == {"boresight": "x"}
-    assert to_be_held({}, ("boresight",)) == {}
+def test_what_was_weak_before_is_no_reason_to_hold_anything() -> None:
+    found = Undetermined({"lever_arm": "σ 13 cm."}, before=frozenset({"lever_arm"}))
+    assert found.to_be_held(INTERIOR) == {}
+    assert Undetermined({}).to_be_held(INTERIOR) == {}
+
+
+def test_additional_parameters_that_spoil_others_are_held_together() -> None:
+    extended = AdjustmentSettings.model_validate({"self_calibration": {"parameters": "bluh:1-12"}})
+    last = releases(CalibrationSettings(), extended)[-1]
+    assert list(Undetermined({"focal_length": "σ 9 µm."}).to_be_held(last)) == [ADDITIONAL]
