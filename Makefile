@@ -38,7 +38,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 demo: $(STAMP)
-	$(BIN)/aerocal flight-check uce-low --out results/demo
+	$(BIN)/aerocal flight-check uce-calibration --calibrate --out results/demo
 
 # The peer is an extra of its own; nothing else needs it.
 $(BENCH_STAMP): $(STAMP) requirements-bench.lock
