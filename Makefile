@@ -22,7 +22,7 @@ test: $(STAMP)
 # Debian's packages that the service tests need; as root.
 service-deps:
 	apt-get update -q
-	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils
 
 # A missing service is a failure here, never a skip.
 service-test: $(STAMP)

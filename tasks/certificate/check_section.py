@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tasks.accuracy.statement import AccuracyClass, CheckPointDifferences, statements
-from tasks.certificate.content import Block, Listing, Section, Sentences, Words
+from tasks.certificate.content import Block, Listing, Section, Sentences, Words, beside
 from tasks.certificate.material import CertificateMaterial
 from tasks.georeferencing.point_differences import INDEPENDENT
 from tasks.georeferencing.report import check_tables
@@ -23,6 +23,18 @@ from tasks.report.table import Cell, Column, Number, Row, Table, components, num
 MOST_POINTS = 200
 _HEADINGS = ("east", "north", "up")
 
+_OF_CONTROL = (
+    "control",
+    "Control points of the calibration: no accuracy",
+    "The calibration was fitted to these points. Their differences say how well it fits; no statement about "
+    "accuracy follows from them.",
+)
+_OF_CHECK = (
+    "check",
+    "Independent check points of the adjustment",
+    "Their coordinates took no part in the adjustment; their image points did.",
+)
+
 
 def check_section(material: CertificateMaterial) -> Section:
     """Differences and statements."""
@@ -30,19 +42,9 @@ def check_section(material: CertificateMaterial) -> Section:
     blocks: list[Block] = [
         Words("Differences are computed − given, along east, north and up; no RMS is centred.", "note")
     ]
-    control = differences(results, is_check=False)
-    if len(control):
-        caption = "Control points of the calibration: no accuracy"
-        note = (
-            "The calibration was fitted to these points. Their differences say how well it fits; no "
-            "statement about accuracy follows from them."
-        )
-        blocks.append(Listing(difference_table("control", caption, control, note)))
-    check = differences(results, is_check=True)
+    control, check = (differences(results, is_check=is_check) for is_check in (False, True))
+    blocks += beside(_listed(control, *_OF_CONTROL), _listed(check, *_OF_CHECK))
     if len(check):
-        caption = "Independent check points of the adjustment"
-        note = "Their coordinates took no part in the adjustment; their image points did."
-        blocks.append(Listing(difference_table("check", caption, check, note)))
         blocks.append(Sentences("Statements from the adjustment", _statements(results, check)))
     else:
         blocks.append(
@@ -50,6 +52,10 @@ def check_section(material: CertificateMaterial) -> Section:
         )
     blocks += _direct(material)
     return Section("checks", "Checks", tuple(blocks))
+
+
+def _listed(table: pd.DataFrame, name: str, caption: str, note: str) -> Listing | None:
+    return Listing(difference_table(name, caption, table, note)) if len(table) else None
 
 
 def difference_table(name: str, caption: str, table: pd.DataFrame, note: str) -> Table:
@@ -102,9 +108,10 @@ def _direct(material: CertificateMaterial) -> list[Block]:
         return [Words("Direct georeferencing with this calibration was not checked.")]
     blocks: list[Block] = [Words(f"Direct georeferencing with this calibration. {verdict(check).sentence}")]
     independent, in_models, at_control = check_tables.difference_tables(check)
-    for table in (independent, in_models, at_control):
-        if table.rows:
-            blocks.append(Listing(table))
+    both = (Listing(table) if table.rows else None for table in (independent, in_models))
+    blocks += beside(*both)
+    if at_control.rows:
+        blocks.append(Listing(at_control))
     parallaxes = check_tables.parallax_table(check)
     if parallaxes.rows:
         blocks.append(Listing(parallaxes))
@@ -119,8 +126,8 @@ def point_section(material: CertificateMaterial) -> Section | None:
     results = material.results
     blocks: list[Block] = []
     for name, caption, is_check in (
-        ("control-points", "Control points of the calibration: no accuracy", False),
-        ("check-points", "Independent check points of the adjustment", True),
+        ("control-points", _OF_CONTROL[1], False),
+        ("check-points", _OF_CHECK[1], True),
     ):
         table = differences(results, is_check=is_check)
         if len(table):

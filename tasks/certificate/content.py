@@ -126,13 +126,20 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class SideBySide:
+    """Two narrow tables or drawings beside each other."""
+
+    blocks: tuple[Listing | Figure, ...]
+
+
+@dataclass(frozen=True)
 class Signatures:
     """Places for signatures by hand."""
 
     labels: tuple[str, ...]
 
 
-Block: TypeAlias = Words | Sentences | Facts | Listing | CorrelationMatrix | Figure | Signatures
+Block: TypeAlias = Words | Sentences | Facts | Listing | CorrelationMatrix | Figure | SideBySide | Signatures
 
 
 @dataclass(frozen=True)
@@ -142,6 +149,15 @@ class Section:
     name: str
     heading: str
     blocks: tuple[Block, ...]
+
+    @property
+    def single_blocks(self) -> tuple[Block, ...]:
+        """Its blocks, those that stand side by side one after the other."""
+        return tuple(
+            one
+            for block in self.blocks
+            for one in (block.blocks if isinstance(block, SideBySide) else (block,))
+        )
 
 
 @dataclass(frozen=True)
@@ -173,10 +189,16 @@ class CertificateContent:
     @property
     def figures(self) -> tuple[Figure, ...]:
         """All drawings in their order."""
-        return tuple(b for section in self.sections for b in section.blocks if isinstance(b, Figure))
+        return tuple(b for section in self.sections for b in section.single_blocks if isinstance(b, Figure))
 
 
 def short_code(digest: str) -> str:
     """The first letters of a digest in groups that can be read aloud: ``3F9A-…``."""
     letters = digest[: _GROUPS * _LETTERS].upper()
     return "-".join(letters[at : at + _LETTERS] for at in range(0, len(letters), _LETTERS))
+
+
+def beside(*blocks: Listing | Figure | None) -> tuple[Block, ...]:
+    """Two blocks side by side, or the one there is."""
+    there = tuple(block for block in blocks if block is not None)
+    return (SideBySide(there),) if len(there) > 1 else there

@@ -7,7 +7,7 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from adjust.camera.interior import FrameCamera
-from tasks.certificate.content import Block, Figure, Listing, Section, Words
+from tasks.certificate.content import Block, Figure, Listing, Section, Words, beside
 from tasks.certificate.material import CertificateMaterial
 from tasks.report import axes, image_errors, image_errors_plot, residual_field
 from tasks.report.format_plot import FormatPlot
@@ -17,41 +17,52 @@ from tasks.report.residual_field import ResidualField
 #: Where the drawings over the format have room for it: left, top, width, height.
 _ROOM = (70.0, 24.0, axes.WIDTH - 82.0, 640.0)
 _LEAST_WIDTH = 470.0
+# Drawings narrower than this stand side by side.
+_NARROW = 0.62
 
 
 def effect_section(material: CertificateMaterial) -> Section:
     """Maps over the image format, of the certified camera only."""
     results, name = material.results, material.record.camera.name
-    blocks = [*_effects(results, name), *_residuals(results, name)]
+    before, effects = _effects(results, name)
+    after, residuals = _residuals(results, name)
+    figures = [*effects, *residuals]
+    blocks: list[Block] = [*before, *after]
+    if len(figures) > 1 and all(figure.width < _NARROW for figure in figures):
+        for first in range(0, len(figures), 2):
+            blocks += beside(*figures[first : first + 2])
+    else:
+        blocks += figures
     return Section("image", "Systematic image errors and residuals", tuple(blocks))
 
 
-def _effects(results: Material, name: str) -> list[Block]:
+def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+    """Table and map of what the additional parameters do."""
     errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name == name)
     acting = tuple(own for own in errors if own.all.longest_um > 0.0)
     if not acting:
         offered = " Those that were offered have all been eliminated." if errors else ""
-        return [Words(f"No additional parameters act on the image.{offered}")]
-    blocks: list[Block] = [Listing(image_errors.errors_table(acting))]
+        return [Words(f"No additional parameters act on the image.{offered}")], []
+    figures = []
     for index, own in enumerate(acting, start=1):
         name_of_figure = "image-errors" if len(acting) == 1 else f"image-errors-{index}"
         caption = (
             f"Effect of the additional parameters of {own.entity}: the systematic image error −Δ, by which a "
-            "measured coordinate is wrong. The scale is below."
+            "measured coordinate is wrong."
         )
         words = f"Systematic image errors of {own.entity}, root mean square {own.all.rms_um:.2f} µm"
         figure = Figure(name_of_figure, caption, words, image_errors_plot.errors_plot(own))
-        blocks.append(_cut(figure, own.camera))
-    return blocks
+        figures.append(_cut(figure, own.camera))
+    return [Listing(image_errors.errors_table(acting))], figures
 
 
-def _residuals(results: Material, name: str) -> list[Block]:
+def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+    """Table and maps of the mean residuals, and of what was added to the image coordinates."""
+    confidence = results.project.adjustment.confidence
     fields = tuple(f for f in residual_field.residual_fields(results) if f.camera.name == name)
-    blocks: list[Block] = []
+    figures = []
     for field in fields:
-        confidence = results.project.adjustment.confidence
-        blocks.append(Listing(residual_field.field_table((field,), confidence)))
-        blocks.append(_residual_map(field, confidence))
+        figures.append(_residual_map(field, confidence))
         if field.correction is not None:
             figure = Figure(
                 "residual-corrections",
@@ -60,10 +71,10 @@ def _residuals(results: Material, name: str) -> list[Block]:
                 f"Corrections of the image coordinates of camera {field.camera.name}",
                 residual_field.field_plot(field, field.correction, "Corrections"),
             )
-            blocks.append(_cut(figure, field.camera))
-    if not blocks:
-        blocks.append(Words("No sub-area of the image has enough residuals for a mean."))
-    return blocks
+            figures.append(_cut(figure, field.camera))
+    if not fields:
+        return [Words("No sub-area of the image has enough residuals for a mean.")], []
+    return [Listing(residual_field.field_table(fields, confidence))], figures
 
 
 def _residual_map(field: ResidualField, confidence: float) -> Figure:

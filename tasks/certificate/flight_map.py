@@ -96,8 +96,9 @@ def _head(tip: Floats, ahead: Floats) -> str:
 def _legend(material: CertificateMaterial, points: pd.DataFrame, x: float, y: float) -> Markup:
     """Levels with their height and number of images, and the symbols of the points."""
     parts = []
+    heights = material.record.flight.heights_m
     for level, own in material.images.groupby("level", sort=True):
-        height = float((own["z_m"] - own["ground_m"]).median())
+        height = heights[int(str(level))] if heights else float((own["z_m"] - own["ground_m"]).median())
         words = f"{height:,.0f} m: {own['strip'].nunique()} strips, {len(own)} images"
         colour = palette.category(int(str(level)))
         line = {"class": "flown", "stroke": colour, "d": f"M{markup.number(x)},{markup.number(y)}h26"}

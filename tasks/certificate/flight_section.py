@@ -78,18 +78,19 @@ def level_table(material: CertificateMaterial) -> Table:
         Column("strips", "strips"),
         text_column("directions", "flight directions (strips)"),
     )
+    flight = material.record.flight
     rows = []
-    for level, images in material.images.groupby("level", sort=True):
-        height = float((images["z_m"] - images["ground_m"]).median())
+    for level, (height, gsd) in enumerate(zip(flight.heights_m, flight.gsd_m, strict=True)):
+        images = material.images[material.images["level"] == level]
         cells: tuple[Cell, ...] = (
-            f"level {int(str(level)) + 1}",
+            f"level {level + 1}",
             Number(height, 0),
-            Number(float(images["gsd_m"].median()) * 100.0, 1),
+            Number(gsd * 100.0, 1),
             Number(len(images)),
             Number(images["strip"].nunique()),
-            _directions(images, material.record.flight.headings_deg),
+            _directions(images, flight.headings_deg),
         )
-        rows.append(Row(f"level-{int(str(level)) + 1}", cells))
+        rows.append(Row(f"level-{level + 1}", cells))
     return Table("levels", "Height levels, as found in the data", columns, tuple(rows))
 
 

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tasks.calibration.record import CalibrationRecord
-from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Signatures, Words, short_code
+from tasks.certificate.content import (
+    Block,
+    Fact,
+    Facts,
+    Listing,
+    Section,
+    Signatures,
+    Words,
+    beside,
+    short_code,
+)
 from tasks.certificate.material import CertificateMaterial
 from tasks.report.table import Row, Table, text_column
 
@@ -36,8 +46,10 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
     record = material.record
     blocks = (
         Listing(input_table(record), ("sha256",)),
-        Listing(software_table("software", "Software of the calibration", record.software)),
-        Listing(software_table("document-software", "Software of this document", software)),
+        *beside(
+            Listing(software_table("software", "Software of the calibration", record.software)),
+            Listing(software_table("document-software", "Software of this document", software)),
+        ),
     )
     return Section("origin", "Annex: deliveries and software", blocks)
 

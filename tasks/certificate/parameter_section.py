@@ -220,9 +220,9 @@ def _strip_words(material: CertificateMaterial) -> str:
 
 
 def reasons(parameters: Sequence[CalibratedParameter]) -> tuple[str, ...]:
-    """What the record says about single parameters, once each."""
+    """What the record says about parameters that are weak, held or not determinable, once each."""
     found: dict[str, list[str]] = {}
     for item in quantities.in_order(tuple(parameters)):
-        if item.because:
+        if item.because and item.verdict != "determined" and item.status != "eliminated":
             found.setdefault(item.because, []).append(quantities.short_name(item))
     return tuple(f"{', '.join(names)}: {because}" for because, names in found.items())

@@ -18,6 +18,7 @@ from tasks.certificate.content import (
     Listing,
     Section,
     Sentences,
+    SideBySide,
     Words,
 )
 from tasks.report.table import Cell
@@ -74,6 +75,8 @@ def _block(block: Block) -> JSON:
             "alternative": block.alternative,
             "width": block.width,
         }
+    if isinstance(block, SideBySide):
+        return {"kind": "side_by_side", "blocks": [_block(each) for each in block.blocks]}
     return {"kind": "signatures", "labels": list(block.labels)}
 
 

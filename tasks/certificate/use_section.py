@@ -32,15 +32,15 @@ def use_section(material: CertificateMaterial) -> Section:
 def _holds_for(material: CertificateMaterial) -> tuple[str, ...]:
     camera = material.record.camera
     identity = camera.identity
-    body = f"camera body {identity.body or NOT_DECLARED} with lens {identity.lens or NOT_DECLARED}"
+    body = f"{_numbered('camera body', identity.body)} with {_numbered('lens', identity.lens)}"
     sentences = [
         f"Interior orientation and additional parameters: images of {camera.name}, {body}, "
         f"{camera.columns:,} × {camera.rows:,} px, until camera or lens is repaired or adjusted."
     ]
     if _any(material, quantities.BORESIGHT) or _any(material, quantities.LEVER_ARM):
         sentences.append(
-            f"Boresight and lever arm: the same camera with inertial unit {identity.imu or NOT_DECLARED} in "
-            f"the installation {identity.mount or NOT_DECLARED}, until either is dismounted."
+            f"Boresight and lever arm: the same camera with {_numbered('inertial unit', identity.imu)} in "
+            f"{_numbered('installation', identity.mount)}, until either is dismounted."
         )
     if _any(material, quantities.GNSS_SHIFT):
         sentences.append(
@@ -48,6 +48,11 @@ def _holds_for(material: CertificateMaterial) -> tuple[str, ...]:
             "processing; else it is that of the calibration flight alone."
         )
     return tuple(sentences)
+
+
+def _numbered(what: str, number: str | None) -> str:
+    """A part with its serial number, or the one of this flight where none is declared."""
+    return f"{what} {number}" if number else f"the {what} of this flight (number {NOT_DECLARED})"
 
 
 def _any(material: CertificateMaterial, known: object) -> bool:

@@ -113,7 +113,7 @@ def determinability_table(material: CertificateMaterial) -> Table:
     """What the flight could determine: one row for each kind of verdict and reason."""
     columns = (
         text_column("parameters", "parameters"),
-        text_column("verdict", "could this flight determine it?"),
+        text_column("verdict", "verdict"),
         text_column("because", "because"),
     )
     together: dict[tuple[str, str], list[str]] = {}

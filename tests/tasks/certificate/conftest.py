@@ -127,6 +127,7 @@ def with_parameter(
 def tables_of(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """The tables of certificate.json by name."""
     blocks = [block for section in document["sections"] for block in section["blocks"]]
+    blocks += [each for block in blocks for each in block.get("blocks", [])]
     return {block["name"]: block for block in blocks if block["kind"] == "table"}
 
 

@@ -44,7 +44,10 @@ def section(calibration: Calibration, name: str, **changes: object) -> Section:
 
 def sentences(found: Section, heading: str) -> str:
     return " ".join(
-        item for b in found.blocks if isinstance(b, Sentences) and b.heading == heading for item in b.items
+        item
+        for b in found.single_blocks
+        if isinstance(b, Sentences) and b.heading == heading
+        for item in b.items
     )
 
 
@@ -119,8 +122,12 @@ def test_what_the_flight_cannot_determine_is_no_result(
     document = as_json(document_of(calibration.content(record)))
     table = tables_of(document)["boresight"]
     assert text_in(table, "boresight_roll@UCE-80", "finding").startswith("not determinable")
-    assert number_in(table, "boresight_roll@UCE-80", "calibrated") is None
-    assert number_in(table, "boresight_roll@UCE-80", "sigma") is None
+    for column in ("calibrated", "change", "sigma", "t"):
+        assert number_in(table, "boresight_roll@UCE-80", column) is None
+    (brief,) = [each for each in document["sections"] if each["name"] == "brief"]
+    facts = {fact["key"]: fact["shown"] for fact in brief["blocks"][0]["facts"]}
+    assert facts["boresight_roll@UCE-80"].startswith("not determinable")
+    assert "±" in facts["boresight_pitch@UCE-80"]
     assert because in str(document["sections"])
 
 
