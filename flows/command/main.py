@@ -16,6 +16,7 @@ from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
+from flows.command.plan import plan
 from flows.command.registry import registry
 from flows.command.run import run
 from flows.command.simulate import simulate
@@ -53,6 +54,7 @@ app.command()(calibrate)
 app.command()(check)
 app.command()(doctor)
 app.command()(simulate)
+app.command()(plan)
 app.command()(sweep)
 app.command()(figures)
 app.command()(flight_check)

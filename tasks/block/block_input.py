@@ -6,6 +6,7 @@ the local frame.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,9 +36,10 @@ from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
-from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
 
-_FREE_FAMILIES = {
+#: What each name in `adjustment.free` stands for: family and components.
+FREE_FAMILIES: Mapping[FreeParameter, tuple[str, tuple[int, ...]]] = {
     "boresight": (BORESIGHT, (0, 1, 2)),
     "lever_arm": (LEVER_ARM, (0, 1, 2)),
     "gnss_shift": (GNSS_SHIFT, (0, 1, 2)),
@@ -180,7 +182,7 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         values[TIME_OFFSET] = (flights, np.zeros((len(flights), 1)))
     free = {name: np.zeros(entry[1].shape, dtype=bool) for name, entry in values.items()}
     for parameter in settings.free:
-        family, components = _FREE_FAMILIES[parameter]
+        family, components = FREE_FAMILIES[parameter]
         free[family][:, components] = True
     return tuple(
         SystemParameters(FAMILIES[name], entities, array, free[name])
@@ -258,14 +260,13 @@ def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | No
     )
 
 
-def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservations, ...]:
-    """Direct observations of the free parameters whose given value has a standard deviation."""
-    given = settings.priors
+def prior_sigmas(given: Priors) -> dict[str, Floats]:
+    """Standard deviations (components,) of the given values of every family, SI and radians; NaN for none."""
     degree, millimetre = np.deg2rad(1.0), 1e-3
     nothing = (np.nan, np.nan, np.nan)
     focal = np.nan if given.focal_length_mm is None else given.focal_length_mm * millimetre
     point = given.principal_point_mm or (np.nan, np.nan)
-    sigmas = {
+    return {
         INTERIOR_ORIENTATION: np.array([focal, point[0] * millimetre, point[1] * millimetre]),
         BORESIGHT: np.array(given.boresight_deg or nothing) * degree,
         LEVER_ARM: np.array(given.lever_arm_m or nothing),
@@ -274,6 +275,11 @@ def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservatio
         GNSS_DRIFT: np.array(given.gnss_drift_m_s or nothing),
         TIME_OFFSET: np.array([np.nan if given.time_offset_s is None else given.time_offset_s]),
     }
+
+
+def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservations, ...]:
+    """Direct observations of the free parameters whose given value has a standard deviation."""
+    sigmas = prior_sigmas(settings.priors)
     groups = []
     for parameters in block.system:
         if parameters.family.name not in sigmas:

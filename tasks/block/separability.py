@@ -17,6 +17,8 @@ CONTROL = "observed GNSS positions or well distributed control points"
 SURVEYED = "well distributed control points"
 ATTITUDES = "observed attitudes together with GNSS positions or control points"
 PRIOR = "a prior of the one that varies from strip to strip"
+#: Of these it is observations that are missing, not a way to fly.
+OBSERVATIONS = (CONTROL, SURVEYED, ATTITUDES)
 
 _PRINCIPAL_POINT = ("principal_point_x", "principal_point_y")
 _SHIFT_IN_PLAN = ("gnss_shift_x", "gnss_shift_y")

@@ -8,9 +8,14 @@ from adjust.calibration.flight_pattern import FlightPattern
 from tasks.block.separability import listed
 
 
+def heading_words(heading: float) -> str:
+    """A heading in radians as whole degrees, 0° to 359°."""
+    return f"{round(float(np.rad2deg(heading))) % 360}°"
+
+
 def direction_words(pattern: FlightPattern) -> str:
     """The headings, and how they lie to each other."""
-    headings = [f"{np.rad2deg(angle) % 360.0:.0f}°" for angle in pattern.directions]
+    headings = [heading_words(angle) for angle in pattern.directions]
     how = ["opposite"] * bool(pattern.opposite) + ["crossing"] * bool(pattern.crossing)
     return f"heading {listed(headings)}" + (f", {listed(how)}" if how else "")
 

@@ -15,7 +15,15 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
-from tasks.block.separability import HEADINGS, HEIGHTS, determining, listed, percent, separating
+from tasks.block.separability import (
+    HEADINGS,
+    HEIGHTS,
+    OBSERVATIONS,
+    determining,
+    listed,
+    percent,
+    separating,
+)
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.quantities import INTERIOR, OF_STRIPS, is_calibrated, sigma_limit, written_sigma
 from tasks.calibration.record import Verdict
@@ -28,12 +36,16 @@ Key: TypeAlias = tuple[str, str]
 MOSTLY_PRIOR = float(np.sqrt(0.5))
 # Correlated by this much or more, a parameter is explained by its partner.
 _ENTANGLED = 0.7
+# Part of its prior from which a σ is set beside it in a sentence.
+_WORTH_SAYING = 0.1
 # A shift of a strip whose prior is wider than this, metres, is as good as free.
 _WIDE_PRIOR_M = 0.3
-_MORE_STRIPS = (
-    "more strips of this pattern, as every line forward and reverse, or crossing ones (with an error common "
-    "to a strip their number counts, not that of the images)"
-)
+# With an error common to a strip their number counts, not that of the images.
+_MORE_STRIPS = "more strips, such as every line forward and reverse or lines across"
+_MORE = {
+    "boresight": "more exposures, or more accurate attitudes",
+    "gnss_shift": "more strips, or more control points",
+}
 _NEEDS_HEADINGS = ("principal_point", "gnss_shift", "lever_arm")
 
 
@@ -184,7 +196,7 @@ class _Said:
         parts = [f"σ {written_sigma(self.sigma, self.unit)}"]
         if self.limit is not None:
             parts.append(f"limit {written_sigma(self.limit, self.unit)}")
-        if self.ratio is not None:
+        if self.ratio is not None and self.ratio >= _WORTH_SAYING:
             parts.append(f"σ/σ_prior {self.ratio:.2f}")
         if self.strongest is not None:
             sign = "−" if self.strongest.correlation < 0.0 else ""
@@ -198,11 +210,16 @@ class _Said:
         if self.strongest is not None and abs(self.strongest.correlation) >= _ENTANGLED:
             remedies = separating((self.name, self.strongest.parameter))
         missing = [remedy for remedy in remedies or determining(self.name) if not self._has(remedy)]
-        return f"to determine it: {listed(missing or [_MORE_STRIPS])}"
+        if missing:
+            return f"to determine it: {listed(missing)}"
+        more = next((text for start, text in _MORE.items() if self.name.startswith(start)), _MORE_STRIPS)
+        return f"to determine it better: {more}"
 
     def _has(self, remedy: str) -> bool:
         if remedy == HEADINGS:
             return len(self.pattern.directions) >= self.limits.headings
+        if remedy in OBSERVATIONS:  # something observes it unless its prior is all there is
+            return self.ratio is None or self.ratio <= MOSTLY_PRIOR
         return remedy == HEIGHTS and self.pattern.height_ratio >= self.limits.height_ratio
 
 
@@ -254,7 +271,8 @@ def _of_pattern(names: set[str], pattern: FlightPattern, limits: AcceptanceLimit
         reasons.append(
             f"Flown at {height_words(pattern)}: {what} from GNSS positions needs heights in a ratio of "
             f"{limits.height_ratio:g} at least. Fly some of the lines at "
-            f"{limits.height_ratio * pattern.heights[0]:.0f} m or more."
+            f"{limits.height_ratio * pattern.heights[0]:.0f} m or more, or at "
+            f"{pattern.heights[-1] / limits.height_ratio:.0f} m or less."
         )
     return reasons
 

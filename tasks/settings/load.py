@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,19 @@ from tasks.settings.project import Project
 from tasks.settings.settings_file import SettingsFile, SettingsKind, read_settings_file
 
 PROJECT_FILE = SettingsKind(Project, "project file", "docs/project-file.md")
+
+
+def is_project_file(source: str) -> bool:
+    """Whether a text is the path of a project file, and not that of a specification or the name of a preset.
+
+    A file that cannot be read is none; whoever reads it next says why.
+    """
+    path = Path(source)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return False
+    return "inputs" in content or "cameras" in content
 
 
 def load_project(

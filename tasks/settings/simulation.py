@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from tasks.settings.adjustment import FreeParameter, ObservedGroup
 from tasks.settings.base import Settings, trouble
+from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.coordinates import (
     LOCAL,
     Finite,
@@ -368,6 +369,9 @@ class Simulation(Settings):
     )
     noise: SimulatedNoise = Field(description="Noise and gross errors.")
     truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
+    calibration: CalibrationSettings | None = Field(
+        default=None, description="The `[calibration]` of the project, as in docs/project-file.md."
+    )
     sweep: SweepSettings | None = Field(
         default=None, description="The `[sweep]` of the project, as in docs/project-file.md."
     )

@@ -25,6 +25,8 @@ def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
         "inputs": _inputs(simulation, block),
         "adjustment": _adjustment(simulation, block),
     }
+    if simulation.calibration is not None:
+        content["calibration"] = simulation.calibration.model_dump(mode="json", exclude_unset=True)
     if simulation.sweep is not None:
         content["sweep"] = simulation.sweep.model_dump(mode="json", exclude_unset=True)
     return opening + toml_text(content)

@@ -1,0 +1,1 @@
+"""What a flight will determine, before it is flown."""

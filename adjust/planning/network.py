@@ -1,0 +1,191 @@
+"""A network: where exposures, points and rays are and how well they are observed, without any measurement.
+
+Standard deviations before an adjustment depend on nothing else: N = AᵀPA is known from the geometry and the
+weights alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.camera.interior import FrameCamera
+from adjust.geometry import rotation
+from adjust.geometry.earth import LocalFrame
+from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedExposures:
+    """n exposures and how well their positions and attitudes are observed.
+
+    Attributes
+    ----------
+    camera, flight, strip : (n,) indices.
+    time : (n,) seconds.
+    velocity : (n, 3) m/s, local frame.
+    projection_centre : (n, 3) metres, local frame.
+    local_from_camera : (n, 3, 3).
+    position_sigma : (n, 3) metres, along the axes below; NaN where no position is observed.
+    local_from_axes : (n, 3, 3) axes in which the positions are weighted.
+    attitude_covariance : (n, 3, 3) in body axes, rad².
+    attitude_observed : (n,) whether there is an attitude.
+    """
+
+    camera: Ints
+    flight: Ints
+    strip: Ints
+    time: Floats
+    velocity: Floats
+    projection_centre: Floats
+    local_from_camera: Floats
+    position_sigma: Floats
+    local_from_axes: Floats
+    attitude_covariance: Floats
+    attitude_observed: Bools
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+    def joined(self, other: PlannedExposures) -> PlannedExposures:
+        """These exposures and others after them."""
+        names = self.__dataclass_fields__
+        return PlannedExposures(
+            **{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedControl:
+    """k control points.
+
+    Attributes
+    ----------
+    point : (k,) index of the object point.
+    covariance : (k, 3, 3) along east, north, up, m².
+    present : (k, 3) which of the three are known.
+    """
+
+    point: Ints
+    covariance: Floats
+    present: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedRays:
+    """r rays, sorted by object point, then image.
+
+    Attributes
+    ----------
+    image, point : (r,) indices.
+    sigma : (r, 2) metres.
+    """
+
+    image: Ints
+    point: Ints
+    sigma: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedNetwork:
+    """The network.
+
+    Attributes
+    ----------
+    frame : the local frame.
+    cameras : the cameras.
+    flights, strips : names.
+    exposures, rays, control : what is observed.
+    object_point : (m, 3) metres, local frame.
+    system : values of the interior orientation, boresight and lever arm of every camera, SI and radians.
+    """
+
+    frame: LocalFrame
+    cameras: tuple[FrameCamera, ...]
+    flights: tuple[str, ...]
+    strips: tuple[str, ...]
+    exposures: PlannedExposures
+    object_point: Floats
+    rays: PlannedRays
+    control: PlannedControl
+    system: Mapping[str, Floats]
+
+    @property
+    def body_from_camera(self) -> Floats:
+        """Nominal mounting T of the camera of each exposure, (n, 3, 3)."""
+        return np.stack([camera.body_from_camera for camera in self.cameras])[self.exposures.camera]
+
+    @property
+    def local_from_body(self) -> Floats:
+        """Attitude of the inertial unit at each exposure, R_c Tᵀ R_Bᵀ, (n, 3, 3)."""
+        boresight = rotation.from_roll_pitch_yaw(self.system[BORESIGHT])[self.exposures.camera]
+        return np.asarray(
+            self.exposures.local_from_camera @ np.swapaxes(boresight @ self.body_from_camera, 1, 2)
+        )
+
+    @property
+    def antenna(self) -> Floats:
+        """Positions (n, 3) of the antenna, X0 + R_b l, local frame."""
+        arm = self.system[LEVER_ARM][self.exposures.camera]
+        in_local = np.einsum("nij,nj->ni", self.local_from_body, arm)
+        return np.asarray(self.exposures.projection_centre + in_local)
+
+    @property
+    def heading(self) -> Floats:
+        """(n,) radians, clockwise from north."""
+        forward = self.local_from_body[:, :, 0]
+        axes = np.asarray(self.frame.local_from_enu(self.exposures.projection_centre))
+        enu = np.einsum("nji,nj->ni", axes, forward)
+        return np.asarray(np.arctan2(enu[:, 0], enu[:, 1]))
+
+    @property
+    def ground(self) -> Floats:
+        """(n,) mean height of the object points that each exposure sees, metres; their mean where none."""
+        height = self.frame.height(self.object_point)
+        n = len(self.exposures)
+        count = np.bincount(self.rays.image, minlength=n)
+        total = np.bincount(self.rays.image, height[self.rays.point], n)
+        return np.asarray(np.where(count > 0, total / np.maximum(count, 1), height.mean()))
+
+    @property
+    def height_above_ground(self) -> Floats:
+        """(n,) metres."""
+        return np.asarray(self.frame.height(self.exposures.projection_centre) - self.ground)
+
+    @property
+    def image_coordinates(self) -> Floats:
+        """(r, 2) where the rays meet the images, metres."""
+        rays, exposures = self.rays, self.exposures
+        ray = self.object_point[rays.point] - exposures.projection_centre[rays.image]
+        p = np.einsum("nji,nj->ni", exposures.local_from_camera[rays.image], ray)
+        interior = self.system[INTERIOR_ORIENTATION][exposures.camera[rays.image]]
+        return np.asarray(interior[:, 1:] - interior[:, :1] * p[:, :2] / p[:, 2:])
+
+    def with_control(self, control: PlannedControl) -> PlannedNetwork:
+        """The same network with other control points."""
+        return replace(self, control=control)
+
+    def with_intersecting_rays(self, least_angle: float) -> PlannedNetwork:
+        """Without the rays of points whose rays all have nearly the same direction.
+
+        A line flown there and back exactly over itself sees points twice from one place, which determines
+        nothing; control points are known without.
+
+        Parameters
+        ----------
+        least_angle : of the outermost ray of a point from their mean direction, radians.
+        """
+        rays, m = self.rays, len(self.object_point)
+        ray = self.object_point[rays.point] - self.exposures.projection_centre[rays.image]
+        ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+        mean = np.stack([np.bincount(rays.point, ray[:, axis], m) for axis in range(3)], -1)
+        mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
+        away = np.linalg.norm(np.cross(ray, mean[rays.point]), axis=1)
+        widest = np.zeros(m)
+        np.maximum.at(widest, rays.point, away)
+        widest[self.control.point[self.control.present.all(axis=1)]] = 1.0
+        kept = (widest >= np.sin(least_angle))[rays.point]
+        return replace(self, rays=PlannedRays(rays.image[kept], rays.point[kept], rays.sigma[kept]))

@@ -1,0 +1,85 @@
+"""``aerocal plan``: what a flight will determine, before it is flown."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+from flows.command.options import Data
+
+
+def plan(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="PRESET|SPEC.toml|PROJECT.toml",
+            help="A flight plan as the simulator takes it, or a project whose orientations are given.",
+        ),
+    ],
+    free: Annotated[
+        str | None,
+        typer.Option(
+            "--free",
+            metavar="NAME,NAME,…",
+            help="What is to be calibrated: focal_length, principal_point, boresight, gnss_shift, lever_arm, "
+            "time_offset, gnss_drift.",
+            show_default="calibration.free of the file",
+        ),
+    ] = None,
+    strip_bias: Annotated[
+        float | None,
+        typer.Option(
+            "--strip-bias",
+            metavar="M",
+            min=0.0,
+            help="σ of the GNSS error that all images of a strip have in common, m; [bold]0[/bold]: the "
+            "errors are independent, which promises too much.",
+            show_default="0.03, or the project's",
+        ),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Replace a value of the file, e.g. [bold]--set noise.gnss_m=0.02[/bold] or [bold]--set "
+            "calibration.limits.focal_length_um=1[/bold]. Repeatable.",
+        ),
+    ] = None,
+    data: Data = None,
+    proposals: Annotated[
+        bool,
+        typer.Option(
+            "--proposals/--no-proposals", help="Look for the cheapest addition if the flight is refused."
+        ),
+    ] = True,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print nothing but the plan as JSON on standard output.")
+    ] = False,
+) -> None:
+    """What can this flight determine? Standard deviations before it is flown.
+
+    They follow from the geometry and the σ of the observations alone; nothing is measured or adjusted.
+
+    Flight directions and heights are recognised from the exposures. Every quantity is determined, weak or not
+    determinable, with the reason. If the flight is refused, additions (lines back, lines across, a second
+    height, more control) are computed in the order of their images until one reaches the limits.
+
+    [bold]Examples[/bold]
+
+      aerocal plan uce-calibration
+
+      aerocal plan my-flight.toml --free boresight,lever_arm
+
+      aerocal plan project.toml --set calibration.limits.focal_length_um=1
+
+    What limits a calibration, and nine flight patterns side by side: docs/plan.md
+
+    [bold]Exit codes[/bold]  0 accepted · 2 input wrong · 3 not computable · 4 refused
+    """
+    from flows.command.plan_execution import PlanOptions, execute_plan
+
+    options = PlanOptions(source, free, strip_bias, tuple(overrides or ()), data, proposals)
+    end_with(lambda: execute_plan(options, as_json=json))

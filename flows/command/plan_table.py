@@ -1,0 +1,153 @@
+"""A plan on the screen: the verdict, why, every quantity with its limit, correlations, and what to add."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.calibration.quantities import written_sigma
+from tasks.planning.addition_words import addition_words
+from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
+
+_STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "held": ""}
+_SHOWN_PROPOSALS = 12
+_SHOWN_CORRELATION = 0.5
+
+
+def plan_table(plan: CalibrationPlan) -> RenderableType:
+    """Everything a person needs to decide about a flight."""
+    here = plan.expectation
+    verdict = f"\n{plan.name}: {here.flight.verdict} as a calibration flight"
+    parts: list[RenderableType] = [Text(verdict, style="bold green" if here.accepted else "bold red")]
+    parts += [_network(here, plan.request.strip_bias_m), Text(), _quantities(here)]
+    correlations = _correlations(here)
+    parts += [Text(), correlations] if correlations.row_count else []
+    rules = [reason for reason in here.flight.reasons if not _is_of_quantity(reason, here)]
+    needs = [f"{item}: {item.because}" for item in here.quantities if item.verdict != "determined"]
+    parts += _sentences("Why", [*rules, *needs], "red")
+    parts += _sentences("Remarks", here.flight.remarks, "yellow")
+    if plan.proposals:
+        parts += [Text(), _proposals(plan), Text(), _cheapest(plan)]
+    return Group(*parts)
+
+
+def _is_of_quantity(reason: str, here: Expectation) -> bool:
+    """Whether a reason is said of a quantity; the table has those."""
+    return any(reason.startswith(f"{item} is ") for item in here.quantities)
+
+
+def _network(here: Expectation, strip_bias: float) -> Table:
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_row("images, strips", f"{here.images:,}, {here.strips}")
+    table.add_row("object points, image points", f"{here.points:,}, {here.rays:,}")
+    table.add_row("control points", f"{here.control}")
+    table.add_row("directions", direction_words(here.pattern))
+    table.add_row("heights", height_words(here.pattern))
+    bias = f"{written_sigma(strip_bias, 'm')}" if strip_bias > 0.0 else "none (errors independent)"
+    table.add_row("GNSS error of a strip", bias)
+    return table
+
+
+def _quantities(here: Expectation) -> Table:
+    table = _titled("Expected standard deviations")
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("entity", overflow="fold")
+    for column in ("σ", "limit", "σ/σ_prior"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    units = here.parameters.set_index(["parameter", "entity"])["unit"]
+    for item in here.quantities:
+        unit = str(units[item.parameter, item.entity])
+        table.add_row(
+            item.parameter,
+            item.entity,
+            "–" if item.sigma is None else written_sigma(item.sigma, unit),
+            "–" if item.limit is None else written_sigma(item.limit, unit),
+            "–" if item.sigma_over_prior is None else f"{item.sigma_over_prior:.3f}",
+            Text(item.verdict.replace("_", " "), style=_STYLES[item.verdict]),
+        )
+    return table
+
+
+def _correlations(here: Expectation) -> Table:
+    """The pairs that are correlated most, each once."""
+    table = _titled("Strongest correlations")
+    table.add_column("of", no_wrap=True)
+    table.add_column("with", no_wrap=True)
+    table.add_column("", justify="right")
+    pairs = {
+        frozenset({str(item), str(item.strongest)}): (str(item), item.strongest)
+        for item in here.quantities
+        if item.strongest is not None
+    }
+    for name, other in sorted(pairs.values(), key=lambda pair: -abs(pair[1].correlation)):
+        if abs(other.correlation) >= _SHOWN_CORRELATION:
+            table.add_row(name, str(other), f"{other.correlation:+.3f}")
+    return table
+
+
+def _sentences(title: str, sentences: Sequence[str], style: str) -> list[RenderableType]:
+    if not sentences:
+        return []
+    lines = [Text(f"• {sentence}", style=style) for sentence in sentences]
+    return [Text(f"\n{title}", style="bold"), Padding(Group(*lines), (0, 0, 0, 0))]
+
+
+def _proposals(plan: CalibrationPlan) -> Table:
+    table = _titled("Additions, in the order of their images")
+    table.add_column("in addition", overflow="fold")
+    table.add_column("images", justify="right")
+    table.add_column("largest σ/limit", overflow="fold")
+    table.add_column("verdict")
+    for proposal in _shown(plan):
+        expectation = proposal.expectation
+        table.add_row(
+            addition_words(proposal.addition),
+            f"+{proposal.addition.images}",
+            f"{expectation.worst_part:.2f} {expectation.worst.parameter}",
+            Text(expectation.flight.verdict, style="green" if expectation.accepted else "red"),
+        )
+    left_out = len(plan.proposals) - table.row_count
+    if left_out:
+        table.caption = f"{left_out} more that do not suffice are in --json"
+        table.caption_justify = "left"
+    return table
+
+
+def _shown(plan: CalibrationPlan) -> list[Proposal]:
+    """The last ones: the one that suffices, and those just before it."""
+    return list(plan.proposals[-_SHOWN_PROPOSALS:])
+
+
+def _cheapest(plan: CalibrationPlan) -> Text:
+    found = plan.cheapest
+    if found is None:
+        nearest = min(plan.proposals, key=lambda item: item.expectation.worst_part)
+        return Text(
+            f"None of these additions reaches the limits; the nearest is {addition_words(nearest.addition)}, "
+            f"with {nearest.expectation.worst} at {nearest.expectation.worst_part:.2f} times its limit.",
+            style="bold red",
+        )
+    images = f"{found.addition.images} images" if found.addition.images else "no more images"
+    return Text(
+        f"Cheapest addition that reaches the limits: {addition_words(found.addition)} ({images}).",
+        style="bold green",
+    )
+
+
+def _titled(title: str) -> Table:
+    """An empty table with a rule under its head and no frame, to fit eighty columns."""
+    return Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+    )

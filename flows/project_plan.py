@@ -1,0 +1,50 @@
+"""A calibration plan of a project: what a flight can determine that is there, before it is adjusted."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from flows.block_preparation import prepare_block
+from tasks.planning.plan import CalibrationPlan, plan_calibration
+from tasks.planning.project_network import network_of_project
+from tasks.planning.request import PlanRequest
+from tasks.settings.adjustment import FreeParameter
+from tasks.settings.load import load_project
+from tasks.storage.store import Store
+
+
+def plan_of_project(
+    source: str,
+    overrides: tuple[str, ...] = (),
+    data: Path | None = None,
+    *,
+    free: tuple[FreeParameter, ...] | None = None,
+    strip_bias_m: float | None = None,
+    propose: bool = True,
+) -> CalibrationPlan:
+    """Plan with a project: its orientations as given, its image points and control, nothing adjusted.
+
+    Raises
+    ------
+    InputError, NotComputableError
+        If the project is wrong or its block determines nothing.
+    """
+    project = load_project(Path(source), overrides, data)
+    settings = project.adjustment
+    request = PlanRequest.of(project.calibration, settings, free, strip_bias_m)
+    # A plan leaves nothing behind.
+    with tempfile.TemporaryDirectory(prefix="aerocal-plan-") as folder:
+        store = Store.of(Path(folder))
+        store.begin_run()
+        block = prepare_block(project, store)
+        network = network_of_project(
+            exposures=block.exposures["exposures"],
+            cameras=block.exposures["cameras"],
+            image_points=block.image_points["image_points"],
+            control_points=block.control["control_points"],
+            approximate_points=block.approximate["approximate_points"],
+            project=project.project,
+            adjustment=settings,
+        )
+    return plan_calibration(project.project.name, network, request, propose=propose)

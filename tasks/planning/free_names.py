@@ -1,0 +1,27 @@
+"""The parameters of a plan as they are named on the command line."""
+
+from __future__ import annotations
+
+from typing import cast, get_args
+
+from tasks.errors import InputError
+from tasks.nearest_name import did_you_mean
+from tasks.settings.adjustment import FreeParameter
+
+
+def free_from_text(text: str) -> tuple[FreeParameter, ...]:
+    """Names separated by commas, as in `adjustment.free`.
+
+    Raises
+    ------
+    InputError
+        If one of them does not exist, or there is none.
+    """
+    known = [str(name) for name in get_args(FreeParameter)]
+    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names:
+        if name not in known:
+            raise InputError(f"There is no parameter '{name}' to calibrate.", did_you_mean(name, known))
+    if not names:
+        raise InputError("--free names no parameter.", f"Name some of: {', '.join(known)}.")
+    return cast(tuple[FreeParameter, ...], tuple(names))

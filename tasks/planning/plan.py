@@ -1,0 +1,155 @@
+"""What a flight will determine, and the cheapest addition that makes it a calibration flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from adjust.calibration.flight_pattern import FlightPattern, flight_pattern
+from adjust.errors import AdjustmentError
+from adjust.planning.a_priori import a_priori_covariance
+from adjust.planning.additions import Addition, additions
+from adjust.planning.extension import extended
+from adjust.planning.network import PlannedNetwork
+from tasks.calibration.quantities import is_calibrated
+from tasks.calibration.verdicts import (
+    FlightVerdict,
+    Key,
+    ParameterVerdict,
+    flight_verdict,
+    parameter_verdicts,
+)
+from tasks.errors import NotComputableError
+from tasks.first_run import announce_compilation
+from tasks.planning.expected import expected_correlations, expected_parameters
+from tasks.planning.request import PlanRequest
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What one network will give.
+
+    Attributes
+    ----------
+    images, strips, points, rays, control : how many.
+    pattern : directions and heights, recognised from the exposures.
+    parameters, correlations : as parameters.parquet and correlations.parquet.
+    verdicts : of every parameter.
+    flight : of the flight.
+    """
+
+    images: int
+    strips: int
+    points: int
+    rays: int
+    control: int
+    pattern: FlightPattern
+    parameters: pd.DataFrame
+    correlations: pd.DataFrame
+    verdicts: Mapping[Key, ParameterVerdict]
+    flight: FlightVerdict
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it meets all limits."""
+        return self.flight.verdict == "accepted"
+
+    @property
+    def quantities(self) -> tuple[ParameterVerdict, ...]:
+        """The quantities of the calibration; biases and drifts of strips are none."""
+        return tuple(item for item in self.verdicts.values() if is_calibrated(item.parameter))
+
+    @property
+    def worst(self) -> ParameterVerdict:
+        """The quantity whose σ is the largest part of its limit."""
+        return max(self.quantities, key=_part_of_limit)
+
+    @property
+    def worst_part(self) -> float:
+        """Its σ over its limit."""
+        return _part_of_limit(self.worst)
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """An addition to the flight and what the flight would then give."""
+
+    addition: Addition
+    expectation: Expectation
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationPlan:
+    """The answer of a plan.
+
+    Attributes
+    ----------
+    name : of the specification or project.
+    request : what was asked.
+    expectation : of the flight as it stands.
+    proposals : additions that were computed, cheapest first; empty if none is needed or none was asked for.
+    """
+
+    name: str
+    request: PlanRequest
+    expectation: Expectation
+    proposals: tuple[Proposal, ...] = ()
+
+    @property
+    def cheapest(self) -> Proposal | None:
+        """The cheapest addition with which the flight is accepted; None if none of them does it."""
+        accepted = [proposal for proposal in self.proposals if proposal.expectation.accepted]
+        return min(accepted, key=lambda item: item.addition.cost, default=None)
+
+
+def plan_calibration(
+    name: str, network: PlannedNetwork, request: PlanRequest, *, propose: bool = True
+) -> CalibrationPlan:
+    """Compute what a network will determine; if that is too little, the additions to it one after the other.
+
+    They are tried in the order of their cost until one of them is accepted.
+
+    Raises
+    ------
+    NotComputableError
+        If the network does not determine its exposures, with what is open.
+    """
+    announce_compilation()
+    here = _expectation(network, request)
+    proposals: list[Proposal] = []
+    if propose and not here.accepted:
+        for addition in additions(network, request.limits.height_ratio):
+            wider = extended(network, addition.strips, addition.control)
+            proposals.append(Proposal(addition, _expectation(wider, request)))
+            if proposals[-1].expectation.accepted:
+                break
+    return CalibrationPlan(name, request, here, tuple(proposals))
+
+
+def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
+    try:
+        expected = a_priori_covariance(network, request.model())
+    except AdjustmentError as error:
+        raise NotComputableError(str(error)) from error
+    exposures = network.exposures
+    pattern = flight_pattern(network.heading, network.height_above_ground, exposures.strip)
+    parameters, correlations = expected_parameters(expected), expected_correlations(expected)
+    verdicts = parameter_verdicts(parameters, correlations, pattern, request.limits)
+    return Expectation(
+        len(exposures),
+        len(network.strips),
+        len(network.object_point),
+        len(network.rays.image),
+        len(network.control.point),
+        pattern,
+        parameters,
+        correlations,
+        verdicts,
+        flight_verdict(parameters, verdicts, pattern, request.limits),
+    )
+
+
+def _part_of_limit(item: ParameterVerdict) -> float:
+    return 0.0 if item.sigma is None or item.limit is None else item.sigma / item.limit

@@ -1,0 +1,99 @@
+"""A plan as JSON: what ``aerocal plan --json`` prints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tasks.calibration.quantities import is_calibrated
+from tasks.calibration.verdicts import ParameterVerdict
+from tasks.planning.addition_words import addition_json
+from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
+from tasks.storage.json_text import JSON
+
+
+def plan_json(plan: CalibrationPlan) -> JSON:
+    """Everything a plan found."""
+    here, cheapest = plan.expectation, plan.cheapest
+    return {
+        "name": plan.name,
+        "verdict": here.flight.verdict,
+        "reasons": list(here.flight.reasons),
+        "remarks": list(here.flight.remarks),
+        "free": list(plan.request.free),
+        "strip_bias_m": plan.request.strip_bias_m,
+        "limits": plan.request.limits.model_dump(mode="json"),
+        "network": {
+            "images": here.images,
+            "strips": here.strips,
+            "object_points": here.points,
+            "image_points": here.rays,
+            "control_points": here.control,
+        },
+        "pattern": _pattern(here),
+        "parameters": [_parameter(item, here) for item in here.quantities],
+        "correlations": _correlations(here),
+        "cheapest": None if cheapest is None else _proposal(cheapest),
+        "proposals": [_proposal(proposal) for proposal in plan.proposals],
+    }
+
+
+def _pattern(here: Expectation) -> JSON:
+    pattern = here.pattern
+    return {
+        "headings_deg": [round(float(angle), 1) for angle in np.rad2deg(pattern.directions)],
+        "opposite": len(pattern.opposite) > 0,
+        "crossing": len(pattern.crossing) > 0,
+        "heights_m": [round(float(height), 1) for height in pattern.heights],
+        "height_ratio": round(pattern.height_ratio, 3),
+        "images": pattern.images.tolist(),
+        "strips": pattern.strips.tolist(),
+    }
+
+
+def _parameter(item: ParameterVerdict, here: Expectation) -> JSON:
+    table = here.parameters
+    row = table[(table["parameter"] == item.parameter) & (table["entity"] == item.entity)].iloc[0]
+    strongest = item.strongest
+    return {
+        "parameter": item.parameter,
+        "entity": item.entity,
+        "unit": str(row["unit"]),
+        "sigma": item.sigma,
+        "limit": item.limit,
+        "sigma_over_prior": item.sigma_over_prior,
+        "verdict": item.verdict,
+        "because": item.because,
+        "strongest_correlation": None
+        if strongest is None
+        else {
+            "parameter": strongest.parameter,
+            "entity": strongest.entity,
+            "correlation": strongest.correlation,
+        },
+    }
+
+
+def _correlations(here: Expectation) -> JSON:
+    """Of the quantities of the calibration with each other."""
+    table = here.correlations
+    kept = table[table["parameter_a"].map(is_calibrated) & table["parameter_b"].map(is_calibrated)]
+    names = ("parameter_a", "entity_a", "parameter_b", "entity_b")
+    return [
+        {**{name: str(row[name]) for name in names}, "correlation": float(row["correlation"])}
+        for row in kept.to_dict("records")
+    ]
+
+
+def _proposal(proposal: Proposal) -> JSON:
+    expectation = proposal.expectation
+    return {
+        "addition": addition_json(proposal.addition),
+        "verdict": expectation.flight.verdict,
+        "reasons": list(expectation.flight.reasons),
+        "worst": {
+            "parameter": expectation.worst.parameter,
+            "entity": expectation.worst.entity,
+            "sigma_over_limit": expectation.worst_part,
+        },
+        "sigmas": {f"{item.parameter} of {item.entity}": item.sigma for item in expectation.quantities},
+    }

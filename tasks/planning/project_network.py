@@ -1,0 +1,94 @@
+"""The network of a project: its orientations as given, its image points and control; nothing is adjusted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats, Ints
+from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
+from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
+from tasks.approximate import USED, oriented_images
+from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.strip_motion import require_successive_times, strip_motion
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import local_from_map
+from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.project import ProjectSettings
+from tasks.storage.artifact import Artifact
+from tasks.tables.parquet import read_table
+
+
+def network_of_project(
+    *,
+    exposures: Artifact,
+    cameras: Artifact,
+    image_points: Artifact,
+    control_points: Artifact,
+    approximate_points: Artifact,
+    project: ProjectSettings,
+    adjustment: AdjustmentSettings,
+) -> PlannedNetwork:
+    """The network of imported deliveries with approximate object points.
+
+    What `adjustment.observe` leaves out is left out here, too.
+
+    Raises
+    ------
+    InputError
+        If no image can be oriented, or correlation times are stated without times.
+    """
+    map_frame, measured = MapFrame.of(project.crs, project.heights), read_table(image_points)
+    approximate = read_table(approximate_points)
+    given, frame, _ = oriented_images(read_table(exposures), read_table(cameras), measured, map_frame)
+    require_successive_times(given, adjustment)
+    start = approximate[approximate["status"] == USED]
+    x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
+    names = tuple(start["point"])
+    rays, _ = image_point_observations(measured, given.image, names, given.camera)
+    surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
+    mountings = given.mountings
+    interior = np.array([[camera.focal_length, *camera.principal_point] for camera in mountings.cameras])
+    return PlannedNetwork(
+        frame,
+        mountings.cameras,
+        given.flights,
+        given.strips,
+        _exposures(given, adjustment),
+        x_in_local,
+        PlannedRays(rays.image, rays.point, rays.sigma),
+        _control(names, surveyed, "control" in adjustment.observe),
+        {INTERIOR_ORIENTATION: interior, BORESIGHT: mountings.boresight, LEVER_ARM: mountings.lever_arm},
+    )
+
+
+def _exposures(given: GivenOrientations, adjustment: AdjustmentSettings) -> PlannedExposures:
+    centre, local_from_camera = given.orientations()
+    motion, n = strip_motion(given), len(given.image)
+    return PlannedExposures(
+        given.camera,
+        given.flight_of_image,
+        given.strip_of_image,
+        _times(given, given.strip_of_image),
+        motion.velocity,
+        centre,
+        local_from_camera,
+        given.position_sigma if "gnss" in adjustment.observe else np.full((n, 3), np.nan),
+        given.local_from_grid,
+        np.where(given.attitude_observed[:, None, None], given.attitude_covariance(), np.eye(3)),
+        given.attitude_observed & ("ins" in adjustment.observe),
+    )
+
+
+def _times(given: GivenOrientations, strip: Ints) -> Floats:
+    """Times (n,), s; where a delivery has none, the order of the names within the strips stands for them."""
+    if np.isfinite(given.time_s).all():
+        return given.time_s
+    return np.asarray(pd.Series(strip).groupby(strip).cumcount().to_numpy(np.float64))
+
+
+def _control(points: tuple[str, ...], surveyed: SurveyedPoints, observed: bool) -> PlannedControl:
+    index = pd.Index(points).get_indexer(pd.Index(surveyed.name)).astype(np.int64)
+    kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1) & observed)
+    return PlannedControl(index[kept], surveyed.covariance[kept], surveyed.present[kept])

@@ -1,0 +1,81 @@
+"""What a plan asks: which parameters are to be calibrated, with which prior knowledge and limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from adjust.planning.a_priori import CalibrationModel
+from tasks.block.block_input import FREE_FAMILIES, prior_sigmas
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
+from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
+
+_STRIP_BIAS: FreeParameter = "gnss_strip_bias"
+#: So little is known beforehand that σ/σ_prior tells what the flight adds.
+WEAK_PRIORS = Priors(
+    focal_length_mm=1.0,
+    principal_point_mm=(1.0, 1.0),
+    boresight_deg=(5.7, 5.7, 5.7),
+    lever_arm_m=(1.0, 1.0, 1.0),
+    gnss_shift_m=(10.0, 10.0, 10.0),
+    gnss_drift_m_s=(1.0, 1.0, 1.0),
+    time_offset_s=1.0,
+)
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What is to be calibrated.
+
+    Attributes
+    ----------
+    free : system parameters to estimate, besides the biases of the strips.
+    strip_bias_m : σ of a GNSS error common to a strip, m; 0: the errors are independent.
+    priors : what is known beforehand; what is not given there is hardly known (`WEAK_PRIORS`).
+    limits : of an accepted flight.
+    gnss_correlation_s, ins_correlation_s : correlation times of the errors within a strip, s.
+    """
+
+    free: tuple[FreeParameter, ...]
+    strip_bias_m: float = 0.03
+    priors: Priors = field(default_factory=Priors)
+    limits: AcceptanceLimits = field(default_factory=AcceptanceLimits)
+    gnss_correlation_s: float | None = None
+    ins_correlation_s: float | None = None
+
+    @classmethod
+    def of(
+        cls,
+        calibration: CalibrationSettings,
+        adjustment: AdjustmentSettings,
+        free: tuple[FreeParameter, ...] | None = None,
+        strip_bias_m: float | None = None,
+    ) -> PlanRequest:
+        """What `aerocal calibrate` would estimate with these settings, unless something else is asked for."""
+        chosen = free or calibration.free
+        if strip_bias_m is None:
+            stated = max(adjustment.priors.gnss_strip_bias_m)
+            strip_bias_m = stated if _STRIP_BIAS in (*chosen, *calibration.free) else 0.0
+        return cls(
+            tuple(name for name in chosen if name != _STRIP_BIAS),
+            strip_bias_m,
+            adjustment.priors,
+            calibration.limits,
+            adjustment.gnss_correlation_s,
+            adjustment.ins_correlation_s,
+        )
+
+    def model(self) -> CalibrationModel:
+        """The same in terms of the adjustment."""
+        estimated: tuple[FreeParameter, ...] = self.free
+        if self.strip_bias_m > 0.0:
+            estimated = (*estimated, _STRIP_BIAS)
+        free: dict[str, tuple[int, ...]] = {}
+        for name in estimated:
+            family, components = FREE_FAMILIES[name]
+            free[family] = tuple(sorted((*free.get(family, ()), *components)))
+        given = {key: value for key, value in self.priors.model_dump().items() if value is not None}
+        bias = max(self.strip_bias_m, np.finfo(float).tiny)
+        known = WEAK_PRIORS.model_copy(update={**given, "gnss_strip_bias_m": (bias, bias, bias)})
+        return CalibrationModel(free, prior_sigmas(known), self.gnss_correlation_s, self.ins_correlation_s)

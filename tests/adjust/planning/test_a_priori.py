@@ -1,0 +1,168 @@
+"""Covariances before the flight: closed answers, those of the adjustment, and what must always hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.errors import DatumDefectError
+from adjust.parameters import (
+    BORESIGHT,
+    GNSS_SHIFT,
+    GNSS_STRIP_BIAS,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    TIME_OFFSET,
+)
+from adjust.planning.a_priori import APriori, CalibrationModel, a_priori_covariance
+from adjust.planning.network import PlannedNetwork
+from adjust.planning.simulated_network import simulated_network
+from adjust.simulate.block import simulate_block
+from adjust.simulate.noise import NoiseSpecification
+from adjust.simulate.survey import SurveyLayout
+from adjust.simulate.system import SystemSpecification
+from adjust.simulate.truth import BlockSpecification
+from tests.adjust.simulate.specifications import small_specification, without_noise
+
+ALL = (0, 1, 2)
+BIAS = 0.03
+SET_A = {INTERIOR_ORIENTATION: ALL, BORESIGHT: ALL, GNSS_SHIFT: ALL}
+WITH_BIAS = {**SET_A, GNSS_STRIP_BIAS: ALL}
+PRIOR = {GNSS_STRIP_BIAS: np.full(3, BIAS)}
+
+
+def specification(**changes: object) -> BlockSpecification:
+    """Two heights in one flight, so that everything is determined."""
+    small = small_specification()
+    high = tuple(
+        replace(group, name=f"H{group.name}", height=2.0 * group.height, base=2.0 * group.base)
+        for group in small.flight
+    )
+    return replace(small, flight=(*small.flight, *high), **changes)  # type: ignore[arg-type]
+
+
+def sigma_of(found: APriori) -> dict[str, float]:
+    return {name: float(sigma) for (name, _, _), sigma in zip(found.names, found.sigma, strict=True)}
+
+
+def with_sigma_times(network: PlannedNetwork, factor: float) -> PlannedNetwork:
+    exposures, rays, control = network.exposures, network.rays, network.control
+    return replace(
+        network,
+        exposures=replace(
+            exposures,
+            position_sigma=factor * exposures.position_sigma,
+            attitude_covariance=factor**2 * exposures.attitude_covariance,
+        ),
+        rays=replace(rays, sigma=factor * rays.sigma),
+        control=replace(control, covariance=factor**2 * control.covariance),
+    )
+
+
+def test_they_are_the_cofactors_of_the_adjustment_of_the_same_block() -> None:
+    """The adjustment's own border, on the same network without noise: nine parameters and the strips."""
+    system = SystemSpecification(lever_arm=(0.4, -0.2, -1.1), strip_bias=(BIAS, BIAS, BIAS))
+    simulated = simulate_block(without_noise(specification(system=replace(system, strip_bias=(0, 0, 0)))))
+    # The prior of the biases is stated, none is drawn.
+    stated = replace(simulated, specification=replace(simulated.specification, system=system))
+    block = stated.block(WITH_BIAS)
+    block = replace(
+        block,
+        system=tuple(
+            replace(item, values=system_values(stated, item.family.name))
+            if item.family.name == LEVER_ARM
+            else item
+            for item in block.system
+        ),
+    )
+    adjusted = adjust_block(block, stated.observations(block))
+    network = simulated_network(stated.specification)
+    expected = a_priori_covariance(network, CalibrationModel(WITH_BIAS, PRIOR))
+    assert expected.names == adjusted.layout.border_names()
+    scale = expected.sigma
+    np.testing.assert_allclose(
+        expected.cofactor / np.outer(scale, scale),
+        adjusted.cofactor.reduced.corner / np.outer(scale, scale),
+        atol=1e-6,
+    )
+
+
+def system_values(simulated: object, family: str) -> np.ndarray:
+    return simulated.truth.state.system[family]  # type: ignore[attr-defined, no-any-return]
+
+
+def test_with_known_orientations_boresight_and_shift_are_means() -> None:
+    """Image points and control without error: σ_b = σ_INS/√n, and the shift a mean over strips."""
+    noise = NoiseSpecification(1e-9, (1e-5, 1e-5, 1e-5), (0.05, 0.05, 0.08), (5e-5, 6e-5, 1.4e-4))
+    survey = (SurveyLayout("grid", columns=8, rows=8),)
+    network = simulated_network(specification(noise=noise, survey=survey))
+    n = len(network.exposures)
+    free = {BORESIGHT: ALL, GNSS_SHIFT: ALL}
+    white = sigma_of(a_priori_covariance(network, CalibrationModel(free, {})))
+    for name, sigma in zip(("roll", "pitch", "yaw"), noise.ins, strict=True):
+        assert white[f"boresight_{name}"] == pytest.approx(sigma / np.sqrt(n), rel=2e-3)
+    for axis, sigma in zip("xyz", noise.gnss, strict=True):
+        assert white[f"gnss_shift_{axis}"] == pytest.approx(sigma / np.sqrt(n), rel=2e-3)
+    biased = sigma_of(a_priori_covariance(network, CalibrationModel({**free, GNSS_STRIP_BIAS: ALL}, PRIOR)))
+    count = np.bincount(network.exposures.strip)
+    for axis, sigma in zip("xyz", noise.gnss, strict=True):
+        weight = np.sum(1.0 / (BIAS**2 + sigma**2 / count))
+        assert biased[f"gnss_shift_{axis}"] == pytest.approx(1.0 / np.sqrt(weight), rel=2e-3)
+
+
+def test_all_sigmas_twice_as_large_are_all_results_twice_as_large() -> None:
+    network = simulated_network(specification())
+    model = CalibrationModel(WITH_BIAS, PRIOR)
+    doubled = replace(model, prior_sigma={GNSS_STRIP_BIAS: np.full(3, 2.0 * BIAS)})
+    one = a_priori_covariance(network, model)
+    two = a_priori_covariance(with_sigma_times(network, 2.0), doubled)
+    np.testing.assert_allclose(two.cofactor, 4.0 * one.cofactor, rtol=1e-6, atol=1e-6 * one.sigma.min() ** 2)
+
+
+def test_the_noise_that_a_seed_draws_has_no_influence() -> None:
+    quiet, loud = (simulated_network(item) for item in (without_noise(specification()), specification()))
+    model = CalibrationModel(SET_A, {})
+    np.testing.assert_array_equal(
+        a_priori_covariance(quiet, model).cofactor, a_priori_covariance(loud, model).cofactor
+    )
+
+
+def test_more_unknowns_never_make_a_parameter_better() -> None:
+    network = simulated_network(specification())
+    fewer = sigma_of(a_priori_covariance(network, CalibrationModel(SET_A, PRIOR)))
+    more = sigma_of(
+        a_priori_covariance(
+            network, CalibrationModel({**WITH_BIAS, LEVER_ARM: (0, 1), TIME_OFFSET: (0,)}, PRIOR)
+        )
+    )
+    assert all(more[name] >= sigma * (1.0 - 1e-9) for name, sigma in fewer.items())
+
+
+def test_a_prior_of_something_unobserved_comes_out_unchanged() -> None:
+    """Without control a shift is the datum: σ = σ_prior, and what a small correlation hides."""
+    network = simulated_network(specification(survey=()))
+    model = CalibrationModel(SET_A, {GNSS_SHIFT: np.full(3, 10.0)})
+    found = a_priori_covariance(network, model)
+    sigma = sigma_of(found)
+    for axis in "xyz":
+        assert sigma[f"gnss_shift_{axis}"] == pytest.approx(10.0, rel=1e-3)
+    shift = [k for k, (name, _, _) in enumerate(found.names) if name.startswith("gnss_shift")]
+    others = [k for k in range(len(found.names)) if k not in shift]
+    assert np.abs(found.correlation[np.ix_(shift, others)]).max() < 0.05
+    with pytest.raises(DatumDefectError, match="gnss_shift"):
+        a_priori_covariance(network, CalibrationModel(SET_A, {}))
+
+
+def test_errors_that_last_along_a_strip_make_the_shift_worse() -> None:
+    network = simulated_network(specification())
+    white = sigma_of(a_priori_covariance(network, CalibrationModel(SET_A, {})))
+    lasting = sigma_of(
+        a_priori_covariance(
+            network, CalibrationModel(SET_A, {}, gnss_correlation_time=60.0, ins_correlation_time=60.0)
+        )
+    )
+    assert lasting["gnss_shift_x"] > 1.2 * white["gnss_shift_x"]
+    assert lasting["boresight_yaw"] > 1.2 * white["boresight_yaw"]

@@ -1,0 +1,187 @@
+"""Proposals: they cover the same ground, do what they say, and never make anything worse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.calibration.flight_pattern import flight_pattern
+from adjust.parameters import BORESIGHT, GNSS_SHIFT, GNSS_STRIP_BIAS, INTERIOR_ORIENTATION
+from adjust.planning.a_priori import CalibrationModel, a_priori_covariance
+from adjust.planning.additions import Addition, additions
+from adjust.planning.extension import AddedStrip, extended
+from adjust.planning.network import PlannedNetwork
+from adjust.planning.simulated_network import simulated_network
+from adjust.simulate.flight_plan import LineGroup, LinePattern, base_of, sides_along_and_across, spacing_of
+from adjust.simulate.object_points import PointSpecification
+from adjust.simulate.trajectory import FlightVariation
+from tests.adjust.simulate.specifications import CAMERA, small_specification
+
+ALL = (0, 1, 2)
+MODEL = CalibrationModel(
+    {INTERIOR_ORIENTATION: ALL, BORESIGHT: ALL, GNSS_SHIFT: ALL, GNSS_STRIP_BIAS: ALL},
+    {GNSS_STRIP_BIAS: np.full(3, 0.03)},
+)
+HEIGHT, LINES, EXPOSURES = 1000.0, 3, 6
+
+
+def lines(pattern: LinePattern, height: float = HEIGHT, heading: float = 0.5 * np.pi) -> PlannedNetwork:
+    base, spacing = base_of(CAMERA, height, 0.6), spacing_of(CAMERA, height, 0.5)
+    group = LineGroup("E", "1", 0, heading, height, (EXPOSURES,) * LINES, base, spacing, pattern)
+    level = FlightVariation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    points = PointSpecification(count=300)
+    return simulated_network(small_specification(flight=(group,), variation=level, points=points))
+
+
+def sigma(network: PlannedNetwork) -> Floats:
+    """Of the nine quantities; those of the strips come after them."""
+    found = a_priori_covariance(network, MODEL)
+    return np.array(
+        [value for (name, _, _), value in zip(found.names, found.sigma, strict=True) if "strip" not in name]
+    )
+
+
+def of_kind(proposals: tuple[Addition, ...], *kinds: str) -> list[Addition]:
+    """Those made of these kinds of lines, in this order, without more control."""
+    return [
+        item for item in proposals if tuple(group.what for group in item.groups) == kinds and not item.control
+    ]
+
+
+def ground(strips: tuple[AddedStrip, ...]) -> Floats:
+    """Lower and upper corner (2, 2) of what strips flown level east or north cover."""
+    along, across = (0.5 * side / CAMERA.focal_length for side in sides_along_and_across(CAMERA))
+    corners = []
+    for strip in strips:
+        eastward = abs(np.sin(strip.heading)) > 0.5
+        reach = strip.height * np.array([along, across] if eastward else [across, along])
+        corners += [strip.plan - reach, strip.plan + reach]
+    every = np.concatenate(corners)
+    return np.stack([every.min(axis=0), every.max(axis=0)])
+
+
+def test_the_same_lines_flown_back_are_what_a_plan_with_both_directions_gives() -> None:
+    single, both = lines("single"), lines("both")
+    (back,) = of_kind(additions(single, 2.0), "back")
+    assert back.images == LINES * EXPOSURES
+    extra, planned = sigma(extended(single, back.strips)), sigma(both)
+    # Focal length and the shift in height hang on the relief alone: other tie points, other values.
+    fragile = np.array([0, 8])
+    np.testing.assert_allclose(np.delete(extra, fragile), np.delete(planned, fragile), rtol=0.05)
+    np.testing.assert_allclose(extra[fragile], planned[fragile], rtol=0.25)
+
+
+def test_lines_that_were_flown_back_already_are_not_proposed_again() -> None:
+    proposals = additions(lines("both"), 2.0)
+    assert not of_kind(proposals, "back")
+    assert of_kind(additions(lines("alternating"), 2.0), "back")
+
+
+def test_proposed_lines_cover_the_ground_of_those_that_are_there() -> None:
+    network = lines("single")
+    there = extended(network, ())
+    centre, half = there.exposures.projection_centre[:, :2], 0.5 * HEIGHT / CAMERA.focal_length
+    along, across = sides_along_and_across(CAMERA)
+    reach = half * np.array([along, across])
+    area = np.stack([centre.min(axis=0) - reach, centre.max(axis=0) + reach])
+    proposals = additions(network, 2.0)
+    whole = [item for item in of_kind(proposals, "across") if not item.groups[0].both_ways]
+    whole += [item for item in of_kind(proposals, "height") if item.groups[0].lines > 1]
+    assert len(whole) >= 3
+    for item in whole:
+        covered = ground(item.strips)
+        assert np.all(covered[0] <= area[0] + 1.0), item
+        assert np.all(covered[1] >= area[1] - 1.0), item
+        # and not a whole base or line more than that on each side
+        extra = np.array([spacing_of(CAMERA, item.groups[0].height, 0.5)] * 2)
+        assert np.all(area[0] - covered[0] <= extra)
+
+
+def test_a_second_height_keeps_the_ratio_and_the_ceiling() -> None:
+    for height, expected in ((1000.0, {3.0, 2.0}), (3500.0, {2.0}), (6000.0, {0.5})):
+        proposals = of_kind(additions(lines("single", height), 2.0), "height")
+        found = {round(item.groups[0].height / height, 1) for item in proposals}
+        assert found == expected
+    assert not of_kind(additions(extended(lines("single"), high_line()), 2.0), "height")
+
+
+def high_line() -> tuple[AddedStrip, ...]:
+    plan = np.stack([np.linspace(-800.0, 800.0, 4), np.zeros(4)], -1)
+    return (AddedStrip(plan, 0.5 * np.pi, 3.0 * HEIGHT),)
+
+
+def test_directions_and_heights_of_the_extended_network_are_recognised() -> None:
+    network = lines("single")
+    for item in additions(network, 2.0):
+        wider = extended(network, item.strips, item.control)
+        pattern = flight_pattern(wider.heading, wider.height_above_ground, wider.exposures.strip)
+        kinds = {group.what for group in item.groups}
+        turned = bool(kinds & {"back", "across"}) or any(group.both_ways for group in item.groups)
+        turned |= any(np.ptp([strip.heading for strip in group.strips]) > 3.0 for group in item.groups)
+        assert (len(pattern.directions) > 1) == turned
+        assert (pattern.height_ratio > 1.5) == ("height" in kinds)
+        assert len(wider.exposures) == len(network.exposures) + item.images
+        assert len(wider.control.point) == len(network.control.point) + item.control
+
+
+def test_proposals_come_in_the_order_of_their_images_and_once() -> None:
+    proposals = additions(lines("single"), 2.0)
+    costs = [item.cost for item in proposals]
+    assert costs == sorted(costs)
+    assert len({item.key for item in proposals}) == len(proposals)
+
+
+def test_no_addition_makes_anything_worse() -> None:
+    network = lines("alternating")
+    here = sigma(network)
+    for item in additions(network, 2.0)[:8]:
+        assert np.all(sigma(extended(network, item.strips, item.control)) <= here * (1.0 + 1e-9))
+
+
+def test_additional_rays_lie_in_their_images_as_dense_as_the_others() -> None:
+    network = lines("single")
+    thinned = np.random.default_rng(2).uniform(size=len(network.rays.image)) < 0.5
+    thinned |= np.isin(network.rays.point, network.control.point)
+    rays = replace(
+        network.rays,
+        image=network.rays.image[thinned],
+        point=network.rays.point[thinned],
+        sigma=network.rays.sigma[thinned],
+    )
+    sparse = replace(network, rays=rays)
+    (back,) = of_kind(additions(network, 2.0), "back")
+    for given in (network, sparse):
+        wider = extended(given, back.strips)
+        added = wider.rays.image >= len(given.exposures)
+        assert added.sum() == pytest.approx(len(given.rays.image), rel=0.08)
+        assert np.all(np.abs(wider.image_coordinates[added]) < CAMERA.half_format)
+        assert np.all(np.diff(wider.rays.point) >= 0)
+        assert np.all(wider.exposures.strip[wider.rays.image[added]] >= len(given.strips))
+
+
+def test_additional_control_is_spread_between_what_is_there() -> None:
+    network = lines("single")
+    wider = extended(network, (), control=9)
+    new = wider.control.point[len(network.control.point) :]
+    assert len(np.unique(wider.control.point)) == len(network.control.point) + 9
+    place = network.object_point[:, :2]
+    distance = np.linalg.norm(place[new][:, None] - place[network.control.point], axis=2).min(axis=1)
+    every = np.linalg.norm(place[:, None] - place[network.control.point], axis=2).min(axis=1)
+    assert distance.min() > np.median(every)
+    bare = extended(
+        replace(
+            network,
+            control=replace(
+                network.control,
+                point=network.control.point[:0],
+                covariance=network.control.covariance[:0],
+                present=network.control.present[:0],
+            ),
+        ),
+        (),
+        control=4,
+    )
+    assert len(bare.control.point) == 4
