@@ -49,10 +49,17 @@ class IndicatedLeverArms:
     sigma: Floats
 
 
-def indicated_lever_arms(block: Block, result: AdjustmentResult) -> IndicatedLeverArms | None:
+def indicated_lever_arms(
+    block: Block, result: AdjustmentResult, *, shift_is_small: bool = False
+) -> IndicatedLeverArms | None:
     """Lever arms of the cameras of an adjusted block if they and the GNSS shift had been free.
 
     None without GNSS positions, and where the datum is that of a free network.
+
+    Parameters
+    ----------
+    shift_is_small : whether a shift that the adjustment has left free is taken to be as small as one that it
+        holds; it may be what the wrong sign of a lever arm looks like.
     """
     positions = next((item for item in result.groups if isinstance(item.group, GnssPositions)), None)
     if positions is None or result.free_network is not None:
@@ -62,6 +69,9 @@ def indicated_lever_arms(block: Block, result: AdjustmentResult) -> IndicatedLev
     rays, *others = (_taking_part(item) for item in result.groups)
     others = [item for item in others if not _is_prior_of(item, LEVER_ARM)]
     shift = system_parameters[GNSS_SHIFT]
+    if shift_is_small:
+        held = np.ones_like(held)
+        others = [item for item in others if not _is_prior_of(item, GNSS_SHIFT)]
     sigma = np.where(held, UNSTATED_SHIFT, np.nan)
     if held.any():
         entities = np.arange(len(shift.entities), dtype=np.int64)

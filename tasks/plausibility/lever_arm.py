@@ -19,6 +19,7 @@ from adjust.block import Block
 from adjust.calibration.indicated_lever_arm import indicated_lever_arms
 from adjust.errors import AdjustmentError
 from adjust.options import AdjustmentOptions
+from adjust.parameters import GNSS_SHIFT
 from adjust.result import AdjustmentResult
 from adjust.solve.normal_equations import Observations
 
@@ -42,12 +43,35 @@ def lever_arm_suspicions(
     if not (np.abs(given) >= 0.5 * _NOTABLE_M).any():
         return ()
     found = indicated_lever_arms(block, result)
-    if found is None:
+    with_small_shift = indicated_lever_arms(block, result, shift_is_small=True)
+    if found is None or with_small_shift is None:
         return ()
-    sentences = (
-        lever_arm_suspicion(given[k], found.value[k], found.sigma[k], name) for k, name in enumerate(cameras)
-    )
-    return tuple(sentence for sentence in sentences if sentence is not None)
+    sentences = []
+    for k, name in enumerate(cameras):
+        sentence = lever_arm_suspicion(given[k], found.value[k], found.sigma[k], name)
+        other = lever_arm_suspicion(given[k], with_small_shift.value[k], with_small_shift.sigma[k], name)
+        if other is not None and _more_is_told(found.sigma[k], with_small_shift.sigma[k], given[k]):
+            sentence = f"{other} Else the GNSS has the shift that was found: {_shift(result)} m."
+        if sentence is not None:
+            sentences.append(sentence)
+    return tuple(sentences)
+
+
+def _more_is_told(sigma: Floats, with_small_shift: Floats, given: Floats) -> bool:
+    """Whether more components can be judged if the shift is small."""
+    return bool((_told(given, with_small_shift) & ~_told(given, sigma)).any())
+
+
+def _told(given: Floats, sigma: Floats) -> Bools:
+    """(3,) which components are determined well enough to tell their sign."""
+    return np.asarray(_NOTABLE_SIGMAS * sigma <= np.maximum(2.0 * np.abs(given), _NOTABLE_M))
+
+
+def _shift(result: AdjustmentResult) -> str:
+    """The largest shift of a flight, along the axes of the local frame."""
+    shifts = result.state.system[GNSS_SHIFT]
+    largest = shifts[np.argmax(np.linalg.norm(shifts, axis=1))]
+    return f"({_metres(largest)})"
 
 
 def suspicions_without_rejection(
@@ -83,7 +107,7 @@ def lever_arm_suspicion(given: Floats, found: Floats, sigma: Floats, camera: str
     ----------
     given, found, sigma : (3,) metres, body axes; the standard deviations are those of ``found``.
     """
-    told = np.asarray(_NOTABLE_SIGMAS * sigma <= np.maximum(2.0 * np.abs(given), _NOTABLE_M))
+    told = _told(given, sigma)
     notable = np.abs(found - given) > np.maximum(_NOTABLE_M, _NOTABLE_SIGMAS * sigma)
     signs = _other_signs(told & (np.abs(given) >= 0.5 * _NOTABLE_M))
     if not signs or not (told & notable).any():

@@ -5,6 +5,7 @@ The same slips in real deliveries: tests/golden/test_bad_input_on_real_data.py.
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -212,7 +213,7 @@ SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"b
 @pytest.mark.parametrize(
     ("signs", "free", "rejection", "words"),
     [
-        ((-1, -1, -1), SHIFT_FREE, '"none"', "along forward and right"),
+        ((-1, -1, -1), SHIFT_FREE, '"none"', "in all three components"),
         ((-1, -1, -1), ALL_HELD, '"none"', "in all three components"),
         ((-1, -1, -1), ALL_HELD, "{ critical_value = 4.13 }", "in all three components"),
         ((-1, -1, -1), ARM_FREE, '"none"', "in all three components"),
@@ -235,10 +236,24 @@ def test_a_right_lever_arm_is_not_doubted(with_lever_arm: Path, tmp_path: Path, 
     assert adjusted(with_lever_arm, tmp_path, (1, 1, 1), free) == ""
 
 
-def test_the_height_of_a_lever_arm_cannot_be_told_from_a_free_shift(
+def test_a_wrong_sign_in_height_is_named_with_the_shift_it_may_be_instead(
     with_lever_arm: Path, tmp_path: Path
 ) -> None:
-    assert adjusted(with_lever_arm, tmp_path, (1, 1, -1), SHIFT_FREE) == ""
+    """A free shift takes the whole of −2 l in height: either the sign is wrong or GNSS is 2.7 m off."""
+    said = adjusted(with_lever_arm, tmp_path, (1, 1, -1), SHIFT_FREE)
+    assert "had the wrong sign along down: (" in said
+    found = re.search(r"Else the GNSS has the shift that was found: \((.*), (.*), (.*)\) m\.", said)
+    assert found is not None
+    # 2 · 1.20 m and the true shift of 0.286 m.
+    assert float(found[3]) == pytest.approx(2.69, abs=0.1)
+
+
+def test_a_real_shift_is_not_taken_for_a_sign(tmp_path: Path) -> None:
+    """1.5 m in height, either way, with a right lever arm of 1.2 m in height."""
+    for shift in (1.5, -1.5):
+        changes = (f"truth.lever_arm_m={list(LEVER_ARM)}", f"truth.gnss_shift_m=[0.0, 0.0, {shift}]")
+        project = simulated(tmp_path / f"{shift}", "uce-high", *changes)
+        assert adjusted(project, tmp_path / f"{shift}" / "out", (1, 1, 1), SHIFT_FREE) == ""
 
 
 @pytest.mark.parametrize("preset", PRESETS)
