@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flows.aerial_triangulation import adjusted_block, report_of
-from flows.block_preparation import PreparedBlock, prepare_block
+from flows.block_preparation import PreparedBlock, import_exposures, prepare_block
 from flows.direct_georeferencing_check import checked_block, page_of_check
 from flows.stage import stage
 from tasks import publish as publishing
@@ -16,6 +16,7 @@ from tasks.calibration.release import Held, Release, held_after, releases, undet
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
 from tasks.report.provenance import SOFTWARE
+from tasks.settings.inputs import ExposuresInput
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON
@@ -123,17 +124,16 @@ def _judged(
 
 
 def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
-    """Adjust on control alone with the calibrated camera, and average the differences to GNSS and INS."""
-    if not one.project.calibration.two_step:
+    """Average the differences of adjusted orientations to GNSS and INS."""
+    calibration = one.project.calibration
+    if not calibration.two_step:
         return SecondStep()
-    cameras = apply_to_cameras(
-        store,
-        cameras=block.exposures["cameras"],
-        parameters=one.adjusted["parameters"],
-        correlations=one.adjusted["correlations"],
-    )
     try:
-        adjusted = adjusted_block(control_alone(one.project), store, block.with_cameras(cameras["cameras"]))
+        adjusted = (
+            _adjusted_on_control(one, store, block)
+            if calibration.adjusted is None
+            else _delivered(one.project, calibration.adjusted, store)
+        )
     except NotComputableError as error:
         return SecondStep(
             remarks=(
@@ -144,11 +144,30 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
     means = calibrate_in_two_steps(
         store,
         exposures=block.exposures["exposures"],
-        adjusted=adjusted["exterior_orientations"],
+        adjusted=adjusted,
         cameras=block.exposures["cameras"],
         project=one.project.project,
+        mounting=calibration.mounting,
     )
     return SecondStep((means,))
+
+
+def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Artifact:
+    """Orientations of an adjustment on control alone with the calibrated camera."""
+    cameras = apply_to_cameras(
+        store,
+        cameras=block.exposures["cameras"],
+        parameters=one.adjusted["parameters"],
+        correlations=one.adjusted["correlations"],
+    )
+    again = block.with_cameras(cameras["cameras"])
+    return adjusted_block(control_alone(one.project), store, again)["exterior_orientations"]
+
+
+def _delivered(project: Project, adjusted: ExposuresInput, store: Store) -> Artifact:
+    """Orientations of another program's adjustment."""
+    read = import_exposures(store, sources=(adjusted,), cameras=project.cameras, project=project.project)
+    return read["exposures"]
 
 
 def described_calibration(one: OneStep, two: SecondStep, store: Store, block: PreparedBlock) -> Outputs:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from adjust.calibration.outlying_strips import MountingRule
@@ -21,6 +22,7 @@ from tasks.block.two_step_tables import (
     mean_columns,
 )
 from tasks.ingest import project_frame
+from tasks.settings.calibration import MountingSettings
 from tasks.settings.project import ProjectSettings
 from tasks.storage.artifact import Artifact
 from tasks.storage.notes import Notes, write_notes
@@ -37,6 +39,7 @@ def calibrate_in_two_steps(
     adjusted: Artifact,
     cameras: Artifact,
     project: ProjectSettings,
+    mounting: MountingSettings,
 ) -> None:
     """Write ``orientation_differences.parquet``, ``orientation_difference_means.parquet`` and notes.
 
@@ -44,6 +47,7 @@ def calibrate_in_two_steps(
     ----------
     exposures : observed orientations (GNSS/INS).
     adjusted : ``exterior_orientations`` or an external result imported as ``exposures``.
+    mounting : when strips belong to another mounting.
 
     Raises
     ------
@@ -53,7 +57,9 @@ def calibrate_in_two_steps(
     paired = paired_orientations(
         read_table(exposures), read_table(adjusted), read_table(cameras), project_frame(project)
     )
-    rule = MountingRule()
+    rule = MountingRule(
+        mounting.error_probability, mounting.offset_m, float(np.deg2rad(mounting.misalignment_deg))
+    )
     results = [two_step_calibration(item.differences, rule) for item in paired.cameras]
     both = list(zip(paired.cameras, results, strict=True))
     differences = pd.concat([difference_columns(*pair) for pair in both])

@@ -9,6 +9,7 @@ from pydantic import Field
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings
 from tasks.settings.coordinates import Positive
+from tasks.settings.inputs import ExposuresInput
 
 
 class AcceptanceLimits(Settings):
@@ -47,6 +48,26 @@ class AcceptanceLimits(Settings):
     )
 
 
+class MountingSettings(Settings):
+    """When strips count as flown with another mounting; they are reported and left out of the means."""
+
+    error_probability: Annotated[float, Field(gt=0.0, lt=0.5)] = Field(
+        default=0.01,
+        description="Probability of calling any strip outlying when all belong together; those of several "
+        "components are shared out.",
+    )
+    offset_m: Positive = Field(
+        default=0.10,
+        description="Strips with offsets nearer than this have one mounting, m. GNSS errors of a strip are a "
+        "few centimetres.",
+    )
+    misalignment_deg: Positive = Field(
+        default=0.03,
+        description="The same for roll, pitch, yaw, degrees. INS errors of a strip are some thousandths of a "
+        "degree, of the heading a hundredth.",
+    )
+
+
 class CalibrationSettings(Settings):
     """The system calibration."""
 
@@ -62,6 +83,14 @@ class CalibrationSettings(Settings):
         default=True,
         description="Whether the block is also adjusted on control alone and the differences to GNSS and INS "
         "are averaged (two-step calibration), beside the one-step calibration in the adjustment.",
+    )
+    adjusted: ExposuresInput | None = Field(
+        default=None,
+        description="Orientations of another program's adjustment for the second step, in the place of an "
+        "adjustment on control alone; written like `[inputs.exposures]`.",
+    )
+    mounting: MountingSettings = Field(
+        default_factory=MountingSettings, description="When strips belong to another mounting."
     )
 
     limits: AcceptanceLimits = Field(

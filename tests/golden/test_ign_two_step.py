@@ -54,6 +54,7 @@ def calibration(test_data: Path, folder: Path, *overrides: str):
         adjusted=adjusted["exposures"],
         cameras=observed["cameras"],
         project=project.project,
+        mounting=project.calibration.mounting,
     )
 
 

@@ -42,6 +42,7 @@ def calibrate(delivery, adjusted: Artifact):
         adjusted=adjusted,
         cameras=read["cameras"],
         project=delivery.project().project,
+        mounting=delivery.project().calibration.mounting,
     )
 
 
