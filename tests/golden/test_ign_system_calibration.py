@@ -26,7 +26,8 @@ def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Run
     """With IGN's own adjustment of 2,739 images for the second step."""
     out = tmp_path_factory.mktemp("calibration")
     delivered = (
-        f'{{file="{test_data}/ign_ultracam_eagle_m3/21FD2447_alt_s07.OPK", format="ign-opk", crs="EPSG:2154", '
+        f'{{file="{test_data}/ign_ultracam_eagle_m3/21FD2447_alt_s07.OPK", format="ign-opk", '
+        'crs="EPSG:2154", '
         f'heights={{geoid="{test_data}/ign_borea_uce_m3/fr_ign_RAF20.tif", '
         "linear_alteration={ground_m=205.0}}, "
         'position="projection_centre", angles={order="omega-phi-kappa", unit="deg", reference="grid"}}'
