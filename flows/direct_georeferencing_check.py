@@ -6,13 +6,16 @@ from flows.aerial_triangulation import adjusted_block, report_of
 from flows.block_preparation import prepare_block
 from flows.stage import stage
 from tasks import check_georeferencing as checking
+from tasks import choose_calibrations as choosing
 from tasks import publish as publishing
+from tasks.georeferencing.registered_calibration import RegisteredCalibration
 from tasks.georeferencing.report import page
 from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
 from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
 
+choose_calibrations = stage(choosing.choose_calibrations)
 check_georeferencing = stage(checking.check_georeferencing)
 write_georeferencing_page = stage(page.write_georeferencing_page)
 publish = stage(publishing.publish)
@@ -50,6 +53,19 @@ def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -
         correlations=outputs.get("correlations"),
         control_residuals=outputs.get("control_residuals"),
         residual_grid=outputs.get("residual_grid"),
+        registered=registered_calibrations(project, outputs),
+    )
+
+
+def registered_calibrations(project: Project, outputs: Outputs) -> tuple[RegisteredCalibration, ...]:
+    """The calibrations of the registry for the cameras of a project, if it wants them."""
+    if not project.direct_georeferencing.calibration.registry:
+        return ()
+    return choose_calibrations(
+        exposures=outputs["exposures"],
+        cameras=project.cameras,
+        control=project.inputs.control,
+        project=project.project,
     )
 
 

@@ -27,6 +27,7 @@ from tasks.georeferencing.calibration import (
 from tasks.georeferencing.comparison import Comparison, compared, write_comparison
 from tasks.georeferencing.difference_statistics import difference_figures, parallax_figures
 from tasks.georeferencing.directly_oriented import CheckRules, Delivery, directly_oriented
+from tasks.georeferencing.registered_calibration import RegisteredCalibration, calibration_of_registered
 from tasks.georeferencing.remarks import (
     calibration_remarks,
     coverage_remarks,
@@ -61,6 +62,7 @@ def check_georeferencing(
     correlations: Artifact | None = None,
     control_residuals: Artifact | None = None,
     residual_grid: Artifact | None = None,
+    registered: tuple[RegisteredCalibration, ...] = (),
 ) -> None:
     """Check direct georeferencing: differences at surveyed points, y-parallaxes, and their predictions.
 
@@ -70,6 +72,7 @@ def check_georeferencing(
     ----------
     parameters, correlations, control_residuals, residual_grid : of this project's own adjustment, where
         that is the calibration.
+    registered : calibrations of the registry, where they are the calibration.
 
     Raises
     ------
@@ -79,7 +82,9 @@ def check_georeferencing(
     announce_compilation()
     map_frame, surveyed = MapFrame.of(project.crs, project.heights), read_table(control_points)
     calibration = NO_CALIBRATION
-    if direct.calibration.is_of_results:
+    if registered:
+        calibration = calibration_of_registered(registered, surveyed, map_frame.name)
+    elif direct.calibration.is_of_results:
         calibration = calibration_of_results(direct.calibration)
     elif parameters is not None and correlations is not None and control_residuals is not None:
         own = _OwnAdjustment(parameters, correlations, control_residuals)
@@ -93,6 +98,7 @@ def check_georeferencing(
     figures = _figures(comparison, direct)
     figures["calibration"] = applied_parameters(oriented, calibration)
     remarks = _remarks(comparison, calibration, figures)
+    remarks += tuple(one.sentence for one in registered)
     write_notes(folder, Notes(remarks, {"direct_georeferencing": figures}))
 
 

@@ -20,7 +20,8 @@ def check(
     all stereo models show how well neighbouring images fit. Both stand beside what the stated σ let expect.
 
     The table direct_georeferencing of the project says which calibration: that of the cameras, of another
-    project, or of this project's own adjustment. Results: georeferencing_check.html and four tables.
+    project, of this project's own adjustment, or the approved one of the registry (aerocal registry) for the
+    camera and date. Results: georeferencing_check.html and four tables.
 
     [bold]Examples[/bold]
 

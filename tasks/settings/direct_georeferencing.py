@@ -7,20 +7,26 @@ from pydantic import Field, model_validator
 from tasks.settings.base import InputPath, Settings, trouble
 from tasks.settings.coordinates import NotNegativeTriple, Positive, PositivePair
 
-CAMERAS, ADJUSTMENT = "cameras", "adjustment"
+CAMERAS, ADJUSTMENT, REGISTRY = "cameras", "adjustment", "registry"
+_WRITE = 'Write one text: "cameras", "adjustment", "registry", or a folder of results.'
 _TABLES = ("parameters", "correlations", "control_residuals", "control_points")
 
 
 class CalibrationInput(Settings):
     """The calibration that is checked.
 
-    Written as one text: `"cameras"`, `"adjustment"`, or a folder of results.
+    Written as one text: `"cameras"`, `"adjustment"`, `"registry"`, or a folder of results.
     """
 
     adjustment: bool = Field(
         default=False,
         description='`calibration = "adjustment"`: what this project\'s own adjustment estimates; its '
         "control points are then control of the calibration.",
+    )
+    registry: bool = Field(
+        default=False,
+        description='`calibration = "registry"`: for each camera the approved calibration of the registry '
+        "that holds on `project.flown`.",
     )
     parameters: InputPath | None = Field(
         default=None,
@@ -37,23 +43,19 @@ class CalibrationInput(Settings):
     @classmethod
     def _from_text(cls, value: object) -> object:
         if isinstance(value, str) and value.strip():
-            if value in (CAMERAS, ADJUSTMENT):
-                return {"adjustment": value == ADJUSTMENT}
+            if value in (CAMERAS, ADJUSTMENT, REGISTRY):
+                return {name: value == name for name in (ADJUSTMENT, REGISTRY)}
             return {name: f"{value}/{name}.parquet" for name in _TABLES}
         if isinstance(value, dict | CalibrationInput):
             return value
-        raise trouble(
-            "The calibration is not understood.", 'Write "cameras", "adjustment", or a folder of results.'
-        )
+        raise trouble("The calibration is not understood.", _WRITE)
 
     @model_validator(mode="after")
     def _complete(self) -> CalibrationInput:
         given = [name for name in _TABLES if getattr(self, name) is not None]
-        if given and (self.adjustment or len(given) < len(_TABLES)):
-            raise trouble(
-                "The calibration is named by some of its files only, or twice.",
-                'Write one text: "cameras", "adjustment", or a folder of results.',
-            )
+        ways = int(self.adjustment) + int(self.registry) + bool(given)
+        if ways > 1 or (given and len(given) < len(_TABLES)):
+            raise trouble("The calibration is named by some of its files only, or twice.", _WRITE)
         return self
 
     @property
@@ -68,8 +70,8 @@ class DirectGeoreferencingSettings(Settings):
     calibration: CalibrationInput = Field(
         default=CalibrationInput(),
         description='The calibration that is checked: `"cameras"` (the values of this file\'s cameras, taken '
-        'to be free of error), `"adjustment"` (what this project\'s own adjustment estimates), or the folder '
-        "with the results of another project.",
+        'to be free of error), `"adjustment"` (what this project\'s own adjustment estimates), `"registry"` '
+        "(those approved for `project.flown`), or the folder with the results of another project.",
     )
     shift_of_flight: str | None = Field(
         default=None,

@@ -11,6 +11,7 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -99,6 +100,8 @@ def _content(name: str, value: object) -> JSON:
     """What of an argument belongs into the key, with a tag so that no two kinds can be confused."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
+    if isinstance(value, date):
+        return {"date": value.isoformat()}
     if isinstance(value, Artifact):
         return {"artifact": value.sha256}
     if isinstance(value, tuple | list):

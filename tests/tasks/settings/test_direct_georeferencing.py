@@ -1,4 +1,4 @@
-"""The calibration of a check in the project file: one text, three meanings."""
+"""The calibration of a check in the project file: one text, four meanings."""
 
 from __future__ import annotations
 
@@ -25,11 +25,15 @@ def test_by_default_the_cameras_are_the_calibration(tmp_path: Path, write_projec
     assert not found.is_of_results
 
 
-def test_the_own_adjustment_and_a_folder_of_results_are_told_apart(
+def test_the_own_adjustment_the_registry_and_a_folder_of_results_are_told_apart(
     tmp_path: Path, write_project: Write
 ) -> None:
     text = '[direct_georeferencing]\ncalibration = "adjustment"\n'
-    assert project(tmp_path, write_project, text).direct_georeferencing.calibration.adjustment
+    own = project(tmp_path, write_project, text).direct_georeferencing.calibration
+    assert (own.adjustment, own.registry) == (True, False)
+    text = '[direct_georeferencing]\ncalibration = "registry"\n'
+    registered = project(tmp_path, write_project, text).direct_georeferencing.calibration
+    assert (registered.adjustment, registered.registry, registered.is_of_results) == (False, True, False)
     folder = tmp_path / "flight"
     folder.mkdir()
     for name in TABLES:
@@ -49,6 +53,7 @@ def test_the_own_adjustment_and_a_folder_of_results_are_told_apart(
         ('calibration = "nowhere"', "nowhere/parameters.parquet"),
         ("calibration = 3", "The calibration is not understood"),
         ('calibration = { parameters = "project.toml" }', "by some of its files only"),
+        ("calibration = { adjustment = true, registry = true }", "or twice"),
         ("calibraton = 3", "Did you mean 'calibration'"),
         ("accuracy_class_m = 0", "accuracy_class_m"),
         ("strip_bias_deg = -1", "strip_bias_deg"),

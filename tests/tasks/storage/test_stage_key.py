@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,8 @@ def test_the_same_arguments_in_another_order_have_the_same_key() -> None:
         ({"a": 1}, {"a": 2}),
         (0.1, 0.1 + 2e-17 * 10),
         ("x" * 64, Artifact("a", Path("a"), "x" * 64, None)),
+        (date(2024, 5, 2), "2024-05-02"),
+        (date(2024, 5, 2), date(2024, 5, 3)),
     ],
 )
 def test_different_contents_have_different_keys(one: object, other: object) -> None:
