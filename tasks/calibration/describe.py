@@ -34,6 +34,8 @@ from tasks.storage.store import stored
 from tasks.tables.covariance import Key, covariance_of
 from tasks.tables.parquet import read_table
 
+#: What a reason of the verdict follows among the problems of a run.
+REFUSED = "The calibration is refused: "
 #: Beginning of the names of the files; one camera alone has no more than this.
 CALIBRATION = "calibration"
 
@@ -105,7 +107,7 @@ def describe_calibration(
             software=dict(software),
         )
         (folder / f"{file_stem(camera, alone=len(used) == 1)}.json").write_text(record.text, encoding="utf-8")
-    problems = [f"The calibration is refused: {reason}" for reason in of_flight.reasons]
+    problems = [f"{REFUSED}{reason}" for reason in of_flight.reasons]
     write_notes(
         folder,
         Notes(

@@ -182,6 +182,11 @@ class CertificateContent:
     sections: tuple[Section, ...]
 
     @property
+    def title(self) -> str:
+        """What the document is: nobody may take a refused calibration for a certificate."""
+        return "Calibration certificate" if self.verdict == "accepted" else "Refused calibration"
+
+    @property
     def short_code(self) -> str:
         """The first letters of the code, in groups."""
         return short_code(self.code)

@@ -19,6 +19,15 @@ from tasks.certificate.content import (
 from tasks.certificate.material import CertificateMaterial
 from tasks.report.table import Row, Table, text_column
 
+_VERIFY = (
+    "The code is the SHA-256 of the record of this calibration. To verify it, fetch the record from the "
+    "registry by its code: aerocal registry export {} writes the text whose SHA-256 is the code (aerocal "
+    "registry verify examines the whole registry). Or take the record from certificate.json, under the key "
+    "“record”: the code is the SHA-256 of its JSON text in UTF-8, keys sorted, one space after every comma "
+    "and colon. With one number changed the code is another. Then compare the numbers on paper with those "
+    "of the record."
+)
+
 
 def verification_section(material: CertificateMaterial) -> Section:
     """How the certificate is verified, and who answers for it."""
@@ -29,13 +38,7 @@ def verification_section(material: CertificateMaterial) -> Section:
     )
     blocks: list[Block] = [
         Facts("verification", "", code),
-        Words(
-            "The code is the SHA-256 of the record of this calibration (calibration.json). To verify the "
-            "certificate, compare the code with that of the registry (aerocal registry verify), or compute "
-            "it from the record, which certificate.json holds whole under the key “record”: it is the "
-            "SHA-256 of its JSON text in UTF-8, keys sorted, one space after every comma and colon. With one "
-            "number changed the code is another. Then compare the numbers on paper with those of the record."
-        ),
+        Words(_VERIFY.format(short_code(record.digest))),
         Signatures(("Place, date", "Responsible for the calibration", "Approved")),
     ]
     return Section("verification", "Verification", tuple(blocks))

@@ -15,7 +15,7 @@ from adjust.geometry import rotation
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.additional_parameters import additional_blocks
-from tasks.certificate.content import Block, Listing, Section, Sentences, Words
+from tasks.certificate.content import Block, Listing, Section, Words
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result, quantity_of
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
@@ -31,6 +31,11 @@ _SHIFT_NOTE = (
 _MISALIGNMENT_NOTE = (
     "R(camera) = R(INS) · Rz(yaw) Ry(pitch) Rx(roll) · T, a product of matrices; T = diag(1, −1, −1) · "
     "Rz({mount}°), body axes forward, right, down. Positive: right wing down, nose up, clockwise."
+)
+
+_WHY = (
+    "Why a parameter is weakly determined or not determinable, and what to fly, stands under limits and "
+    "verdict."
 )
 
 
@@ -69,9 +74,8 @@ def parameter_section(material: CertificateMaterial) -> Section:
             blocks.append(Listing(conventions_table(material, own), ("convention",)))
     blocks += additional_blocks(material)
     blocks += _others(material)
-    because = reasons(material.parameters)
-    if because:
-        blocks.append(Sentences("Why, and what would determine it", because))
+    if any(_needs_words(item) for item in material.parameters):
+        blocks.append(Words(_WHY, "note"))
     return Section("parameters", "Calibrated parameters", tuple(blocks))
 
 
@@ -219,10 +223,5 @@ def _strip_words(material: CertificateMaterial) -> str:
     )
 
 
-def reasons(parameters: Sequence[CalibratedParameter]) -> tuple[str, ...]:
-    """What the record says about parameters that are weak, held or not determinable, once each."""
-    found: dict[str, list[str]] = {}
-    for item in quantities.in_order(tuple(parameters)):
-        if item.because and item.verdict != "determined" and item.status != "eliminated":
-            found.setdefault(item.because, []).append(quantities.short_name(item))
-    return tuple(f"{', '.join(names)}: {because}" for because, names in found.items())
+def _needs_words(item: CalibratedParameter) -> bool:
+    return bool(item.because) and item.verdict != "determined" and item.status != "eliminated"

@@ -38,6 +38,7 @@ def document_of(content: CertificateContent) -> Mapping[str, JSON]:
     return {
         "format": FORMAT,
         "version": VERSION,
+        "title": content.title,
         "camera": content.camera,
         "project": content.project,
         "verdict": content.verdict,

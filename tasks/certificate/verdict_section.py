@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from tasks.calibration.describe import REFUSED
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Sentences, Words
@@ -47,7 +48,10 @@ def brief_section(material: CertificateMaterial) -> Section:
         count = Number(sum(has_result(item) for item in additional))
         offered = Number(len(additional))
         facts.append(Fact("additional", "additional parameters kept", (count, offered), "offered", " of "))
-    return Section("brief", "Result in brief", (Facts("result", "", tuple(facts)),))
+    heading = "Result in brief"
+    if material.record.verdict == "refused":
+        heading += ", refused and not to be used"
+    return Section("brief", heading, (Facts("result", "", tuple(facts)),))
 
 
 def _of_group(material: CertificateMaterial, group: Mapping[str, Quantity]) -> list[Fact]:
@@ -103,7 +107,8 @@ def verdict_section(material: CertificateMaterial) -> Section:
         blocks.append(Words("The project sets no limits of its own.", "note"))
     if record.remarks:
         blocks.append(Sentences("Remarks", record.remarks))
-    problems = tuple(p for p in material.results.summary.problems if p not in record.remarks)
+    said = {*record.remarks, *(f"{REFUSED}{reason}" for reason in record.reasons)}
+    problems = tuple(p for p in material.results.summary.problems if p not in said)
     if problems:
         blocks.append(Sentences("Remarks of the adjustment", problems))
     return Section("verdict", "Limits and verdict", tuple(blocks))

@@ -11,6 +11,7 @@ from tasks.calibration.record import CalibratedParameter
 from tasks.certificate.content import CorrelationMatrix, Figure, Section, Sentences
 from tasks.certificate.correlation_section import strongest_table
 from tasks.certificate.flight_map import BESIDE, strip_beside_its_line
+from tasks.certificate.page import page_of
 from tasks.certificate.parameter_section import conventions_table
 from tasks.certificate.twin import document_of
 from tasks.report.map_plot import MapPlot
@@ -241,6 +242,9 @@ def test_a_refused_calibration_is_for_no_use(calibration: Calibration) -> None:
     reasons = ("σ of c is 9.7 µm, allowed 2 µm: fly a second height",)
     content = calibration.content(changed(calibration.record, verdict="refused", reasons=reasons))
     assert content.sentence == f"Refused: {reasons[0]}"
+    assert content.title == "Refused calibration"
+    assert "certificate –" not in page_of(content)
+    assert calibration.content().title == "Calibration certificate"
     use = section(calibration, "use", verdict="refused", reasons=reasons)
     assert sentences(use, "The values hold for") == ""
     assert sentences(use, "This certificate must not be used").startswith("For production at all")
