@@ -119,7 +119,9 @@ class Database:
                 ) from error
 
     def _connected_for_writing(self) -> Connection:
-        return self.engine.connect().execution_options(**{_WRITING: True})
+        # Whoever has waited for the row lock must then see what the other one has written.
+        options = {} if self.address.is_file else {"isolation_level": "READ COMMITTED"}
+        return self.engine.connect().execution_options(**{_WRITING: True}, **options)
 
     def _make_tables(self, connection: Connection) -> None:
         if not self.address.is_file:

@@ -61,6 +61,12 @@ def in_words(address: RegistryAddress) -> Iterator[None]:
         raise
     except DBAPIError as error:
         raise _explained(error, address) from None
+    except OSError as error:
+        if address.is_file:
+            raise
+        # Certificates and broken connections; the driver lets them pass as they are.
+        reason = error.strerror or type(error).__name__
+        raise InstallationError(f"The database {address} cannot be reached ({reason}).", _REACH) from None
 
 
 def _explained(error: DBAPIError, address: RegistryAddress) -> AerocalError:

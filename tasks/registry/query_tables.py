@@ -26,9 +26,17 @@ def write_rows(connection: Connection, number: int, record: CalibrationRecord) -
 
 def row_findings(connection: Connection, contents: Contents) -> tuple[Finding, ...]:
     """Where the rows are not those of the records."""
-    return tuple(
-        finding for item in contents.calibrations for finding in record_row_findings(connection, item)
-    )
+    of_records = (f for item in contents.calibrations for f in record_row_findings(connection, item))
+    known = {event.calibration for event in contents.events}
+    return (*of_records, *_stray_findings(connection, known))
+
+
+def _stray_findings(connection: Connection, known: set[int]) -> Iterator[Finding]:
+    """Rows of calibrations that do not exist."""
+    for table in (PARAMETERS, COVARIANCES):
+        for number in connection.execute(select(table.c.calibration).distinct()).scalars():
+            if number not in known:
+                yield Finding(f"Table {table.name} has rows of a calibration {number} that does not exist.")
 
 
 def record_row_findings(connection: Connection, item: StoredCalibration) -> Iterator[Finding]:

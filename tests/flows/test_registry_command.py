@@ -247,6 +247,8 @@ def test_the_same_on_a_server(postgresql: PostgresqlServer, tmp_path: Path) -> N
     assert "refuses this user or password" in error(wrong, code=1)
     missing = Console(postgresql.url("nowhere"))("list")
     assert "There is no database" in error(missing, code=1)
-    for done in (wrong, missing):
+    plain = Console(f"{url}?sslmode=require")("list")
+    assert "cannot be reached" in error(plain, code=1)
+    for done in (wrong, missing, plain):
         assert PASSWORD not in done.stdout + done.stderr
         assert "wrong-one" not in done.stdout + done.stderr

@@ -188,6 +188,17 @@ CASES: dict[str, tuple[tuple[Edit, ...], str, str]] = {
         "Calibration 2 .*: table calibration_covariances differs",
         "2",
     ),
+    "rows of no calibration": (
+        (
+            lambda c: c.execute(
+                insert(PARAMETERS).values(
+                    calibration=9, parameter="x", entity="y", unit="m", value=1.0, verdict="weak"
+                )
+            ),
+        ),
+        "calibration_parameters has rows of a calibration 9",
+        "",
+    ),
     "parameter removed": (
         (lambda c: c.execute(delete(PARAMETERS).where(PARAMETERS.c.parameter == "bluh:9")),),
         "table calibration_parameters differs from the record in 1 row",
