@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT
 from adjust.calibration.orientation_differences import COMPONENTS, misalignment_angles
 from adjust.calibration.two_step import GroupMean, TwoStep
 from tasks.block.orientation_pairs import CameraDifferences
@@ -165,11 +166,12 @@ def _names(item: CameraDifferences, result: TwoStep, chosen: Any) -> tuple[str, 
 def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: float) -> tuple[str, ...]:
     """What contradicts one boresight and one offset for all, in words."""
     found = result.main.mean
-    slip = lever_arm_suspicion(
-        item.given_lever_arm, found.robust[3:6], np.nan_to_num(found.robust_sigma[3:6]), item.camera
-    )
-    # A shift fixed in the map says nothing about the lever arm.
-    remarks = [slip] if slip is not None and result.axes.axes != "map" else []
+    sigma = np.nan_to_num(found.robust_sigma[3:6])
+    # In height a shift looks like a lever arm in every strip.
+    sigma[2] = np.hypot(sigma[2], UNSTATED_SHIFT)
+    slip = lever_arm_suspicion(item.given_lever_arm, found.robust[3:6], sigma, item.camera)
+    # Only an offset that is fixed in the aircraft says something about the lever arm.
+    remarks = [slip] if slip is not None and result.axes.axes == "body" else []
     for group in result.groups:
         if group.scope == "mounting" and group.number > 0:
             names = ", ".join(_names(item, result, result.outlying.mounting == group.number))

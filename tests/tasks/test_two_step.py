@@ -78,6 +78,17 @@ def test_an_image_with_a_large_standard_deviation_hardly_counts(delivery, tmp_pa
     assert abs(east.value) < 1e-4
 
 
+def test_a_shift_in_height_is_not_taken_for_the_wrong_sign_of_a_lever_arm(delivery, tmp_path: Path) -> None:
+    """A metre up in every strip: with these two nothing tells a shift from a lever arm."""
+    delivery.change("project", "mount_deg = 0\n", "mount_deg = 0\nlever_arm_m = [0.0, 0.0, 1.0]\n")
+    height = delivery.table(delivery.exposures(), "exposures")["z_m"] - 1.0
+    outputs = calibrate(delivery, orientations(delivery, tmp_path, shift_m=0.0, z_m=height))
+    assert read_table(outputs["orientation_differences"])["down_m"].to_numpy() == pytest.approx(
+        -1.0, abs=0.01
+    )
+    assert not any("wrong sign" in text for text in read_notes(outputs["notes"]).problems)
+
+
 def test_no_common_image_is_refused(delivery, tmp_path: Path) -> None:
     names = np.array(["X1", "X2", "X3"], dtype=object)
     with pytest.raises(InputError, match="No image has both") as caught:
