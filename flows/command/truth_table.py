@@ -145,4 +145,6 @@ def _verdict(console: Console, comparison: TruthComparison, outcome: RunOutcome)
     checked = outcome.summary.direct_georeferencing is not None
     for page in ("report.html", *([CHECK_PAGE] if checked else [])):
         console.print(Text(f"Report: {outcome.directory / page}"), soft_wrap=True)
+    for certificate in sorted(outcome.directory.glob("certificate*.pdf")):
+        console.print(Text(f"Certificate: {certificate}"), soft_wrap=True)
     return GATE_FAILED if contradictions else DONE
