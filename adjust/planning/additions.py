@@ -24,7 +24,9 @@ from adjust.simulate.flight_plan import LinePattern, base_of, spacing_of
 _OVERLAP = 0.6
 _LEAST_LAP, _MOST_LAP = 0.2, 0.9
 # Ratios of heights that are proposed, as far as they are allowed; no aircraft is sent above the ceiling.
-_HEIGHT_RATIOS = (3.0, 2.0)
+_HEIGHT_RATIOS = (3.0, 2.1)
+# Over the least ratio: nobody flies to the metre.
+_MARGIN = 1.05
 _CEILING_M = 8000.0
 _LEAST_CONTROL = 9
 # Fewer have no tie points in three images.
@@ -42,6 +44,7 @@ class ProposedLines:
     height : above ground, metres.
     lines : number of lines, each flown once or both ways.
     both_ways : whether every line is flown forward and reverse.
+    times : how often all that is flown.
     strips : all strips of them.
     """
 
@@ -51,6 +54,7 @@ class ProposedLines:
     lines: int
     both_ways: bool
     strips: tuple[AddedStrip, ...]
+    times: int = 1
 
     @property
     def images(self) -> int:
@@ -108,7 +112,9 @@ def additions(network: PlannedNetwork, height_ratio: float) -> tuple[Addition, .
     control = max(len(network.control.point), _LEAST_CONTROL)
     single = [Addition((_again(lines),)), *(Addition(groups) for groups in turning)]
     single += [Addition((group,)) for group in rising]
-    pairs = [Addition((*groups, group)) for groups, group in product(turning, rising)]
+    several = [_repeated(group, times) for group in rising if group.both_ways for times in (2, 3)]
+    single += [Addition((group,)) for group in several]
+    pairs = [Addition((*groups, group)) for groups, group in product(turning, rising + several)]
     if not rising:  # back and across together are the next step once there are two heights
         back = list(_back(levels))
         pairs = [Addition((*one, *other)) for one, other in product(back[-1:], _across(network, levels))]
@@ -121,6 +127,11 @@ def _again(lines: tuple[FlownLine, ...]) -> ProposedLines:
     """All lines once more."""
     strips = tuple(AddedStrip(line.plan, line.heading, line.height) for line in lines)
     return ProposedLines("again", lines[0].heading, lines[0].height, len(lines), False, strips)
+
+
+def _repeated(group: ProposedLines, times: int) -> ProposedLines:
+    """The same lines flown several times: an error of a strip falls only with the number of strips."""
+    return replace(group, strips=group.strips * times, times=times)
 
 
 def _levels(lines: tuple[FlownLine, ...]) -> list[tuple[FlownLine, ...]]:
@@ -172,7 +183,7 @@ def _second_height(
 ) -> Iterator[ProposedLines]:
     """Lines at a second height: one line there and back, then the whole area once, then both ways."""
     main, here = _main_heading(lines), float(np.median([line.height for line in lines]))
-    ratios = [ratio for ratio in _HEIGHT_RATIOS if ratio >= least] or [least]
+    ratios = [ratio for ratio in _HEIGHT_RATIOS if ratio >= _MARGIN * least] or [_MARGIN * least]
     above = [ratio * here for ratio in ratios if ratio * here <= _CEILING_M]
     for height in above:
         yield _cover(network, lines, "height", main, height, "both", most=1)

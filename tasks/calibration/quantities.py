@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tasks.settings.calibration import AcceptanceLimits
 
 INTERIOR = ("focal_length", "principal_point_x", "principal_point_y")
@@ -36,7 +38,7 @@ def written_sigma(value: float, unit: str) -> str:
     if unit == _MM:
         return f"{value * 1e3:.3g} µm"
     if unit == _DEGREE:
-        return f"{value:.2g}°"
+        return f"{np.format_float_positional(value, precision=2, fractional=False, trim='-')}°"
     scaled = {"m": (100.0, "cm"), "s": (1000.0, "ms"), "m/s": (100.0, "cm/s")}
     factor, name = scaled.get(unit, (1.0, unit))
     return f"{value * factor:.3g} {name}" if name != "1" else f"{value * factor:.3g}"

@@ -239,7 +239,7 @@ def flight_verdict(
     ]
     if not calibrated:
         return FlightVerdict("refused", ("No quantity of a calibration was estimated; free some of them.",))
-    reasons = _of_pattern({item.parameter for item in calibrated}, pattern, limits)
+    reasons = pattern_reasons({item.parameter for item in calibrated}, pattern, limits)
     free_strips, about_strips = _about_strips(parameters, calibrated)
     reasons += free_strips
     reasons += [
@@ -251,8 +251,8 @@ def flight_verdict(
     return FlightVerdict("refused" if reasons else "accepted", tuple(reasons), tuple(remarks))
 
 
-def _of_pattern(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:
-    """Sentences about directions and heights that the estimated parameters need and that were not flown."""
+def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:
+    """Sentences about directions and heights that were not flown and that parameters of these names need."""
     reasons = []
     turning = sorted({kind for kind in _NEEDS_HEADINGS for name in names if name.startswith(kind)})
     directions = len(pattern.directions)

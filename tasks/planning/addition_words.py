@@ -47,5 +47,6 @@ def _lines(group: ProposedLines) -> str:
     exposures = len(group.strips[0].plan)
     across = " across" if group.what == "across" else ""
     ways = ", there and back" if group.both_ways else ""
+    ways += {1: "", 2: ", twice"}.get(group.times, f", {group.times} times")
     heading = heading_words(group.heading)
     return f"{lines}{across} at {height}, heading {heading}, of {exposures} images{ways}"

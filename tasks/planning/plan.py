@@ -20,6 +20,7 @@ from tasks.calibration.verdicts import (
     ParameterVerdict,
     flight_verdict,
     parameter_verdicts,
+    pattern_reasons,
 )
 from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
@@ -109,7 +110,8 @@ def plan_calibration(
 ) -> CalibrationPlan:
     """Compute what a network will determine; if that is too little, the additions to it one after the other.
 
-    They are tried in the order of their cost until one of them is accepted.
+    They are tried in the order of their cost until one of them is accepted; those that leave directions or
+    heights missing are not computed.
 
     Raises
     ------
@@ -120,8 +122,11 @@ def plan_calibration(
     here = _expectation(network, request)
     proposals: list[Proposal] = []
     if propose and not here.accepted:
+        names = {item.parameter for item in here.quantities}
         for addition in additions(network, request.limits.height_ratio):
             wider = extended(network, addition.strips, addition.control)
+            if addition.groups and pattern_reasons(names, _pattern(wider), request.limits):
+                continue  # directions or heights would still be missing, whatever the numbers are
             proposals.append(Proposal(addition, _expectation(wider, request)))
             if proposals[-1].expectation.accepted:
                 break
@@ -133,12 +138,11 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
         expected = a_priori_covariance(network, request.model())
     except AdjustmentError as error:
         raise NotComputableError(str(error)) from error
-    exposures = network.exposures
-    pattern = flight_pattern(network.heading, network.height_above_ground, exposures.strip)
+    pattern = _pattern(network)
     parameters, correlations = expected_parameters(expected), expected_correlations(expected)
     verdicts = parameter_verdicts(parameters, correlations, pattern, request.limits)
     return Expectation(
-        len(exposures),
+        len(network.exposures),
         len(network.strips),
         len(network.object_point),
         len(network.rays.image),
@@ -149,6 +153,10 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
         verdicts,
         flight_verdict(parameters, verdicts, pattern, request.limits),
     )
+
+
+def _pattern(network: PlannedNetwork) -> FlightPattern:
+    return flight_pattern(network.heading, network.height_above_ground, network.exposures.strip)
 
 
 def _part_of_limit(item: ParameterVerdict) -> float:

@@ -25,7 +25,7 @@ MODEL = CalibrationModel(
     {INTERIOR_ORIENTATION: ALL, BORESIGHT: ALL, GNSS_SHIFT: ALL, GNSS_STRIP_BIAS: ALL},
     {GNSS_STRIP_BIAS: np.full(3, 0.03)},
 )
-HEIGHT, LINES, EXPOSURES = 1000.0, 3, 6
+HEIGHT, LINES, EXPOSURES = 1000.0, 5, 6
 
 
 def lines(pattern: LinePattern, height: float = HEIGHT, heading: float = 0.5 * np.pi) -> PlannedNetwork:
@@ -91,6 +91,8 @@ def test_proposed_lines_cover_the_ground_of_those_that_are_there() -> None:
     whole = [item for item in of_kind(proposals, "across") if not item.groups[0].both_ways]
     whole += [item for item in of_kind(proposals, "height") if item.groups[0].lines > 1]
     assert len(whole) >= 3
+    repeated = [group for item in of_kind(proposals, "height") for group in item.groups if group.times > 1]
+    assert {group.times for group in repeated} == {2, 3}
     for item in whole:
         covered = ground(item.strips)
         assert np.all(covered[0] <= area[0] + 1.0), item
@@ -101,7 +103,7 @@ def test_proposed_lines_cover_the_ground_of_those_that_are_there() -> None:
 
 
 def test_a_second_height_keeps_the_ratio_and_the_ceiling() -> None:
-    for height, expected in ((1000.0, {3.0, 2.0}), (3500.0, {2.0}), (6000.0, {0.5})):
+    for height, expected in ((1000.0, {3.0, 2.1}), (3500.0, {2.1}), (6000.0, {0.5})):
         proposals = of_kind(additions(lines("single", height), 2.0), "height")
         found = {round(item.groups[0].height / height, 1) for item in proposals}
         assert found == expected

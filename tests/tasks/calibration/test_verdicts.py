@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from adjust.calibration.flight_pattern import FlightPattern, flight_pattern
+from tasks.calibration.quantities import written_sigma
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
 from tasks.settings.calibration import AcceptanceLimits
 
@@ -208,3 +209,19 @@ def test_limits_are_those_of_the_project() -> None:
     verdicts, flight = judged(table(GOOD), limits=strict)
     assert verdicts["focal_length"].verdict == "weak"
     assert any("ratio of 4" in reason for reason in flight.reasons)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "written"),
+    [
+        (0.00204, "mm", "2.04 µm"),
+        (6.4e-5, "deg", "0.000064°"),
+        (0.0011, "deg", "0.0011°"),
+        (0.001, "deg", "0.001°"),
+        (0.0163, "m", "1.63 cm"),
+        (0.0009, "s", "0.9 ms"),
+        (1.5e-9, "1/mm²", "1.5e-09 1/mm²"),
+    ],
+)
+def test_standard_deviations_are_written_as_people_say_them(value: float, unit: str, written: str) -> None:
+    assert written_sigma(value, unit) == written
