@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
-from tasks.certificate.content import Block, Coefficient, CorrelationMatrix, Listing, Section, Words
+from tasks.certificate.content import Block, Coefficient, CorrelationMatrix, Figure, Listing, Section, Words
 from tasks.certificate.material import CertificateMaterial
 from tasks.report import palette
+from tasks.report.correlations import matrix_plot
 from tasks.report.table import Column, Number, Row, Table, text_column
 
 #: A page is not wide enough for more.
@@ -37,9 +39,11 @@ def correlation_section(material: CertificateMaterial) -> Section:
     if len(shown) > 1:
         block = _matrix(ordered[np.ix_(shown, shown)], [names[i] for i in shown], len(estimated))
         blocks.append(block)
+    if len(shown) < len(estimated):
+        blocks.append(_map(ordered, estimated))
     strongest = strongest_table(ordered, names)
     if strongest.rows:
-        blocks.append(Listing(strongest, ("first", "second")))
+        blocks.append(Listing(strongest))
     return Section("correlations", "Correlations", tuple(blocks))
 
 
@@ -65,6 +69,15 @@ def _names(estimated: tuple[CalibratedParameter, ...]) -> list[str]:
         name if short.count(name) == 1 else f"{name} ({item.entity})"
         for name, item in zip(short, estimated, strict=True)
     ]
+
+
+def _map(values: Floats, estimated: tuple[CalibratedParameter, ...]) -> Figure:
+    """All correlations as colours."""
+    names = [f"{quantities.short_name(item)} of {item.entity}" for item in estimated]
+    words = f"Correlations of all {len(names)} estimated parameters"
+    drawing = matrix_plot(pd.DataFrame(values, index=names, columns=names), words)
+    caption = f"{words}; the coefficients follow from the covariance matrix of the record."
+    return Figure("correlations", caption, words, drawing, 0.85)
 
 
 def _matrix(values: Floats, labels: list[str], count: int) -> CorrelationMatrix:

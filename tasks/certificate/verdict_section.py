@@ -21,6 +21,8 @@ _VERDICTS = {
     "held": "held",
 }
 
+_IN_THEIR_TABLE = "See the table of additional parameters."
+
 
 def verdict_sentence(record: CalibrationRecord) -> str:
     """The verdict in one sentence."""
@@ -124,7 +126,10 @@ def determinability_table(material: CertificateMaterial) -> Table:
     together: dict[tuple[str, str], list[str]] = {}
     for item in quantities.in_order(material.parameters):
         words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
-        together.setdefault((words, item.because), []).append(quantities.short_name(item))
+        # There may be scores of additional parameters; their σ stand in a table of their own.
+        plain = quantities.is_additional(item) and item.verdict in ("determined", "held")
+        because = _IN_THEIR_TABLE if plain else item.because
+        together.setdefault((words, because), []).append(quantities.short_name(item))
     rows = []
     for number, ((words, because), names) in enumerate(together.items(), start=1):
         cells: tuple[Cell, ...] = (", ".join(dict.fromkeys(names)), words, because)

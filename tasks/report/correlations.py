@@ -47,8 +47,16 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 def correlation_plot(material: Material) -> Markup | None:
     """Matrix of correlations as colours, coefficients on hover; None with fewer than two parameters."""
     matrix = correlation_matrix(material.correlations)
-    if len(matrix) < 2:
-        return None
+    return matrix_plot(matrix, "Correlations of the system parameters") if len(matrix) > 1 else None
+
+
+def matrix_plot(matrix: pd.DataFrame, words: str) -> Markup:
+    """The triangle under the diagonal of a matrix of correlations, two or more names "parameter of entity".
+
+    Parameters
+    ----------
+    words : what is drawn, for who cannot see it.
+    """
     strongest = matrix.abs().where(~np.eye(len(matrix), dtype=bool)).max(axis=1)
     chosen = set(strongest.sort_values(ascending=False, kind="stable").head(_MOST_IN_MATRIX).index)
     names = [str(name) for name in matrix.index if name in chosen]
@@ -64,7 +72,7 @@ def correlation_plot(material: Material) -> Markup | None:
     ]
     height = top + len(names) * side + 10
     parts.append(_key(left, height))
-    return markup.svg(axes.WIDTH, height + 44, "Correlations of the system parameters", *parts)
+    return markup.svg(axes.WIDTH, height + 44, words, *parts)
 
 
 def _without_common_entity(names: Sequence[str]) -> list[str]:

@@ -184,6 +184,20 @@ def test_correlations_are_those_of_the_results(calibration: Calibration) -> None
             assert float(cell.shown.replace("−", "-")) == pytest.approx(cell.value, abs=0.005)
 
 
+def test_all_correlations_are_drawn_where_the_matrix_leaves_additional_parameters_out(
+    calibration: Calibration,
+) -> None:
+    (figure,) = [b for b in section(calibration, "correlations").blocks if isinstance(b, Figure)]
+    count = len(calibration.record.estimated)
+    assert count == 9
+    assert str(figure.drawing).count("<title>") == count * (count - 1) // 2
+    found = calibration.record.covariance_matrix
+    names = [item.parameter for item in calibration.record.estimated]
+    i, j = names.index("bluh:9"), names.index("gnss_shift_z")
+    value = found[i, j] / np.sqrt(found[i, i] * found[j, j])
+    assert f"bluh:9 of UCE-80 and shift up of 1: {value:+.3f}" in str(figure.drawing)
+
+
 def test_the_strongest_correlations_come_first() -> None:
     table = strongest_table(np.array([[1, 0.6, -0.9], [0.6, 1, 0.2], [-0.9, 0.2, 1]]), ["a", "b", "c"])
     assert [row.key for row in table.rows] == ["a|c", "a|b"]
