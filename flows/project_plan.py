@@ -46,5 +46,6 @@ def plan_of_project(
             approximate_points=block.approximate["approximate_points"],
             project=project.project,
             adjustment=settings,
+            free=request.estimated,
         )
     return plan_calibration(project.project.name, network, request, propose=propose)

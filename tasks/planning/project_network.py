@@ -11,10 +11,10 @@ from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNet
 from tasks.approximate import USED, oriented_images
 from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.strip_motion import require_successive_times, strip_motion
+from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
-from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.project import ProjectSettings
 from tasks.storage.artifact import Artifact
 from tasks.tables.parquet import read_table
@@ -29,20 +29,26 @@ def network_of_project(
     approximate_points: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
+    free: tuple[FreeParameter, ...] = (),
 ) -> PlannedNetwork:
     """The network of imported deliveries with approximate object points.
 
     What `adjustment.observe` leaves out is left out here, too.
 
+    Parameters
+    ----------
+    free : system parameters that are to be estimated.
+
     Raises
     ------
     InputError
-        If no image can be oriented, or correlation times are stated without times.
+        If no image can be oriented, or strips or times are missing that free parameters or correlation times
+        need.
     """
     map_frame, measured = MapFrame.of(project.crs, project.heights), read_table(image_points)
     approximate = read_table(approximate_points)
     given, frame, _ = oriented_images(read_table(exposures), read_table(cameras), measured, map_frame)
-    require_successive_times(given, adjustment)
+    require_motion(given, adjustment.model_copy(update={"free": free}))
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     names = tuple(start["point"])

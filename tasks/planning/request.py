@@ -66,13 +66,15 @@ class PlanRequest:
             adjustment.ins_correlation_s,
         )
 
+    @property
+    def estimated(self) -> tuple[FreeParameter, ...]:
+        """All that is free, biases of the strips included."""
+        return (*self.free, _STRIP_BIAS) if self.strip_bias_m > 0.0 else self.free
+
     def model(self) -> CalibrationModel:
         """The same in terms of the adjustment."""
-        estimated: tuple[FreeParameter, ...] = self.free
-        if self.strip_bias_m > 0.0:
-            estimated = (*estimated, _STRIP_BIAS)
         free: dict[str, tuple[int, ...]] = {}
-        for name in estimated:
+        for name in self.estimated:
             family, components = FREE_FAMILIES[name]
             free[family] = tuple(sorted((*free.get(family, ()), *components)))
         given = {key: value for key, value in self.priors.model_dump().items() if value is not None}

@@ -193,6 +193,33 @@ def test_the_cheapest_addition_is_computed_and_suffices(number: int) -> None:
     assert ("height" in kinds) == (number < 5)
 
 
+def test_a_proposal_written_into_the_flight_plan_gives_what_it_promised(tmp_path: Path) -> None:
+    """The cheapest addition to pattern 1 as lines of a specification, with deviations of its own."""
+    cheapest = planned(1, propose=True).cheapest
+    assert cheapest is not None
+    (group,) = cheapest.addition.groups
+    text = Path(pattern(1)).read_text(encoding="utf-8")
+    lines = f"""
+[[flight]]
+name = "H"
+height_m = {group.height:.0f}.0
+heading_deg = {np.rad2deg(group.heading):.3f}
+lines = {group.lines}
+exposures = {len(group.strips[0].plan)}
+end_lap = 0.6
+directions = "both"
+
+[trajectory]"""
+    flown = tmp_path / "flown.toml"
+    flown.write_text(text.replace("\n[trajectory]", lines), encoding="utf-8")
+    plan = plan_of_specification(str(flown), propose=False)
+    assert plan.expectation.accepted
+    assert plan.expectation.images == cheapest.expectation.images
+    promised = {item.parameter: item.sigma for item in cheapest.expectation.quantities}
+    for item in plan.expectation.quantities:
+        assert item.sigma == pytest.approx(promised[item.parameter], rel=0.1)
+
+
 def test_a_project_is_planned_like_the_specification_it_was_simulated_from(tmp_path: Path) -> None:
     """The same geometry by way of files, import and intersection; nothing is left behind."""
     overrides = ("noise.level=0",)
@@ -203,6 +230,20 @@ def test_a_project_is_planned_like_the_specification_it_was_simulated_from(tmp_p
     for name in NAMES:
         assert of_files[name] == pytest.approx(of_plan[name], rel=5e-3)
     assert sorted(project.parent.rglob("*")) == before
+
+
+def test_a_project_without_strips_cannot_have_an_error_common_to_a_strip(tmp_path: Path) -> None:
+    project = simulate_project(load_simulation(pattern(2)), tmp_path / "block").project_file
+    exposures = project.parent / "exposures.csv"
+    head, *rows = exposures.read_text(encoding="utf-8").splitlines()
+    column = head.split(",").index("strip")
+    cells = [row.split(",") for row in rows]
+    blank = [",".join("" if k == column else cell for k, cell in enumerate(row)) for row in cells]
+    exposures.write_text("\n".join([head, *blank]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match="no strips"):
+        plan_of_project(str(project), propose=False)
+    expectation = plan_of_project(str(project), strip_bias_m=0.0, propose=False).expectation
+    assert len(expectation.pattern.directions) == 2
 
 
 def options(source: str, **changes: Any) -> PlanOptions:
