@@ -9,6 +9,7 @@ from flows.block_preparation import prepare_block
 from tasks.planning.plan import CalibrationPlan, plan_calibration
 from tasks.planning.project_network import network_of_project
 from tasks.planning.request import PlanRequest
+from tasks.registered_cameras import with_registered_cameras
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.load import load_project
 from tasks.storage.store import Store
@@ -30,7 +31,7 @@ def plan_of_project(
     InputError, NotComputableError
         If the project is wrong or its block determines nothing.
     """
-    project = load_project(Path(source), overrides, data)
+    project = with_registered_cameras(load_project(Path(source), overrides, data))
     settings = project.adjustment
     request = PlanRequest.of(project.calibration, settings, free, strip_bias_m)
     # A plan leaves nothing behind.

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.registered_cameras import with_registered_cameras
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.storage.installation import writing_into
@@ -47,14 +48,14 @@ class RunRequest:
         return self.out if self.out is not None else self.project_file.parent / "results"
 
     def project(self) -> Project:
-        """Read the project file.
+        """Read the project file, and take what its cameras want from the registry of calibrations.
 
         Raises
         ------
         InputError
-            If it, or a value in it, is wrong.
+            If it, or a value in it, is wrong, or the registry has no calibration for a camera.
         """
-        return load_project(self.project_file, self.overrides, self.data)
+        return with_registered_cameras(load_project(self.project_file, self.overrides, self.data))
 
     def variants(self) -> dict[str, Project]:
         """The variants of the project that its sweep computes.
@@ -64,7 +65,8 @@ class RunRequest:
         InputError
             If there is no sweep, or what a variant changes is wrong.
         """
-        return load_variants(self.project_file, self.overrides, self.data)
+        variants = load_variants(self.project_file, self.overrides, self.data)
+        return {name: with_registered_cameras(project) for name, project in variants.items()}
 
 
 @dataclass(frozen=True)

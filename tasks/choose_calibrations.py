@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from tasks.errors import InputError
 from tasks.georeferencing.registered_calibration import RegisteredCalibration
+from tasks.registry.contents import StoredCalibration
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput
 from tasks.settings.project import ProjectSettings
@@ -25,6 +26,32 @@ def choose_calibrations(
     project: ProjectSettings,
 ) -> tuple[RegisteredCalibration, ...]:
     """The calibration that holds for each camera of the exposures on the day of the flight.
+
+    Raises
+    ------
+    InputError
+        If the project has no date, or the registry no calibration for a camera: it names the near ones.
+    InstallationError
+        If the registry cannot be reached.
+    """
+    own_control = {digest_of_file(item.file) for item in control}
+    used = sorted(set(read_table(exposures)["camera"]))
+    chosen = []
+    for name, found in approved_calibrations({name: cameras[name] for name in used}, project).items():
+        approval = found.approval
+        by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
+        sentence = f"The camera {name} has {found.label} of the registry, valid {found.validity}{by}."
+        shares = bool(own_control & set(found.record.inputs.values()))
+        chosen.append(
+            RegisteredCalibration(name, found.sealed.content, found.sealed.digest, sentence, shares)
+        )
+    return tuple(chosen)
+
+
+def approved_calibrations(
+    cameras: Mapping[str, CameraInput], project: ProjectSettings
+) -> dict[str, StoredCalibration]:
+    """For each of some cameras the calibration that the registry has approved for the day of the flight.
 
     The registry is the one that AEROCAL_REGISTRY names, else that of this user.
 
@@ -48,16 +75,7 @@ def choose_calibrations(
             entity="project.flown",
         )
     contents = Registry.at(registry_address()).contents()
-    used = sorted(set(read_table(exposures)["camera"]))
-    own_control = {digest_of_file(item.file) for item in control}
-    chosen = []
-    for name in used:
-        found = chosen_calibration(contents, CameraBody.of_project(name, cameras[name]), project.flown)
-        approval = found.approval
-        by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
-        sentence = f"The camera {name} has {found.label} of the registry, valid {found.validity}{by}."
-        shares = bool(own_control & set(found.record.inputs.values()))
-        chosen.append(
-            RegisteredCalibration(name, found.sealed.content, found.sealed.digest, sentence, shares)
-        )
-    return tuple(chosen)
+    return {
+        name: chosen_calibration(contents, CameraBody.of_project(name, camera), project.flown)
+        for name, camera in cameras.items()
+    }

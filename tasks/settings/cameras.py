@@ -10,6 +10,9 @@ from tasks.formats.register import camera_formats
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import Finite, Positive, Triple
 
+#: Where the calibrated values of a camera come from.
+GIVEN, REGISTRY = "given", "registry"
+CALIBRATIONS = (GIVEN, REGISTRY)
 _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm")
 
 
@@ -93,6 +96,14 @@ class CameraInput(Settings):
         "value if it is free, else fixed.",
     )
 
+    calibration: Annotated[str, AfterValidator(one_of(lambda: CALIBRATIONS, "calibration of a camera"))] = (
+        Field(
+            default=GIVEN,
+            description="`given`: the values of this table or its file. `registry`: focal length, principal "
+            "point, additional parameters, boresight and lever arm are those of the calibration that the "
+            "registry has approved for this camera and `project.flown`.",
+        )
+    )
     identity: CameraIdentity = Field(
         default=CameraIdentity(),
         description="Serial numbers, for the certificate and the registry of calibrations.",
