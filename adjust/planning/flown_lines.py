@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.calibration.strip_means import direction_groups, height_groups
 from adjust.planning.network import PlannedNetwork
 
 
@@ -43,18 +44,31 @@ class FlownLine:
 
 
 def flown_lines(network: PlannedNetwork) -> tuple[FlownLine, ...]:
-    """All strips of a network."""
+    """All strips of a network; what is called a strip but has several directions is taken apart by them."""
     exposures, heights, headings = network.exposures, network.height_above_ground, network.heading
     lines = []
     for strip in np.unique(exposures.strip):
         own = np.flatnonzero(exposures.strip == strip)
         own = own[np.argsort(exposures.time[own], kind="stable")]
-        plan = exposures.projection_centre[own, :2]
-        way = plan[-1] - plan[0]
-        mean = np.arctan2(np.sin(headings[own]).mean(), np.cos(headings[own]).mean())
-        heading = float(np.arctan2(way[0], way[1])) if len(own) > 1 else float(mean)
-        lines.append(FlownLine(int(strip), own, heading, float(np.median(heights[own])), plan))
+        parts = _parts(headings[own], heights[own])
+        for part in np.unique(parts):
+            rows = own[parts == part]
+            plan = exposures.projection_centre[rows, :2]
+            way = plan[-1] - plan[0]
+            mean = np.arctan2(np.sin(headings[rows]).mean(), np.cos(headings[rows]).mean())
+            is_line = len(rows) > 1 and parts.max() == 0
+            heading = float(np.arctan2(way[0], way[1])) if is_line else float(mean)
+            lines.append(FlownLine(int(strip), rows, heading, float(np.median(heights[rows])), plan))
     return tuple(lines)
+
+
+def _parts(heading: Floats, height: Floats) -> Ints:
+    """Which exposures (k,) of a strip belong together: all, unless they have several directions."""
+    direction = direction_groups(heading)
+    if direction.max() == 0:
+        return direction
+    level = height_groups(height)
+    return np.asarray(direction * (level.max() + 1) + level)
 
 
 def without_return(lines: tuple[FlownLine, ...]) -> tuple[FlownLine, ...]:

@@ -187,3 +187,21 @@ def test_additional_control_is_spread_between_what_is_there() -> None:
         control=4,
     )
     assert len(bare.control.point) == 4
+
+
+def test_a_network_without_declared_strips_still_gets_proposals() -> None:
+    """All exposures under one name: directions and heights are recognised, and the area is covered."""
+    network = lines("alternating")
+    nameless = replace(
+        network,
+        strips=("",),
+        exposures=replace(network.exposures, strip=np.zeros_like(network.exposures.strip)),
+    )
+    proposals = additions(nameless, 2.0)
+    (across, *_) = of_kind(proposals, "across")
+    assert abs(np.cos(across.groups[0].heading)) > 0.99
+    (height, *_) = of_kind(proposals, "height")
+    wider = extended(nameless, height.strips)
+    pattern = flight_pattern(wider.heading, wider.height_above_ground, wider.exposures.strip)
+    assert len(pattern.directions) == 2
+    assert pattern.height_ratio > 2.0
