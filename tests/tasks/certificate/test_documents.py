@@ -7,10 +7,12 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from tasks.certificate.compose import content_of
 from tasks.certificate.content import CertificateContent, Facts, short_code
 from tasks.certificate.page import page_of
 from tasks.certificate.paper import pdf_of, sources_of
@@ -172,3 +174,31 @@ def test_certificates_of_several_cameras_have_names_of_their_own(calibration: Ca
         suffix="_CAM-2",
     )
     assert set(outputs) == {f"certificate_CAM-2.{ending}" for ending in ("html", "json", "pdf")}
+
+
+def test_without_points_headings_or_results_there_are_still_documents(calibration: Calibration) -> None:
+    """Nothing surveyed, no direction recognised, nothing estimated: sentences take the place of tables."""
+    held = tuple(
+        item.model_copy(update={"sigma": None, "status": "fixed", "verdict": "held"})
+        for item in calibration.record.parameters
+    )
+    flight = calibration.record.flight.model_copy(
+        update={"heights_m": (), "headings_deg": (), "gsd_m": (), "control_points": 0}
+    )
+    record = changed(calibration.record, parameters=held, covariance=(), flight=flight)
+    material = calibration.material(record)
+    results = material.results
+    empty = replace(
+        results,
+        control_points=results.control_points.iloc[:0],
+        control_residuals=results.control_residuals.iloc[:0],
+        check_points=results.check_points.iloc[:0],
+    )
+    content = content_of(replace(material, results=empty, check=None), {})
+    text = Page(page_of(content)).text
+    assert "there are no correlations" in text
+    assert "allows no statement about accuracy" in text
+    assert "Direct georeferencing with this calibration was not checked" in text
+    assert "±" not in text
+    assert "nan" not in text.lower().replace("nance", "")
+    assert pdf_of(content).startswith(b"%PDF")

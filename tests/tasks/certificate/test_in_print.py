@@ -89,6 +89,21 @@ def test_names_stand_on_paper_to_the_letter(calibration: Calibration, tmp_path: 
     assert text.count(" ".join(HOSTILE.split())) >= 3
 
 
+@pytest.mark.parametrize("name", ["UCE", "N" * 200])
+def test_nothing_leaves_the_margins_of_the_paper(calibration: Calibration, tmp_path: Path, name: str) -> None:
+    """Left 20 mm, right 18 mm of 210 mm; a point is 1/72 inch."""
+    record, point = calibration.record, 72.0 / 25.4
+    flight = record.flight.model_copy(update={"project": name})
+    record = changed(record, flight=flight, inputs={name: "0" * 64}, reasons=(name,), verdict="refused")
+    path = tmp_path / "certificate.pdf"
+    path.write_bytes(pdf_of(calibration.content(record)))
+    boxes = of_poppler("pdftotext", path, "-bbox")
+    words = re.findall(r'<word xMin="([\d.-]+)" [^>]*xMax="([\d.-]+)"', boxes)
+    assert len(words) > 1000
+    assert min(float(left) for left, _ in words) > 19.5 * point
+    assert max(float(right) for _, right in words) < 192.7 * point
+
+
 def test_the_page_is_complete_without_network_and_without_scripts(
     content: CertificateContent, tmp_path: Path
 ) -> None:
