@@ -127,7 +127,7 @@ def test_a_change_in_what_a_kernel_calls_gives_the_new_result(
     original = callee.read_text()
     # A focal length longer by 1/1000 would move the terrain down by 1 m at this flying height; the four
     # control points hold back a part of it.
-    edit(callee, "    c = interior[0]\n", "    c = interior[0] * 1.001\n")
+    edit(callee, "interior[camera, 0]", "(1.001 * interior[camera, 0])")
     assert "bundle_adjustment" in computed(block, tree=tree)
     assert before - mean_height_m(block) > 0.1
     callee.write_text(original)
