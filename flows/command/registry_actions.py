@@ -77,7 +77,7 @@ def approve_calibration(
         Text(f"\nApproved by {signature.person}: {label}, valid {approval.validity}.", style="bold green")
     )
     for old, left in approval.supersedes:
-        remains = "It no longer holds." if left is None else f"It holds for flights of {left}."
+        remains = "It no longer holds." if left is None else f"It holds for flights {left} only."
         console.print(Text(f"Superseded: {old.label}. {remains}"))
         lost = old.validity
         end = approval.validity.end

@@ -123,10 +123,10 @@ def _facts(item: StoredCalibration) -> Table:
     record, camera, flight = item.record, item.camera, item.record.flight
     heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
     headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)
-    held = "no flight" if item.validity is None else f"flights of {item.validity}"
+    held = "holds for no flight" if item.validity is None else f"holds for flights {item.validity}"
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in (
-        ("state", f"{item.state}, holds for {held}"),
+        ("state", f"{item.state}, {held}"),
         ("verdict", f"{record.verdict} by its own calibration"),
         ("image", f"{camera.product}, {camera.image}"),
         ("mounting", camera.mounting),

@@ -53,7 +53,7 @@ class Validity:
         return Validity(self.start, last if self.end is None else min(self.end, last))
 
     def __str__(self) -> str:
-        return f"from {self.start}" if self.end is None else f"{self.start} to {self.end}"
+        return f"from {self.start}" + ("" if self.end is None else f" to {self.end}")
 
 
 @dataclass(frozen=True)

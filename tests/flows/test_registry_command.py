@@ -72,7 +72,7 @@ def test_from_the_results_of_a_calibration_to_an_approved_version(console: Conso
         assert done.exit_code == 0, done.stderr
     assert "All 5 common parameters together agree" in done.stdout
     assert "Superseded: calibration 1 (UCE, version 1)" in done.stdout
-    assert "It holds for flights of 2024-05-01 to 2024-05-31" in done.stdout
+    assert "It holds for flights from 2024-05-01 to 2024-05-31 only" in done.stdout
     listed = json.loads(console("list", "--json").stdout)
     assert [(item["id"], item["state"], item["valid_to"]) for item in listed] == [
         (1, "superseded", "2024-05-31"),

@@ -60,7 +60,7 @@ def test_the_date_of_the_flight_decides(filled: Registry) -> None:
 
 def test_before_the_first_one_nothing_holds_and_the_near_ones_are_named(filled: Registry) -> None:
     error = refusal(filled, date(2024, 2, 29))
-    assert "1 (UCE (body UC-E-1)): valid 2024-03-01 to 2024-08-31" in error.what
+    assert "1 (UCE (body UC-E-1)): valid from 2024-03-01 to 2024-08-31" in error.what
     assert "2 (UCE (body UC-E-1)): valid from 2024-09-01" in error.what
     assert "3 (UCE (body UC-E-1)): not approved yet" in error.what
     assert error.entity == "cameras.UCE"
@@ -111,4 +111,4 @@ def test_what_holds_for_a_time_only_holds_for_that_time_only(tmp_path: Path) -> 
     add(registry, record())
     approve(registry, 1, SPRING, SUMMER)
     assert chosen(registry, SUMMER) == 1
-    assert "valid 2024-03-01 to 2024-06-01" in refusal(registry, date(2024, 6, 2)).what
+    assert "valid from 2024-03-01 to 2024-06-01" in refusal(registry, date(2024, 6, 2)).what
