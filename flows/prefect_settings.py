@@ -11,11 +11,11 @@ import os
 import sys
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import platformdirs
-
+from flows.serving.state_file import find_server, state_folder
 from tasks.storage.installation import InstallationError
 
 
@@ -31,9 +31,7 @@ def prepare_prefect(server: str | None = None) -> None:
         os.environ["PREFECT_API_URL"] = server
     if "prefect" in sys.modules:
         return
-    home = os.environ.setdefault(
-        "PREFECT_HOME", str(Path(platformdirs.user_state_dir("aerocal")) / "prefect")
-    )
+    home = os.environ.setdefault("PREFECT_HOME", str(state_folder() / "prefect"))
     with contextlib.suppress(OSError):
         # Prefect makes the folder, but not those above it; without it, it says so itself.
         Path(home).mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -46,7 +44,7 @@ def prepare_prefect(server: str | None = None) -> None:
 
 
 def server_address(option: str | None) -> str | None:
-    """The API address to report to: the option, else PREFECT_API_URL; None: in process.
+    """The API address that was asked for: the option, else PREFECT_API_URL; None: none.
 
     Parameters
     ----------
@@ -57,6 +55,38 @@ def server_address(option: str | None) -> str | None:
     if not address or address == "none":
         return None
     return address.rstrip("/") + ("" if urlsplit(address).path.strip("/") else "/api")
+
+
+def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> str | None:
+    """The API address of a server that answers: as asked for, else of ``aerocal serve``; None: in process.
+
+    Parameters
+    ----------
+    option : as of `server_address`.
+    remark : is told when a server that nobody asked for cannot be used.
+
+    Raises
+    ------
+    InstallationError
+        If a server was asked for and does not answer.
+    """
+    address = server_address(option)
+    if address is not None:
+        require_server(address)
+        return address
+    found = None if option == "none" or os.environ.get("PREFECT_API_URL") == "none" else find_server()
+    if found is None:
+        return None
+    where = f"The server {found.server.url} (process {found.server.pid})"
+    if not found.alive:
+        remark(f"{where} is no longer running; this run is not reported to it.")
+        return None
+    try:
+        require_server(found.server.url)
+    except InstallationError:
+        remark(f"{where} does not answer; this run is not reported to it.")
+        return None
+    return found.server.url
 
 
 def require_server(address: str, timeout_s: float = 5.0) -> None:

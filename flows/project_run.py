@@ -7,6 +7,7 @@ computed ends in a summary.json that says so and changes nothing else.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
 from tasks.registered_cameras import with_registered_cameras
+from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.storage.installation import writing_into
@@ -35,12 +37,14 @@ class RunRequest:
     out : the output folder; None: ``results`` beside the project file.
     overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
     data : a second folder for relative input paths.
+    roots : folders that every input file must lie under (runs of a deployment); empty: anywhere.
     """
 
     project_file: Path
     out: Path | None = None
     overrides: tuple[str, ...] = ()
     data: Path | None = None
+    roots: tuple[Path, ...] = ()
 
     @property
     def directory(self) -> Path:
@@ -55,7 +59,15 @@ class RunRequest:
         InputError
             If it, or a value in it, is wrong, or the registry has no calibration for a camera.
         """
-        return with_registered_cameras(load_project(self.project_file, self.overrides, self.data))
+        return with_registered_cameras(
+            load_project(
+                self.project_file,
+                self.overrides,
+                self.data,
+                environment=self._environment(),
+                roots=self.roots,
+            )
+        )
 
     def variants(self) -> dict[str, Project]:
         """The variants of the project that its sweep computes.
@@ -65,8 +77,17 @@ class RunRequest:
         InputError
             If there is no sweep, or what a variant changes is wrong.
         """
-        variants = load_variants(self.project_file, self.overrides, self.data)
+        variants = load_variants(
+            self.project_file, self.overrides, self.data, environment=self._environment(), roots=self.roots
+        )
         return {name: with_registered_cameras(project) for name, project in variants.items()}
+
+    def _environment(self) -> dict[str, str] | None:
+        """The variables that paths may use; None: all."""
+        if not self.roots:
+            return None
+        # A message about a path shows its variables; those of the server are nobody's business.
+        return {name: value for name, value in os.environ.items() if name == DATA_VARIABLE}
 
 
 @dataclass(frozen=True)

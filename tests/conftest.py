@@ -14,6 +14,8 @@ from tests.postgresql_server import PostgresqlServer, running_server
 # Prefect reads its settings when it is imported, so they stand here, before any test module is loaded.
 _prefect_home = tempfile.TemporaryDirectory(prefix="aerocal-tests-prefect-")
 os.environ["PREFECT_HOME"] = _prefect_home.name
+# A server that somebody runs on this machine must not hear of the tests.
+os.environ["AEROCAL_STATE"] = str(Path(_prefect_home.name) / "state")
 os.environ["DO_NOT_TRACK"] = "1"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
 for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):

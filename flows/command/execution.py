@@ -6,10 +6,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from flows.command.exit_code import OF_STATUS, complain
+from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import show_result
-from flows.prefect_settings import prepare_prefect, require_server, server_address
+from flows.prefect_settings import prepare_prefect, server_to_report_to
 from flows.project_run import RunOutcome, RunRequest, carry_out
 
 #: A story of a project: module in flows, function in it, and Prefect flow all have this name.
@@ -28,7 +28,7 @@ def execute(
 ) -> int:
     """Run a story on a project and show the result; returns the exit code."""
     request = RunRequest(project_file, out, overrides, data)
-    address = server_address(server)
+    address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)
     outcome = _in_process(request, story) if address is None else _reported_to(address, request, story)
     show_result(outcome, as_json=as_json)
@@ -43,7 +43,6 @@ def _in_process(request: RunRequest, story: StoryName) -> RunOutcome:
 
 def _reported_to(address: str, request: RunRequest, story: StoryName) -> RunOutcome:
     """Run as a Prefect flow: the work is done here, the server sees states and logs."""
-    require_server(address)
     prepare_prefect(address)
     from flows import registered
 

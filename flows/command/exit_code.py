@@ -50,3 +50,8 @@ def end_with(action: Callable[[], int]) -> NoReturn:
 def complain(error: str) -> None:
     """Print an error in one line on stderr."""
     typer.secho(f"Error: {error}", err=True, fg=typer.colors.RED)
+
+
+def remark(sentence: str) -> None:
+    """Print something worth knowing that is no error in one line on stderr."""
+    typer.secho(f"Remark: {sentence}", err=True, fg=typer.colors.YELLOW)

@@ -19,6 +19,7 @@ from flows.command.flight_check import flight_check
 from flows.command.plan import plan
 from flows.command.registry import registry
 from flows.command.run import run
+from flows.command.serve import serve
 from flows.command.simulate import simulate
 from flows.command.sweep import sweep
 
@@ -58,6 +59,7 @@ app.command()(plan)
 app.command()(sweep)
 app.command()(figures)
 app.command()(flight_check)
+app.command()(serve)
 app.add_typer(registry, name="registry")
 
 

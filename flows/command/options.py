@@ -42,7 +42,7 @@ Server: TypeAlias = Annotated[
         "--server",
         metavar="URL|none",
         help="Prefect server the run is reported to; [bold]none[/bold] runs in process whatever is set.",
-        show_default="PREFECT_API_URL, else in process",
+        show_default="PREFECT_API_URL, else that of a running aerocal serve, else in process",
     ),
 ]
 

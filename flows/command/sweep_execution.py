@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.exit_code import OF_STATUS, complain
+from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
-from flows.prefect_settings import prepare_prefect, require_server, server_address
+from flows.prefect_settings import prepare_prefect, server_to_report_to
 from flows.project_run import RunOutcome, RunRequest
 from tasks.storage.json_text import JSON, json_text
 
@@ -29,7 +29,7 @@ def execute_sweep(
 ) -> int:
     """Run the sweep of a project and show the result; returns the exit code."""
     request = RunRequest(project_file, out, overrides, data)
-    address = server_address(server)
+    address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)
     outcome = _in_process(request) if address is None else _reported_to(address, request)
     if as_json:
@@ -49,7 +49,6 @@ def _in_process(request: RunRequest) -> RunOutcome:
 
 def _reported_to(address: str, request: RunRequest) -> RunOutcome:
     """Run as a Prefect flow: the work is done here, the server sees states and logs."""
-    require_server(address)
     prepare_prefect(address)
     from flows.registered import run_and_report, scenario_sweep
 

@@ -120,17 +120,25 @@ class PathContext:
         candidates = [self.folder / path]
         if self.data is not None:
             candidates.append(self.data / path)
-        found = next((candidate for candidate in candidates if candidate.is_file()), None)
+        # Whether there is something outside the roots is not told either.
+        allowed = [candidate for candidate in candidates if self._may_be_read(candidate)]
+        if not allowed:
+            raise trouble(
+                f"The file {candidates[0]} does not lie under a folder this deployment may read.",
+                "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
+            )
+        found = next((candidate for candidate in allowed if candidate.is_file()), None)
         if found is None:
             places = " nor ".join(str(candidate) for candidate in candidates)
             raise trouble(f"There is no file {places}.", "Correct the path, or put the file there.")
-        resolved = found.resolve()
-        if self.roots and not any(resolved.is_relative_to(root.resolve()) for root in self.roots):
-            raise trouble(
-                f"The file {resolved} does not lie under a folder this deployment may read.",
-                "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
-            )
-        return resolved
+        return found.resolve()
+
+    def _may_be_read(self, path: Path) -> bool:
+        """Whether a path, all links resolved, lies under one of the roots, if there are any."""
+        if not self.roots:
+            return True
+        resolved = path.resolve()
+        return any(resolved.is_relative_to(root.resolve()) for root in self.roots)
 
     def _value_of(self, match: re.Match[str]) -> str:
         name = match.group(1)

@@ -1,0 +1,99 @@
+"""``aerocal serve``: server, dashboard, deployments and runner in one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def serve(
+    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", help="Port to listen on.", min=1, max=65535)] = 4200,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            "--database",
+            metavar="URL",
+            help="postgresql://USER@HOST/DATABASE of Prefect's own records; the password in PGPASSWORD.",
+            show_default="a SQLite file in the state folder",
+            envvar="AEROCAL_DATABASE",
+        ),
+    ] = None,
+    root: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--root",
+            metavar="DIR",
+            help="Folder that runs may read and write. Repeatable.",
+            show_default="the current folder",
+        ),
+    ] = None,
+    inbox: Annotated[
+        Path | None,
+        typer.Option(
+            "--inbox",
+            metavar="DIR",
+            help="Folder of deliveries, one folder each; begun once its file DELIVERED is there.",
+        ),
+    ] = None,
+    story: Annotated[
+        str, typer.Option("--story", help="What is done with deliveries.")
+    ] = "aerial-triangulation",
+    watch: Annotated[
+        float, typer.Option("--watch", metavar="S", help="Seconds between two looks into the inbox.", min=1.0)
+    ] = 20.0,
+    cron: Annotated[
+        str | None,
+        typer.Option("--cron", metavar='"M H D M W"', help="When the inbox is looked through in any case."),
+    ] = None,
+    timezone: Annotated[str, typer.Option("--timezone", help="Time zone of --cron.")] = "UTC",
+    limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state",
+            metavar="DIR",
+            help="Folder of state file, logs and Prefect's files.",
+            show_default="in this user's folder of states",
+            envvar="AEROCAL_STATE",
+        ),
+    ] = None,
+) -> None:
+    """Run the server: dashboard, deployments, and a runner that carries them out.
+
+    While it runs, [bold]aerocal run[/bold] and the others appear in the dashboard. SIGTERM or the
+    interrupt key ends it when the runs that have begun are finished; a second one ends them, too.
+
+    [bold]Examples[/bold]
+
+      aerocal serve --root /data/projects
+
+      aerocal serve --root /data --inbox /data/inbox --cron "30 1 * * *" --timezone Europe/Berlin
+
+    [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
+    """
+    from flows.serving.options import options_for
+    from flows.serving.serve import serve as run_server
+
+    end_with(
+        lambda: run_server(
+            options_for(
+                host=host,
+                port=port,
+                database=database,
+                roots=root or [],
+                inbox=inbox,
+                story=story,
+                watch_s=watch,
+                cron=cron,
+                timezone=timezone,
+                limit=limit,
+                state=state,
+            ),
+            lambda sentence: typer.echo(sentence),
+        )
+    )

@@ -1,0 +1,114 @@
+"""The deployments of the stories, and the runner that carries out their runs.
+
+Loads Prefect when imported, as the flows it serves do.
+"""
+
+import asyncio
+import logging
+from typing import Any
+
+from flows.deployed import STORIES, inbox
+from flows.serving.deliveries import MANUAL, ON_DELIVERY
+from flows.serving.options import RunnerOptions
+
+from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
+from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags, FlowRunFilter  # isort: skip
+from prefect.client.schemas.filters import FlowRunFilterState, FlowRunFilterStateType  # isort: skip
+from prefect.client.schemas.objects import State, StateType  # isort: skip
+from prefect.deployments.runner import RunnerDeployment  # isort: skip
+from prefect.runner import Runner  # isort: skip
+from prefect.schedules import Cron  # isort: skip
+from prefect.states import Cancelled, Scheduled  # isort: skip
+from prefect.types.entrypoint import EntrypointType  # isort: skip
+
+_log = logging.getLogger("aerocal")
+
+#: Tag of every deployment of ours.
+TAG = "aerocal"
+#: Seconds between two questions for runs to begin.
+_POLL_S = 2.0
+
+
+class DrainingRunner(Runner):
+    """A runner that, asked to end, begins no further run and waits for those that run.
+
+    Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
+    the event loop was doing.
+    """
+
+    def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
+        """Stop looking for runs; the context of the runner then waits for those that have begun."""
+        _log.info("asked to end: finishing the runs that have begun, beginning no more")
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
+
+
+def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
+    """The deployments there are with these options; to be called outside an event loop."""
+    made = [_of(story, MANUAL, "Started by hand.") for story in STORIES]
+    if options.has_inbox:
+        story = next(one for one in STORIES if one.name == options.story)
+        made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
+        made.append(
+            _of(
+                inbox,
+                "nightly",
+                "Looks through the inbox and starts what has no run yet.",
+                schedule=Cron(options.cron, timezone=options.timezone) if options.cron else None,
+                parameters={"story": options.story},
+            )
+        )
+    return made
+
+
+def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
+    made: RunnerDeployment = story.to_deployment(
+        name,
+        description=f"{story.description} {description}",
+        tags=[TAG],
+        entrypoint_type=EntrypointType.MODULE_PATH,
+        **more,
+    )
+    return made
+
+
+def serve(options: RunnerOptions) -> None:
+    """Register the deployments, take up what an earlier runner has left, and run until asked to end."""
+    asyncio.run(_serve(options.limit, deployments(options)))
+
+
+async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
+    runner = DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+    registered = {await runner.aadd_deployment(one) for one in made}
+    async with get_client() as client:
+        await _rest(client, registered)
+        await _take_up(client)
+    await runner.start()
+
+
+async def _rest(client: PrefectClient, registered: set[Any]) -> None:
+    """Pause deployments of ours that this runner does not carry out: their runs would only pile up."""
+    for one in await client.read_deployments(deployment_filter=_ours()):
+        if one.id not in registered:
+            await client.pause_deployment(one.id)
+
+
+async def _take_up(client: PrefectClient) -> None:
+    """Schedule again the runs that an earlier runner has begun and not ended: it was killed.
+
+    There is one runner for a database, so nobody is working on them; finished stages are reused.
+    """
+    unfinished = [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
+    begun = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=unfinished)))
+    for run in await client.read_flow_runs(flow_run_filter=begun, deployment_filter=_ours()):
+        state: State[None]
+        if run.state_type == StateType.CANCELLING:
+            state = Cancelled(message="The runner had ended before.")
+        else:
+            state = Scheduled(name="AwaitingRetry", message="The runner was ended; finished stages are kept.")
+        await client.set_flow_run_state(run.id, state, force=True)
+        _log.warning("run %s was left %s by an earlier runner: %s", run.name, run.state_name, state.name)
+
+
+def _ours() -> DeploymentFilter:
+    return DeploymentFilter(tags=DeploymentFilterTags(all_=[TAG]))

@@ -1,0 +1,1 @@
+"""``aerocal serve``: Prefect's server, the deployments and the runner on one machine."""

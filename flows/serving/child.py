@@ -1,0 +1,120 @@
+"""A child process of ``aerocal serve``: a group of its own, and an end when nobody holds it any more.
+
+Run as a program (``python -m flows.serving.child HANDLE MODULE ARGUMENT …``) it carries out a module and
+sends itself SIGTERM when the other end of the pipe HANDLE is closed: when the parent is killed, the runner
+still drains, and the server, which the runner holds as well, ends after it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import runpy
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+#: A log is begun anew when a server starts and the old one is larger, bytes; the old one is kept once.
+_LOG_BYTES = 20_000_000
+
+
+class Child:
+    """A running child process.
+
+    Parameters
+    ----------
+    module, arguments : what it carries out.
+    environment : all its variables.
+    log : file that its output is appended to.
+    holds : the `lifeline` of another child, which then outlives this one even if the parent is killed.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        *arguments: str,
+        environment: Mapping[str, str],
+        log: Path,
+        holds: int | None = None,
+    ) -> None:
+        reading, self.lifeline = os.pipe()
+        handed_on = (reading,) if holds is None else (reading, holds)
+        command = [sys.executable, "-m", __name__, str(reading), module, *arguments]
+        with _opened_log(log) as stream:
+            self.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env=dict(environment),
+                pass_fds=handed_on,
+                start_new_session=True,
+            )
+        os.close(reading)
+        self.log = log
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has ended."""
+        return self.process.poll() is not None
+
+    def ask_to_end(self) -> None:
+        """Send SIGTERM to the process itself; what it has started is its own affair."""
+        with contextlib.suppress(ProcessLookupError):
+            self.process.terminate()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it has ended; whether it has."""
+        try:
+            self.process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def end_group(self, grace_s: float) -> None:
+        """End it and all it has started: SIGTERM, and SIGKILL for what is left after a while."""
+        self._signal_group(signal.SIGTERM)
+        self.wait(grace_s)
+        self._signal_group(signal.SIGKILL)
+        self.process.wait()
+        with contextlib.suppress(OSError):
+            os.close(self.lifeline)
+
+    def last_lines(self, number: int = 5) -> str:
+        """The end of its log."""
+        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return "\n".join(lines[-number:])
+
+    def _signal_group(self, which: signal.Signals) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, which)
+
+
+def _opened_log(log: Path) -> BinaryIO:
+    log.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if log.is_file() and log.stat().st_size > _LOG_BYTES:
+        log.replace(log.with_suffix(".old.log"))
+    return log.open("ab")
+
+
+def _end_when_released(handle: int) -> None:
+    """Wait until the other end of a pipe is closed everywhere, then end like one that was asked to."""
+    os.read(handle, 1)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def main(arguments: list[str]) -> None:
+    """Carry out a module in this process, bound to a pipe."""
+    handle, module, *rest = arguments
+    os.set_inheritable(int(handle), False)
+    threading.Thread(target=_end_when_released, args=(int(handle),), daemon=True).start()
+    sys.argv = [module, *rest]
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,160 @@
+"""The inbox: one folder for each delivery, complete when its marker file says so.
+
+A delivery is a folder with a ``project.toml``. Whoever copies it writes the file ``DELIVERED`` last. It may
+be empty, or list what belongs to the delivery in the form of ``sha256sum`` (digest, two spaces, path): then
+every file must be there with these bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.serving.roots import Roots
+from tasks.errors import InputError
+from tasks.storage.artifact import digest_of_file
+
+#: Name of the marker file.
+MARKER = "DELIVERED"
+#: Set by ``aerocal serve``: the folder that deliveries are copied into.
+INBOX_VARIABLE = "AEROCAL_INBOX"
+
+_LISTED = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
+_MARKER_BYTES = 10_000_000
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """A complete delivery.
+
+    Attributes
+    ----------
+    folder : where it lies, links resolved.
+    key : what tells it from another delivery into the same folder.
+    """
+
+    folder: Path
+    key: str
+
+
+@dataclass(frozen=True)
+class Inbox:
+    """What lies in an inbox.
+
+    Attributes
+    ----------
+    complete : the deliveries that can be started, by folder.
+    waiting : folders without a marker file.
+    refused : by folder, why a marked delivery is not started, a sentence.
+    """
+
+    complete: tuple[Delivery, ...]
+    waiting: tuple[Path, ...]
+    refused: Mapping[Path, str]
+
+
+def configured_inbox(environment: Mapping[str, str] = os.environ) -> Path:
+    """The inbox of this process, as the server that started it has set it.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    text = environment.get(INBOX_VARIABLE)
+    if not text:
+        raise InputError("This server has no inbox.", "Start it with --inbox DIR.")
+    return Path(text)
+
+
+def read_inbox(folder: Path, roots: Roots, verified: set[str] | None = None) -> Inbox:
+    """Look through an inbox.
+
+    Parameters
+    ----------
+    verified : keys of deliveries whose listed files have been read before, so that nobody reads them again
+        every few seconds; those found now are added.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        folders = sorted(entry for entry in folder.iterdir() if entry.is_dir() and entry.name[0] != ".")
+    except OSError as error:
+        raise InputError(f"The inbox cannot be read ({error.strerror}).", "Check --inbox.", folder) from error
+    verified = set() if verified is None else verified
+    complete, waiting, refused = [], [], {}
+    for one in folders:
+        if not (one / MARKER).exists():
+            waiting.append(one)
+            continue
+        try:
+            trouble = _trouble(one, roots)
+            key = "" if trouble is not None else _key(one)
+            if trouble is None and key not in verified:
+                trouble = _trouble_of_listed(one, roots)
+            if trouble is None:
+                verified.add(key)
+                complete.append(Delivery(one.resolve(), key))
+        except OSError as error:
+            trouble = f"It cannot be read ({error.strerror or error})."
+        if trouble is not None:
+            refused[one] = trouble
+    return Inbox(tuple(complete), tuple(waiting), refused)
+
+
+def _trouble(folder: Path, roots: Roots) -> str | None:
+    """Why a marked delivery is not started; None: it can be."""
+    marker, project = folder / MARKER, folder / "project.toml"
+    for file in (marker, project):
+        if not roots.hold(file):
+            return f"{file.name} lies outside the folders of this server."
+    if not project.is_file():
+        return "It has no project.toml."
+    if not marker.is_file() or marker.stat().st_size > _MARKER_BYTES:
+        return f"{MARKER} is not a list of files."
+    return None
+
+
+def _trouble_of_listed(folder: Path, roots: Roots) -> str | None:
+    """Why what the marker file lists is not complete; None: it is."""
+    marker = folder / MARKER
+    for number, line in enumerate(marker.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        if not line.strip():
+            continue
+        found = _LISTED.fullmatch(line)
+        if found is None:
+            return f"{MARKER}, line {number}: not a digest and a path as sha256sum writes them."
+        digest, file = found.group(1).lower(), folder / found.group(2)
+        if not roots.hold(file):
+            return f"{MARKER}, line {number}: the file lies outside the folders of this server."
+        if not file.is_file():
+            return f"{MARKER}, line {number}: {found.group(2)} is not there."
+        if digest_of_file(file) != digest:
+            return f"{MARKER}, line {number}: {found.group(2)} has other bytes than delivered."
+    return None
+
+
+def _key(folder: Path) -> str:
+    """Digest of what was delivered: names, sizes and times of all files but results."""
+    told = [str(folder.resolve())]
+    for file in sorted(_delivered(folder)):
+        status = file.stat()
+        told.append(f"{file.relative_to(folder)} {status.st_size} {status.st_mtime_ns}")
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def _delivered(folder: Path) -> Iterator[Path]:
+    for at, folders, files in os.walk(folder):
+        # Output folders are known by their stage store.
+        folders[:] = [
+            name for name in folders if name[0] != "." and not (Path(at) / name / ".store").is_dir()
+        ]
+        yield from (Path(at) / name for name in files if (Path(at) / name).is_file())

@@ -1,0 +1,133 @@
+"""What ``aerocal serve`` is asked to do."""
+
+from __future__ import annotations
+
+import json
+import zoneinfo
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import get_args
+
+from flows.serving.deliveries import StoryOfDeliveries
+from flows.serving.roots import Roots, roots_of
+from flows.serving.server_process import ServerAddress
+from flows.serving.state_file import state_folder
+from tasks.errors import InputError
+from tasks.nearest_name import did_you_mean
+
+
+@dataclass(frozen=True)
+class RunnerOptions:
+    """What the runner is told.
+
+    Attributes
+    ----------
+    limit : runs at the same time.
+    has_inbox : whether there are deployments for deliveries.
+    cron : when the inbox is looked through in any case; five fields; None: never.
+    timezone : IANA name of the time zone the five fields are meant in.
+    story : what is done with deliveries.
+    """
+
+    limit: int = 1
+    has_inbox: bool = False
+    cron: str | None = None
+    timezone: str = "UTC"
+    story: StoryOfDeliveries = "aerial-triangulation"
+
+    def require_valid(self) -> None:
+        """Check what Prefect would only find out in the runner.
+
+        Raises
+        ------
+        InputError
+            If the schedule has no five fields or no inbox, or there is no such time zone.
+        """
+        if self.cron is not None and not self.has_inbox:
+            raise InputError("There is a schedule, but no inbox.", "Add --inbox DIR.")
+        if self.cron is not None and len(self.cron.split()) != 5:
+            raise InputError(
+                f"'{self.cron}' is not a schedule.",
+                'Write minute, hour, day, month, weekday, e.g. --cron "30 1 * * *".',
+            )
+        try:
+            zoneinfo.ZoneInfo(self.timezone)
+        except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
+            raise InputError(
+                f"There is no time zone '{self.timezone}'.", "Write an IANA name, e.g. Europe/Berlin."
+            ) from error
+
+    def as_text(self) -> str:
+        """For the command line of the runner."""
+        return json.dumps(asdict(self))
+
+
+def options_from(text: str) -> RunnerOptions:
+    """What `as_text` has written."""
+    return RunnerOptions(**json.loads(text))
+
+
+@dataclass(frozen=True)
+class ServeOptions:
+    """What the whole server is told.
+
+    Attributes
+    ----------
+    address : where it listens.
+    database : ``postgresql://…``; None: SQLite in our folder.
+    roots : folders that runs may read and write.
+    inbox : folder of deliveries; None: there is none.
+    watch_s : seconds between two looks into the inbox.
+    runner : what the runner is told.
+    state : folder of state file, logs and Prefect's own files.
+    """
+
+    address: ServerAddress
+    database: str | None
+    roots: Roots
+    inbox: Path | None
+    watch_s: float
+    runner: RunnerOptions
+    state: Path
+
+
+def options_for(
+    *,
+    host: str,
+    port: int,
+    database: str | None,
+    roots: Sequence[Path],
+    inbox: Path | None,
+    story: str,
+    watch_s: float,
+    cron: str | None,
+    timezone: str,
+    limit: int,
+    state: Path | None,
+) -> ServeOptions:
+    """Check what was given on the command line and put it together.
+
+    Raises
+    ------
+    InputError
+        If a folder does not exist, or the story, the schedule or the time zone is none.
+    """
+    stories: tuple[StoryOfDeliveries, ...] = get_args(StoryOfDeliveries)
+    known = next((one for one in stories if one == story), None)
+    if known is None:
+        raise InputError(f"There is no story '{story}'.", did_you_mean(story, stories))
+    if inbox is not None and not inbox.is_dir():
+        raise InputError(f"There is no folder {inbox}.", "Correct --inbox, or make the folder.")
+    runner = RunnerOptions(limit, inbox is not None, cron, timezone, known)
+    runner.require_valid()
+    folders = [*(roots or [Path.cwd()]), *([inbox] if inbox is not None else [])]
+    return ServeOptions(
+        ServerAddress(host, port),
+        database,
+        roots_of(folders),
+        None if inbox is None else inbox.resolve(),
+        watch_s,
+        runner,
+        state_folder() if state is None else state.absolute(),
+    )

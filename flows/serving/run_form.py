@@ -1,0 +1,95 @@
+"""The form of a run: the settings people change from one run to the next, over those of the project file."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+#: The choice that leaves a setting alone.
+AS_GIVEN: Literal["as in the project file"] = "as in the project file"
+
+Number = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class RunForm(BaseModel):
+    """Settings of one run; what is left as it is comes from the project file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rejection: Literal["as in the project file", "none", "3.29", "4.13"] = Field(
+        default=AS_GIVEN,
+        title="Rejection of gross errors",
+        description="Critical value: 4.13 gives one false alarm in 20 blocks of 1,500 observations, 3.29 one "
+        "in 1,000 observations; `none` rejects nothing.",
+    )
+    rejection_test: Literal["as in the project file", "components", "observations"] = Field(
+        default=AS_GIVEN,
+        title="What is tested",
+        description="Single components of an observation, or both coordinates of an image point together.",
+    )
+    robust: Literal["as in the project file", "huber", "cauchy", "tukey", "biber", "danish"] = Field(
+        default=AS_GIVEN,
+        title="Robust search before the tests",
+        description="Weight function for blocks in which very many observations are wrong.",
+    )
+    self_calibration: Literal[
+        "as in the project file", "none", "bluh:1-12", "brown:K1,K2", "ebner", "gruen"
+    ] = Field(
+        default=AS_GIVEN,
+        title="Additional parameters",
+        description="Set of additional parameters of the cameras.",
+    )
+    refraction: Literal["as in the project file", "standard", "none"] = Field(
+        default=AS_GIVEN,
+        title="Refraction",
+        description="`none` for image points that refraction has been taken from already.",
+    )
+    datum: Literal["as in the project file", "observations", "free_network"] = Field(
+        default=AS_GIVEN,
+        title="Datum",
+        description="`free_network`: what the observations leave open is fixed by inner constraints.",
+    )
+    sigma0: Literal["as in the project file", "a_posteriori", "a_priori"] = Field(
+        default=AS_GIVEN,
+        title="σ0 of the standard deviations",
+        description="`a_priori`: the stated σ of the observations are trusted.",
+    )
+    variance_components: Literal["as in the project file", "yes", "no"] = Field(
+        default=AS_GIVEN,
+        title="Estimate the σ of the groups",
+        description="Factors for the σ of image points, control, GNSS, INS and priors from the residuals.",
+    )
+    max_iterations: Annotated[int, Field(ge=1, le=200)] | None = Field(
+        default=None,
+        title="Iterations at most",
+        description="After so many the adjustment counts as divergent; good starts need 2 to 5.",
+    )
+    sigma0_limit: Number | None = Field(
+        default=None, title="Gate: largest σ0", description="σ0 a posteriori / a priori, e.g. 1.2."
+    )
+
+    def overrides(self) -> tuple[str, ...]:
+        """What the form changes in the project file, each as ``a.b.c=VALUE``."""
+        return tuple(self._changes())
+
+    def _changes(self) -> Iterator[str]:
+        if self.rejection == "none":
+            yield 'adjustment.rejection="none"'
+        elif self.rejection != AS_GIVEN:
+            yield f"adjustment.rejection.critical_value={self.rejection}"
+        for key, value in (
+            ("rejection.test", self.rejection_test),
+            ("rejection.robust", self.robust),
+            ("self_calibration.parameters", self.self_calibration),
+            ("refraction", self.refraction),
+            ("datum", self.datum),
+            ("sigma0", self.sigma0),
+        ):
+            if value != AS_GIVEN and not (self.rejection == "none" and key.startswith("rejection")):
+                yield f'adjustment.{key}="{value}"'
+        if self.variance_components != AS_GIVEN:
+            yield f"adjustment.variance_components={str(self.variance_components == 'yes').lower()}"
+        if self.max_iterations is not None:
+            yield f"adjustment.max_iterations={self.max_iterations}"
+        if self.sigma0_limit is not None:
+            yield f"gates.sigma0.max={self.sigma0_limit!r}"

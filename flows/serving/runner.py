@@ -1,0 +1,21 @@
+"""The program of the runner: ``python -m flows.serving.runner OPTIONS``."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from flows.serving.options import options_from
+
+
+def main() -> None:
+    """Register the deployments and carry out their runs until asked to end; then finish those that run."""
+    logging.getLogger("aerocal").setLevel(logging.INFO)
+    # Loads Prefect, which nothing but this process and its runs has to.
+    from flows import deployments
+
+    deployments.serve(options_from(sys.argv[1]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""``aerocal serve``: server and runner as children, the inbox watched, an end in the right order."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from types import FrameType
+
+from flows.prefect_settings import prepare_prefect
+from flows.serving.api import Api
+from flows.serving.child import Child
+from flows.serving.deliveries import MANUAL, schedule_deliveries
+from flows.serving.inbox import INBOX_VARIABLE
+from flows.serving.options import ServeOptions
+from flows.serving.roots import ROOTS_VARIABLE, as_variable
+from flows.serving.server_process import (
+    CLIENT_WORDS,
+    SERVER_WORDS,
+    is_well,
+    server_environment,
+    start_server,
+    wait_until,
+)
+from flows.serving.state_file import RunningServer, the_only_server, write_state
+from tasks.errors import AerocalError
+from tasks.storage.installation import InstallationError
+
+#: The first start makes the database, on a slow machine.
+_START_S = 240.0
+#: What server and runner get to end once nothing runs any more.
+_END_S = 30.0
+
+Say = Callable[[str], None]
+
+
+class _Requests:
+    """How often the process was asked to end (SIGTERM, interrupt key)."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        self.come = threading.Event()
+
+    def note(self, _signal: int, _frame: FrameType | None) -> None:
+        """A signal has come."""
+        self.number += 1
+        self.come.set()
+
+
+@contextmanager
+def _noted() -> Iterator[_Requests]:
+    """Note requests to end while the context lasts, in place of ending at once."""
+    requests = _Requests()
+    before = {which: signal.signal(which, requests.note) for which in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield requests
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+
+
+def serve(options: ServeOptions, say: Say) -> int:
+    """Run server and runner until asked to end; returns the exit code.
+
+    Parameters
+    ----------
+    say : shows a sentence to the user.
+
+    Raises
+    ------
+    InstallationError
+        If the port is taken, another server of this user runs, or a child does not start.
+    """
+    options.runner.require_valid()
+    options.address.require_free()
+    os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
+    prepare_prefect()
+    environment = server_environment(options.address, options.database)
+    with _noted() as requests, the_only_server(options.state):
+        server = start_server(options.address, environment, options.state / "logs" / "server.log")
+        try:
+            say("Starting the server; this takes up to half a minute.")
+            if not wait_until(
+                "server", lambda: is_well(options.address), server, requests.come.is_set, _START_S
+            ):
+                return 0
+            return _with_server(options, server, requests, say)
+        finally:
+            server.end_group(_END_S)
+            say("The server has ended.")
+
+
+def _with_server(options: ServeOptions, server: Child, requests: _Requests, say: Say) -> int:
+    """Start the runner beside a server that is well, and stay until the end."""
+    words = os.environ.get(CLIENT_WORDS) or os.environ.get(SERVER_WORDS)
+    api = Api(options.address.api, words)
+    environment = {
+        **os.environ,
+        "PREFECT_API_URL": options.address.api,
+        "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
+        ROOTS_VARIABLE: as_variable(options.roots),
+        **({CLIENT_WORDS: words} if words else {}),
+        **({INBOX_VARIABLE: str(options.inbox.resolve())} if options.inbox is not None else {}),
+    }
+    runner = Child(
+        "flows.serving.runner",
+        options.runner.as_text(),
+        environment=environment,
+        log=options.state / "logs" / "runner.log",
+        holds=server.lifeline,
+    )
+    try:
+        begun = time.time()
+        if not wait_until(
+            "runner", lambda: _polls(api, options.runner.story, begun), runner, requests.come.is_set, _START_S
+        ):
+            return 0
+        write_state(options.state, RunningServer(options.address.api, os.getpid()))
+        say(f"Dashboard: {options.address.base}")
+        say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
+        say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
+        return _stay(options, api, server, runner, requests, say)
+    finally:
+        runner.end_group(_END_S)
+
+
+def _polls(api: Api, story: str, since: float) -> bool:
+    """Whether the runner has registered its deployments and, after a time (s since 1970), asks for runs."""
+    try:
+        deployment = api.get(f"/deployments/name/{story}/{MANUAL}")
+    except InstallationError:
+        return False
+    polled = None if deployment is None else deployment.get("last_polled")
+    return polled is not None and datetime.fromisoformat(polled).timestamp() > since
+
+
+def _stay(
+    options: ServeOptions, api: Api, server: Child, runner: Child, requests: _Requests, say: Say
+) -> int:
+    """Watch children and inbox until a request to end has come; then let the runner finish."""
+    verified: set[str] = set()
+    said: set[str] = set()
+    look = time.monotonic()
+    while not requests.come.wait(1.0):
+        for name, child in (("server", server), ("runner", runner)):
+            if child.ended:
+                raise InstallationError(
+                    f"The {name} has ended by itself.",
+                    f"Start again; runs go on where they stood. Its log is {child.log}; the last lines:\n"
+                    f"{child.last_lines()}",
+                )
+        if options.inbox is not None and time.monotonic() >= look:
+            _look_into_inbox(options, api, verified, said, say)
+            look = time.monotonic() + options.watch_s
+    say("Ending when the runs that have begun are finished; a second request ends them now.")
+    runner.ask_to_end()
+    while requests.number < 2 and not runner.wait(0.5):
+        pass
+    return 0
+
+
+def _look_into_inbox(options: ServeOptions, api: Api, verified: set[str], said: set[str], say: Say) -> None:
+    """Start what is complete; say what cannot be started, once."""
+    assert options.inbox is not None
+    try:
+        found = schedule_deliveries(api, options.inbox, options.roots, options.runner.story, verified)
+    except AerocalError as error:
+        news = [str(error)]
+    else:
+        news = list(found.refused)
+        for name in found.begun:
+            say(f"Delivery {name}: a run is scheduled.")
+    for sentence in news:
+        if sentence not in said:
+            say(sentence)
+    said.clear()
+    said.update(news)

@@ -1,0 +1,165 @@
+"""Prefect's server as a child process: its settings, and waiting until it is well."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import socket
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.serving.child import Child
+from tasks.storage.installation import InstallationError
+
+#: Prefect's own variable of the words (``user:password``) a server asks for.
+SERVER_WORDS = "PREFECT_SERVER_API_AUTH_STRING"
+#: The same on the side of those who ask it.
+CLIENT_WORDS = "PREFECT_API_AUTH_STRING"
+
+
+@dataclass(frozen=True)
+class ServerAddress:
+    """Where the server listens.
+
+    Attributes
+    ----------
+    host, port : address and port.
+    """
+
+    host: str
+    port: int
+
+    @property
+    def base(self) -> str:
+        """Address of the dashboard."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}"
+
+    @property
+    def api(self) -> str:
+        """Address of the API."""
+        return f"{self.base}/api"
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether nobody but programs on this machine reaches it."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    def require_free(self) -> None:
+        """Make sure that nobody listens there.
+
+        Raises
+        ------
+        InstallationError
+            If the port is taken, or the host is none of this machine.
+        """
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                trial.bind((self.host, self.port))
+            except OSError as error:
+                raise InstallationError(
+                    f"Nothing can listen on {self.host} port {self.port} ({error.strerror or error}).",
+                    "Choose another one with --port, or end the program that uses it.",
+                ) from error
+
+
+def free_port(host: str) -> int:
+    """A port of this host that is free at the moment."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
+        trial.bind((host, 0))
+        return int(trial.getsockname()[1])
+
+
+def server_environment(
+    address: ServerAddress, database: str | None, environment: Mapping[str, str] = os.environ
+) -> dict[str, str]:
+    """The variables of the server's process.
+
+    Parameters
+    ----------
+    database : ``postgresql://…``, or None for Prefect's SQLite file in our folder.
+
+    Raises
+    ------
+    InstallationError
+        If others could reach the server and it would not ask who they are, or the database is not understood.
+    """
+    if not address.is_loopback and not environment.get(SERVER_WORDS):
+        raise InstallationError(
+            f"With --host {address.host} others could start runs and read results without being asked.",
+            f"Set {SERVER_WORDS}=user:password in the environment (and {CLIENT_WORDS} where runs are "
+            "reported from), or stay with 127.0.0.1.",
+        )
+    settings = {
+        "PREFECT_SERVER_API_HOST": address.host,
+        "PREFECT_SERVER_API_PORT": str(address.port),
+        "PREFECT_SERVER_UI_API_URL": address.api,
+        # Pages of other origins may not start runs through the browser of somebody who is here.
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.base,
+        "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+    }
+    if database is not None:
+        settings["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = _connection(database)
+    # A server that is told of another one would report to it.
+    kept = {name: value for name, value in environment.items() if name != "PREFECT_API_URL"}
+    return {**kept, **settings}
+
+
+def _connection(database: str) -> str:
+    found = re.match(r"(?:postgresql|postgres)(?:\+asyncpg)?://(.+)", database)
+    if found is None:
+        raise InstallationError(
+            "The address of the database is not understood.",
+            "Write postgresql://USER@HOST/DATABASE, the password in PGPASSWORD; or leave --database out.",
+        )
+    return f"postgresql+asyncpg://{found.group(1)}"
+
+
+def start_server(address: ServerAddress, environment: Mapping[str, str], log: Path) -> Child:
+    """Start the server; it is not well yet."""
+    where = ("--host", address.host, "--port", str(address.port))
+    return Child("flows.serving.server", "server", "start", *where, environment=environment, log=log)
+
+
+def wait_until(
+    what: str, is_so: Callable[[], bool], child: Child, is_over: Callable[[], bool], timeout_s: float
+) -> bool:
+    """Wait for something a child is to bring about; False if it was called off before.
+
+    Raises
+    ------
+    InstallationError
+        If the child ends, or the time passes; with the last lines of its log.
+    """
+    until = time.monotonic() + timeout_s
+    while not is_so():
+        if is_over():
+            return False
+        if child.ended or time.monotonic() > until:
+            reason = "ended" if child.ended else f"took longer than {timeout_s:.0f} s"
+            raise InstallationError(
+                f"The {what} {reason}.", f"Its log is {child.log}; the last lines:\n{child.last_lines()}"
+            )
+        time.sleep(0.3)
+    return True
+
+
+def is_well(address: ServerAddress) -> bool:
+    """Whether the server answers."""
+    try:
+        with urllib.request.urlopen(f"{address.api}/health", timeout=5) as answer:
+            return bool(answer.status == 200)
+    except (OSError, urllib.error.URLError):
+        return False

@@ -1,0 +1,126 @@
+"""Where the running server is: a file that later commands read, and a lock that tells whether it still lives.
+
+The lock is the operating system's, so it ends with the process that holds it, however that ends; a process
+number that has been given to another program deceives nobody.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import platformdirs
+
+from tasks.storage.installation import InstallationError
+
+#: Names another folder for the state.
+STATE_VARIABLE = "AEROCAL_STATE"
+
+
+@dataclass(frozen=True)
+class RunningServer:
+    """What the state file says.
+
+    Attributes
+    ----------
+    url : API address, with ``/api``.
+    pid : number of the process of ``aerocal serve``.
+    """
+
+    url: str
+    pid: int
+
+
+@dataclass(frozen=True)
+class FoundServer:
+    """A state file and whether the process that wrote it is alive."""
+
+    server: RunningServer
+    alive: bool
+
+
+def state_folder() -> Path:
+    """Folder of what this user's server keeps: state file, lock, logs, Prefect's database."""
+    named = os.environ.get(STATE_VARIABLE)
+    return Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
+
+
+def find_server(folder: Path | None = None) -> FoundServer | None:
+    """The server that the state file names; None if there is no such file, or nothing to be read in it."""
+    folder = state_folder() if folder is None else folder
+    try:
+        content = json.loads((folder / "serve.json").read_text(encoding="utf-8"))
+        server = RunningServer(str(content["url"]), int(content["pid"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return FoundServer(server, _is_locked(folder / "serve.lock"))
+
+
+def _is_locked(file: Path) -> bool:
+    try:
+        handle = os.open(file, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+@contextmanager
+def the_only_server(folder: Path) -> Iterator[None]:
+    """Be the server of this folder while the context lasts; its state file is gone afterwards.
+
+    Raises
+    ------
+    InstallationError
+        If another one lives, or the folder cannot be written.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle = os.open(folder / "serve.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise InstallationError(
+            f"{folder} cannot be written ({error.strerror}).",
+            "Change its permissions, or name another folder with --state.",
+        ) from error
+    try:
+        _hold(handle, folder)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                (folder / "serve.json").unlink()
+    finally:
+        os.close(handle)
+
+
+def _hold(handle: int, folder: Path) -> None:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        found = find_server(folder)
+        where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
+        raise InstallationError(
+            f"A server of yours is already running{where}.",
+            "Use it, or end it first; a second one needs a folder of its own (--state).",
+        ) from error
+
+
+def write_state(folder: Path, server: RunningServer) -> None:
+    """Write the state file: readable for this user only, never half-written."""
+    temporary = folder / "serve.json.new"
+    temporary.unlink(missing_ok=True)
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "w", encoding="utf-8") as stream:
+        json.dump(asdict(server), stream)
+    temporary.replace(folder / "serve.json")

@@ -1,0 +1,123 @@
+"""The inbox: complete deliveries only, and each with a key of its own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+
+from flows.serving.inbox import MARKER, Inbox, read_inbox
+from flows.serving.roots import roots_of
+from tasks.errors import InputError
+
+
+@pytest.fixture
+def inbox(tmp_path: Path, write_project: Callable[..., Path]) -> Path:
+    folder = tmp_path / "inbox"
+    for name in ("block-1", "block-2"):
+        write_project(folder / name)
+    return folder
+
+
+def read(inbox: Path) -> Inbox:
+    return read_inbox(inbox, roots_of([inbox]))
+
+
+def listed(folder: Path) -> str:
+    files = sorted(file for file in folder.iterdir() if file.name != MARKER)
+    return "".join(f"{sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in files)
+
+
+def test_a_delivery_without_its_marker_waits(inbox: Path) -> None:
+    (inbox / "block-2" / MARKER).touch()
+    found = read(inbox)
+    assert [one.folder.name for one in found.complete] == ["block-2"]
+    assert [folder.name for folder in found.waiting] == ["block-1"]
+    assert not found.refused
+
+
+def test_a_marker_that_lists_files_is_held_to_their_bytes(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).write_text(listed(block))
+    assert len(read(inbox).complete) == 1
+    points = (block / "image_points.csv").read_bytes()
+    (block / "image_points.csv").write_bytes(points[:-5])
+    assert "other bytes" in read(inbox).refused[block]
+    (block / "image_points.csv").unlink()
+    assert "image_points.csv is not there" in read(inbox).refused[block]
+    (block / "image_points.csv").write_bytes(points)
+    assert len(read(inbox).complete) == 1
+
+
+@pytest.mark.parametrize(
+    ("marker", "reason"),
+    [
+        ("complete!\n", "line 1: not a digest"),
+        (f"{'0' * 64}  ../../outside.csv\n", "outside the folders"),
+        (f"{'0' * 64}  /etc/passwd\n", "outside the folders"),
+    ],
+)
+def test_a_marker_that_is_no_list_of_delivered_files_is_refused(
+    inbox: Path, marker: str, reason: str
+) -> None:
+    (inbox / "block-1" / MARKER).write_text(marker)
+    found = read(inbox)
+    assert not found.complete
+    assert reason in found.refused[inbox / "block-1"]
+
+
+def test_a_delivery_that_is_a_link_to_elsewhere_is_refused(
+    inbox: Path, tmp_path: Path, write_project: Callable[..., Path]
+) -> None:
+    write_project(tmp_path / "outside")
+    (tmp_path / "outside" / MARKER).touch()
+    (inbox / "linked").symlink_to(tmp_path / "outside")
+    found = read(inbox)
+    assert not found.complete
+    assert "outside the folders" in found.refused[inbox / "linked"]
+
+
+def test_a_marker_without_a_project_is_refused(inbox: Path) -> None:
+    (inbox / "empty").mkdir()
+    (inbox / "empty" / MARKER).touch()
+    assert read(inbox).refused[inbox / "empty"] == "It has no project.toml."
+
+
+def test_the_key_changes_with_the_delivery_and_not_with_its_results(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).touch()
+    first = read(inbox).complete[0].key
+    (block / "results" / ".store").mkdir(parents=True)
+    (block / "results" / "report.html").write_text("done")
+    assert read(inbox).complete[0].key == first
+    with (block / "exposures.csv").open("a") as stream:
+        stream.write("3,C,s,20,0,100,0,0,0\n")
+    changed = read(inbox).complete[0].key
+    os.utime(block / MARKER, (1, 1))
+    assert len({first, changed, read(inbox).complete[0].key}) == 3
+
+
+def test_listed_files_are_read_once_as_long_as_nothing_changes(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).write_text(listed(block))
+    verified: set[str] = set()
+    roots = roots_of([inbox])
+    assert len(read_inbox(inbox, roots, verified).complete) == 1
+    status = (block / "exposures.csv").stat()
+    text = (block / "exposures.csv").read_text()
+    (block / "exposures.csv").write_text(text.replace("100", "101"))
+    os.utime(block / "exposures.csv", ns=(status.st_atime_ns, status.st_mtime_ns))
+    # Same size and time: not read again, which is what spares the disk.
+    assert len(read_inbox(inbox, roots, verified).complete) == 1
+    os.utime(block / "exposures.csv", (1, 1))
+    assert not read_inbox(inbox, roots, verified).complete
+
+
+def test_an_inbox_that_is_gone_is_said(inbox: Path) -> None:
+    shutil.rmtree(inbox)
+    with pytest.raises(InputError, match="--inbox"):
+        read_inbox(inbox, roots_of([inbox.parent]))
