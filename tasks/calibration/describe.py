@@ -85,7 +85,8 @@ def describe_calibration(
     material = _Material(
         table, pairs, verdicts, of_flight, pattern, read_table(images), read_table(cameras), figures
     )
-    digests = {path.name: digest_of_file(path) for path in inputs.input_files()}
+    files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
+    digests = {path.name: digest_of_file(path) for path in files}
     counts = {
         "object_points": object_points.rows or 0,
         "image_points": image_points.rows or 0,

@@ -58,6 +58,7 @@ def test_the_focal_length_is_refused_with_the_reason(calibrated: RunOutcome, fou
     (focal_length,) = (item for item in record.parameters if item.parameter == "focal_length")
     assert focal_length.sigma is None
     assert focal_length.value == focal_length.given
+    assert "s07_UC_Eagle_M3_120.xml" in record.inputs
 
 
 def test_boresight_and_lever_arm_are_those_of_the_one_step_line(found: dict[str, Any]) -> None:
