@@ -1,0 +1,114 @@
+"""What ``aerocal serve`` refuses before it starts anything."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flows.serving.options import RunnerOptions, ServeOptions, options_for, options_from
+from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
+from tasks.errors import InputError
+from tasks.storage.installation import InstallationError
+
+LOCAL = ServerAddress("127.0.0.1", 4200)
+
+
+def options(folder: Path, **changed: Any) -> ServeOptions:
+    given: dict[str, Any] = {
+        "host": "127.0.0.1",
+        "port": 4200,
+        "database": None,
+        "roots": [folder],
+        "inbox": folder,
+        "story": "aerial-triangulation",
+        "watch_s": 20.0,
+        "cron": "30 1 * * *",
+        "timezone": "Europe/Berlin",
+        "limit": 1,
+        "state": folder / "state",
+    }
+    return options_for(**(given | changed))
+
+
+def test_the_runner_gets_what_was_given(tmp_path: Path) -> None:
+    given = options(tmp_path, limit=3).runner
+    assert given == RunnerOptions(3, True, "30 1 * * *", "Europe/Berlin", "aerial-triangulation")
+    assert options_from(given.as_text()) == given
+
+
+def test_the_inbox_is_a_root_and_links_are_resolved(tmp_path: Path) -> None:
+    for name in ("inbox", "root"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "inbox")
+    given = options(tmp_path, roots=[tmp_path / "root"], inbox=tmp_path / "link")
+    assert given.inbox == tmp_path / "inbox"
+    assert given.roots.folders == (tmp_path / "root", tmp_path / "inbox")
+
+
+@pytest.mark.parametrize(
+    ("changed", "remedy"),
+    [
+        ({"inbox": None}, "--inbox"),
+        ({"inbox": Path("/no/such/folder")}, "--inbox"),
+        ({"roots": [Path("/no/such/folder")]}, "--root"),
+        ({"cron": "nightly"}, "30 1"),
+        ({"timezone": "Europe/Berlinn"}, "IANA"),
+        ({"timezone": "../../etc/passwd"}, "IANA"),
+        ({"story": "aerial-triangulaton"}, "aerial-triangulation"),
+    ],
+)
+def test_wrong_options_name_their_remedy(tmp_path: Path, changed: dict[str, Any], remedy: str) -> None:
+    with pytest.raises(InputError) as refused:
+        options(tmp_path, **changed)
+    assert remedy in refused.value.remedy
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
+def test_a_server_that_others_reach_must_ask_who_they_are(host: str) -> None:
+    with pytest.raises(InstallationError, match=SERVER_WORDS):
+        server_environment(ServerAddress(host, 4200), None, {})
+    with pytest.raises(InstallationError, match=SERVER_WORDS):
+        server_environment(ServerAddress(host, 4200), None, {CLIENT_WORDS: "user:words"})
+    made = server_environment(ServerAddress(host, 4200), None, {SERVER_WORDS: "user:words"})
+    assert made["PREFECT_SERVER_API_HOST"] == host
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.3.2.1", "::1", "localhost"])
+def test_nobody_else_reaches_loopback(host: str) -> None:
+    made = server_environment(ServerAddress(host, 4200), None, {"PREFECT_API_URL": "http://elsewhere/api"})
+    assert "PREFECT_API_URL" not in made
+    assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == ServerAddress(host, 4200).base
+
+
+def test_the_dashboard_is_told_where_the_server_is() -> None:
+    assert server_environment(LOCAL, None, {})["PREFECT_SERVER_UI_API_URL"] == "http://127.0.0.1:4200/api"
+    assert ServerAddress("::1", 1).api == "http://[::1]:1/api"
+
+
+def test_the_database_is_postgresql_or_ours() -> None:
+    for given in ("postgresql://me@host/db", "postgres://me@host/db", "postgresql+asyncpg://me@host/db"):
+        made = server_environment(LOCAL, given, {})
+        assert made["PREFECT_SERVER_DATABASE_CONNECTION_URL"] == "postgresql+asyncpg://me@host/db"
+    with pytest.raises(InstallationError) as refused:
+        server_environment(LOCAL, "mysql://me:words@host/db", {})
+    assert "words" not in str(refused.value)
+
+
+def test_a_port_that_is_taken_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        command = [sys.executable, "-m", "flows.command", "serve", "--port", port, "--root", str(tmp_path)]
+        environment = {**os.environ, "AEROCAL_STATE": str(tmp_path / "state")}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "--port" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "state").exists()

@@ -1,0 +1,132 @@
+"""A real ``aerocal serve`` for the tests: a free port, a folder of its own, nothing left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from flows.serving.api import Api
+from flows.serving.server_process import free_port
+
+T = TypeVar("T")
+START_S = 200.0
+
+
+def until(what: Callable[[], T], seconds: float, process: subprocess.Popen[bytes] | None = None) -> T:
+    """The first value of something that is true; fails when the time is over or the process has ended."""
+    end = time.monotonic() + seconds
+    while not (value := what()):
+        assert time.monotonic() < end, f"not within {seconds} s"
+        assert process is None or process.poll() is None, "the server has ended"
+        time.sleep(0.2)
+    return value
+
+
+@dataclass
+class Served:
+    """A running server.
+
+    Attributes
+    ----------
+    folder : holds root/, inbox/, state/ and what it printed.
+    """
+
+    folder: Path
+    process: subprocess.Popen[bytes]
+    port: int
+
+    @property
+    def api(self) -> Api:
+        return Api(f"http://127.0.0.1:{self.port}/api")
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return environment(self.folder)
+
+    @property
+    def printed(self) -> str:
+        return (self.folder / "printed").read_text()
+
+    def start(self, deployment: str, parameters: Mapping[str, Any]) -> str:
+        """Start a run by hand; its id."""
+        found = self.api.get(f"/deployments/name/{deployment}")
+        run = self.api.post(f"/deployments/{found['id']}/create_flow_run", {"parameters": parameters})
+        return str(run["id"])
+
+    def run(self, identity: str) -> Any:
+        return self.api.get(f"/flow_runs/{identity}")
+
+    def in_state(self, identity: str, kind: str, seconds: float = 120.0) -> Any:
+        """The run once it is in a state of this type."""
+        return until(lambda: run if (run := self.run(identity))["state_type"] == kind else None, seconds)
+
+    def ended(self, identity: str, seconds: float = 150.0) -> Any:
+        """The run once it has ended."""
+        final = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
+        return until(lambda: run if (run := self.run(identity))["state_type"] in final else None, seconds)
+
+    def runs(self, **filters: Any) -> list[Any]:
+        return list(self.api.post("/flow_runs/filter", filters))
+
+    def groups(self) -> set[int]:
+        """The process groups of its children."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        return {os.getpgid(int(child)) for child in children}
+
+
+def environment(folder: Path) -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
+    return {**kept, "AEROCAL_STATE": str(folder / "state")}
+
+
+def recorded_states(folder: Path) -> dict[str, str]:
+    """The state of every run by its name, from the database of a server that has ended."""
+    with closing(sqlite3.connect(folder / "state" / "prefect" / "prefect.db")) as database:
+        return dict(database.execute("SELECT id, state_type FROM flow_run WHERE state_type != 'SCHEDULED'"))
+
+
+def alive(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@contextmanager
+def served(folder: Path, *options: str) -> Iterator[Served]:
+    """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards."""
+    for name in ("root", "inbox"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    port = free_port("127.0.0.1")
+    command = [sys.executable, "-m", "flows.command", "serve", "--port", str(port)]
+    places = ["--root", str(folder / "root"), "--inbox", str(folder / "inbox"), "--watch", "1"]
+    with (folder / "printed").open("wb") as printed:
+        process = subprocess.Popen(
+            [*command, *places, *options], stdout=printed, stderr=printed, env=environment(folder)
+        )
+    server = Served(folder, process, port)
+    groups: set[int] = set()
+    try:
+        until(lambda: "Ready." in server.printed, START_S, process)
+        groups = server.groups()
+        assert len(groups) == 2, "server and runner are in groups of their own"
+        yield server
+    finally:
+        if process.poll() is None:
+            groups |= server.groups()
+            process.kill()
+            process.wait()
+        for group in groups:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(group, signal.SIGKILL)

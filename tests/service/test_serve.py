@@ -1,0 +1,210 @@
+"""``aerocal serve`` for real: form, deliveries, runs by hand, and an end that leaves nothing running."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from flows.serving.state_file import find_server
+from tasks.storage.installation import InstallationError
+from tasks.storage.run_lock import run_lock
+from tests.flows.conftest import _write_block
+from tests.postgresql_server import PostgresqlServer
+from tests.service.served import Served, alive, recorded_states, served, until
+
+pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
+
+MANUAL = "aerial-triangulation/manual"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    folder = tmp_path_factory.mktemp("serve")
+    _write_block(folder / "root" / "block")
+    with served(folder, "--cron", "30 1 * * *", "--timezone", "Europe/Berlin") as running:
+        yield running
+
+
+def test_the_form_refuses_a_wrong_value_before_there_is_a_run(server: Served) -> None:
+    before = len(server.runs(flows={"name": {"any_": ["aerial-triangulation"]}}))
+    with pytest.raises(InstallationError, match="'nonsense' is not one of"):
+        server.start(MANUAL, {"project": "block", "settings": {"datum": "nonsense"}})
+    with pytest.raises(InstallationError, match="'output'"):
+        server.start(MANUAL, {"project": "block", "output": "../out"})
+    assert len(server.runs(flows={"name": {"any_": ["aerial-triangulation"]}})) == before
+
+
+def test_every_parameter_of_the_form_is_described(server: Served) -> None:
+    for story in ("aerial-triangulation", "system-calibration", "direct-georeferencing-check"):
+        schema = server.api.get(f"/deployments/name/{story}/manual")["parameter_openapi_schema"]
+        fields = schema["properties"] | schema["definitions"]["RunForm"]["properties"]
+        assert len(fields) == 13
+        for name, field in fields.items():
+            assert field.get("description"), name
+            assert "default" in field or name == "project"
+
+
+def test_a_run_ends_in_the_state_that_says_what_happened(server: Served) -> None:
+    done = server.start(MANUAL, {"project": "block"})
+    missed = server.start(
+        MANUAL, {"project": "block", "settings": {"sigma0_limit": 0.71}, "output": "strict"}
+    )
+    outside = server.start(MANUAL, {"project": "../state/serve.json"})
+    states = {name: server.ended(run) for name, run in (("d", done), ("m", missed), ("o", outside))}
+    assert [states[key]["state_name"] for key in "dmo"] == ["Completed", "GateFailed", "InputError"]
+    # The name is completed after the state.
+    until(lambda: server.run(missed)["name"] == "block · aerial-triangulation · GateFailed", 20)
+    assert "sigma0" in states["m"]["state"]["message"]
+    assert str(server.folder / "root") in states["o"]["state"]["message"]
+    results = server.folder / "root" / "block"
+    assert json.loads((results / "results" / "summary.json").read_text())["status"] == "done"
+    assert json.loads((results / "strict" / "summary.json").read_text())["status"] == "gate_failed"
+    assert states["m"]["run_count"] == 1, "a failed gate is not tried again"
+
+
+def test_a_run_by_hand_appears_in_the_dashboard(server: Served) -> None:
+    block = server.folder / "root" / "block" / "project.toml"
+    command = [sys.executable, "-m", "flows.command", "run", str(block), "--out", str(server.folder / "hand")]
+    done = subprocess.run(command, env=server.environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    named = server.runs(flow_runs={"name": {"any_": ["block/project.toml"]}})
+    assert [run["state_name"] for run in named] == ["Completed"]
+    assert named[0]["deployment_id"] is None
+    done = subprocess.run(
+        [*command, "--server", "none"], env=server.environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(server.runs(flow_runs={"name": {"any_": ["block/project.toml"]}})) == 1
+
+
+def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -> None:
+    def runs() -> list[object]:
+        return server.runs(flow_runs={"tags": {"all_": ["delivery"]}})
+
+    _write_block(server.folder / "inbox" / "block-7")
+    nightly = server.ended(server.start("inbox/nightly", {}))
+    assert "Not complete yet: block-7." in nightly["state"]["message"]
+    assert runs() == []
+    (server.folder / "inbox" / "block-7" / "DELIVERED").touch()
+    until(runs, 60)
+    nightly = server.ended(server.start("inbox/nightly", {}))
+    assert "Deliveries with a run already: 1." in nightly["state"]["message"]
+    (run,) = runs()
+    assert server.ended(run["id"])["state_name"] == "Completed"  # type: ignore[index]
+    assert (server.folder / "inbox" / "block-7" / "results" / "report.html").is_file()
+    # The same bytes once more: another run, which computes nothing.
+    os.utime(server.folder / "inbox" / "block-7" / "DELIVERED", (1, 1))
+    again = until(lambda: next((one for one in runs() if one["id"] != run["id"]), None), 60)  # type: ignore[index]
+    assert server.ended(again["id"])["state_name"] == "Completed"  # type: ignore[index]
+    store = server.folder / "inbox" / "block-7" / "results" / ".store"
+    assert len(list((store / "bundle_adjustment").iterdir())) == 1
+
+
+def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
+    def engines() -> list[str]:
+        listed = subprocess.run(["ps", "-eo", "pgid,args"], capture_output=True, text=True, check=True).stdout
+        ours = [line.split(None, 1) for line in listed.splitlines()[1:]]
+        return [args for group, args in ours if int(group) in server.groups() and "prefect.engine" in args]
+
+    with run_lock(server.folder / "root" / "block" / "cancelled"):
+        run = server.start(MANUAL, {"project": "block", "output": "cancelled"})
+        server.in_state(run, "RUNNING")
+        assert engines()
+        state = {"type": "CANCELLING", "name": "Cancelling"}
+        server.api.post(f"/flow_runs/{run}/set_state", {"state": state})
+        assert server.ended(run)["state_name"] == "Cancelled"
+        until(lambda: not engines(), 30)
+
+
+def test_the_schedule_has_runs_in_its_time_zone(server: Served) -> None:
+    scheduled = until(
+        lambda: server.runs(
+            flows={"name": {"any_": ["inbox"]}}, flow_runs={"state": {"type": {"any_": ["SCHEDULED"]}}}
+        ),
+        60,
+    )
+    # 1:30 in Berlin is 0:30 (winter) or 23:30 (summer).
+    assert {run["expected_start_time"][11:16] for run in scheduled} <= {"00:30", "23:30"}
+
+
+def test_the_server_is_private(server: Served) -> None:
+    found = find_server(server.folder / "state")
+    assert found is not None
+    assert (found.alive, found.server.url) == (True, server.api.url)
+    listening = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    addresses = {line[1].split(":")[0] for line in listening if int(line[1].split(":")[1], 16) == server.port}
+    assert addresses == {"0100007F"}
+
+
+def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(server: Served) -> None:
+    """The last one with this server: it is gone afterwards."""
+    groups = server.groups()
+    waiting = server.start(MANUAL, {"project": "block", "output": "held"})
+    with run_lock(server.folder / "root" / "block" / "held"):
+        server.in_state(waiting, "RUNNING")
+        server.process.send_signal(signal.SIGTERM)
+        until(lambda: "a second request ends them now" in server.printed, 20)
+        later = server.start(MANUAL, {"project": "block", "output": "later"})
+        with pytest.raises(subprocess.TimeoutExpired):
+            server.process.wait(6)
+    assert server.process.wait(120) == 0
+    states = recorded_states(server.folder)
+    assert states[waiting] == "COMPLETED"
+    assert not {"RUNNING", "PENDING", "CANCELLING"} & set(states.values())
+    assert later not in states, "a run that had not begun waits for the next start"
+    assert not [group for group in groups if alive(group)]
+    assert find_server(server.folder / "state") is None
+
+
+def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(tmp_path: Path) -> None:
+    _write_block(tmp_path / "root" / "block")
+    with served(tmp_path) as first, run_lock(tmp_path / "root" / "block" / "results"):
+        run = first.start(MANUAL, {"project": "block"})
+        first.in_state(run, "RUNNING")
+        groups = first.groups()
+        first.process.kill()
+        for group in groups:
+            os.killpg(group, signal.SIGKILL)
+    assert recorded_states(tmp_path)[run] == "RUNNING"
+    project = tmp_path / "root" / "block" / "project.toml"
+    command = [sys.executable, "-m", "flows.command", "run", str(project), "--out", str(tmp_path / "hand")]
+    alone = subprocess.run(command, env=first.environment, capture_output=True, text=True, check=False)
+    assert alone.returncode == 0
+    assert "Remark: The server" in alone.stderr
+    assert "no longer running" in alone.stderr
+    shutil.rmtree(tmp_path / "hand")
+    with served(tmp_path) as second:
+        assert second.ended(run)["state_name"] == "Completed"
+        second.process.send_signal(signal.SIGINT)
+        assert second.process.wait(60) == 0
+
+
+def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Path) -> None:
+    _write_block(tmp_path / "root" / "block")
+    with served(tmp_path) as server:
+        groups = server.groups()
+        with run_lock(tmp_path / "root" / "block" / "results"):
+            run = server.start(MANUAL, {"project": "block"})
+            server.in_state(run, "RUNNING")
+            server.process.kill()
+            server.process.wait()
+        until(lambda: not any(alive(group) for group in groups), 90)
+    assert recorded_states(tmp_path)[run] == "COMPLETED"
+
+
+def test_the_records_may_be_in_postgresql(tmp_path: Path, postgresql: PostgresqlServer) -> None:
+    _write_block(tmp_path / "root" / "block")
+    with served(tmp_path, "--database", postgresql.emptied()) as server:
+        run = server.start(MANUAL, {"project": "block"})
+        assert server.ended(run)["state_name"] == "Completed"
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(60) == 0
+    assert not (tmp_path / "state" / "prefect" / "prefect.db").exists()
