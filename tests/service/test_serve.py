@@ -17,7 +17,7 @@ from flows.serving.state_file import find_server
 from tasks.storage.installation import InstallationError
 from tasks.storage.run_lock import run_lock
 from tests.flows.conftest import _write_block
-from tests.postgresql_server import PostgresqlServer
+from tests.postgresql_server import PASSWORD, PostgresqlServer
 from tests.service.served import Served, alive, recorded_states, served, until
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
@@ -124,6 +124,17 @@ def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
         until(lambda: not engines(), 30)
 
 
+def test_no_more_runs_than_the_limit_at_a_time_and_one_project_is_computed_once(server: Served) -> None:
+    with run_lock(server.folder / "root" / "block" / "twice"):
+        runs = [server.start(MANUAL, {"project": "block", "output": "twice"}) for _ in range(2)]
+        until(lambda: "RUNNING" in {server.run(run)["state_type"] for run in runs}, 60)
+        with pytest.raises(AssertionError, match="not within"):
+            until(lambda: {server.run(run)["state_type"] for run in runs} == {"RUNNING"}, 8)
+    assert [server.ended(run)["state_name"] for run in runs] == ["Completed", "Completed"]
+    store = server.folder / "root" / "block" / "twice" / ".store"
+    assert len(list((store / "bundle_adjustment").iterdir())) == 1
+
+
 def test_the_schedule_has_runs_in_its_time_zone(server: Served) -> None:
     scheduled = until(
         lambda: server.runs(
@@ -200,9 +211,13 @@ def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Pa
     assert recorded_states(tmp_path)[run] == "COMPLETED"
 
 
-def test_the_records_may_be_in_postgresql(tmp_path: Path, postgresql: PostgresqlServer) -> None:
+def test_the_records_may_be_in_postgresql(
+    tmp_path: Path, postgresql: PostgresqlServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     _write_block(tmp_path / "root" / "block")
-    with served(tmp_path, "--database", postgresql.emptied()) as server:
+    monkeypatch.setenv("PGPASSWORD", PASSWORD)
+    database = postgresql.emptied().replace(f":{PASSWORD}@", "@")
+    with served(tmp_path, "--database", database) as server:
         run = server.start(MANUAL, {"project": "block"})
         assert server.ended(run)["state_name"] == "Completed"
         server.process.send_signal(signal.SIGTERM)
