@@ -5,6 +5,7 @@ Loads Prefect when imported, as the flows it serves do.
 
 import asyncio
 import logging
+from collections.abc import Sequence
 from typing import Any
 
 from flows.deployed import STORIES, inbox
@@ -25,6 +26,8 @@ _log = logging.getLogger("aerocal")
 
 #: Tag of every deployment of ours.
 TAG = "aerocal"
+#: Name of the deployment with a schedule.
+NIGHTLY = "nightly"
 #: Seconds between two questions for runs to begin.
 _POLL_S = 2.0
 
@@ -52,7 +55,7 @@ def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
         made.append(
             _of(
                 inbox,
-                "nightly",
+                NIGHTLY,
                 "Looks through the inbox and starts what has no run yet.",
                 schedule=Cron(options.cron, timezone=options.timezone) if options.cron else None,
                 parameters={"story": options.story},
@@ -79,18 +82,24 @@ def serve(options: RunnerOptions) -> None:
 
 async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
     runner = DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+    unscheduled = [one.name for one in made if one.name == NIGHTLY and not one.schedules]
     registered = {await runner.aadd_deployment(one) for one in made}
     async with get_client() as client:
-        await _rest(client, registered)
+        await _rest(client, registered, unscheduled)
         await _take_up(client)
     await runner.start()
 
 
-async def _rest(client: PrefectClient, registered: set[Any]) -> None:
-    """Pause deployments of ours that this runner does not carry out: their runs would only pile up."""
+async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequence[str]) -> None:
+    """Take the schedules of an earlier start away where this runner does not carry them out.
+
+    Schedules that people have made in the dashboard, and what they have paused, stay.
+    """
     for one in await client.read_deployments(deployment_filter=_ours()):
-        if one.id not in registered:
-            await client.pause_deployment(one.id)
+        if one.id in registered and one.name not in unscheduled:
+            continue
+        for schedule in await client.read_deployment_schedules(one.id):
+            await client.delete_deployment_schedule(one.id, schedule.id)
 
 
 async def _take_up(client: PrefectClient) -> None:

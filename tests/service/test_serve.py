@@ -177,9 +177,10 @@ def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(server: Se
 
 def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(tmp_path: Path) -> None:
     _write_block(tmp_path / "root" / "block")
-    with served(tmp_path) as first, run_lock(tmp_path / "root" / "block" / "results"):
+    with served(tmp_path, "--cron", "30 1 * * *") as first, run_lock(tmp_path / "root" / "block" / "results"):
         run = first.start(MANUAL, {"project": "block"})
         first.in_state(run, "RUNNING")
+        assert len(first.api.get("/deployments/name/inbox/nightly")["schedules"]) == 1
         groups = first.groups()
         first.process.kill()
         for group in groups:
@@ -194,6 +195,8 @@ def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(
     shutil.rmtree(tmp_path / "hand")
     with served(tmp_path) as second:
         assert second.ended(run)["state_name"] == "Completed"
+        # Not asked for this time.
+        assert second.api.get("/deployments/name/inbox/nightly")["schedules"] == []
         second.process.send_signal(signal.SIGINT)
         assert second.process.wait(60) == 0
 
