@@ -136,6 +136,7 @@ def test_the_check_keeps_its_prediction_at_independent_points(accepted: RunOutco
     assert checked["at_control_of_calibration"]["points"][0] == 84
 
 
+@pytest.mark.slow
 def test_with_one_height_the_focal_length_is_weak_and_the_flight_refused(tmp_path: Path) -> None:
     outcome = calibrated(flown(tmp_path, *ONE_HEIGHT))
     assert outcome.error is None, outcome.error
@@ -179,6 +180,7 @@ def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_pat
     assert any("no two-step calibration" in text for text in outcome.summary.problems)
 
 
+@pytest.mark.slow
 def test_additional_parameters_are_released_last(flight: Path, tmp_path: Path) -> None:
     selection = 'adjustment.self_calibration.parameters="bluh:1-12"'
     outcome = calibrated(flight, selection, "calibration.two_step=false", out=tmp_path)

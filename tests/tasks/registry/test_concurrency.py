@@ -120,10 +120,12 @@ def killed_at(statement: int, action: Callable[[Registry], object], address: Reg
             event.listen(registry.database.engine, "commit", lambda _: stop())
         action(registry)
         tell.send("done")
+        # Without what the process that was copied would do at its end (a worker of pytest-xdist fails there).
+        os._exit(0)
 
     process = FORK.Process(target=run)
     process.start()
-    assert told.poll(30)
+    assert told.poll(60)
     killed = told.recv() == "here"
     if killed:
         assert process.pid is not None
