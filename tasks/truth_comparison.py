@@ -19,7 +19,7 @@ from adjust.arrays import Floats
 from tasks.calibration.quantities import is_calibrated
 from tasks.errors import InputError
 from tasks.simulation.simulation_truth import TRUTH
-from tasks.tables.covariance import Key, covariance_of
+from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 # A single block is one draw: its unknowns are correlated, so the pooled ratio scatters about 1.
 _POOLED_LIMITS = (0.8, 1.2)
@@ -231,7 +231,8 @@ def _joint(results: Path, found: tuple[RecoveredParameter, ...]) -> JointTest | 
     ]
     keys: list[Key] = [(item.parameter, item.entity) for item in found]
     error: Floats = np.array([item.estimated - item.true for item in found])
-    chi_squared = float(error @ np.linalg.solve(covariance_of(keys, *tables), error))
+    covariance = covariance_of(keys, sigmas_of(tables[0]), correlation_pairs(tables[1]))
+    chi_squared = float(error @ np.linalg.solve(covariance, error))
     freedom = len(found)
     return JointTest(
         chi_squared,

@@ -31,7 +31,7 @@ from tasks.storage.artifact import Artifact, digest_of_file
 from tasks.storage.json_text import JSON
 from tasks.storage.notes import Notes, read_notes, write_notes
 from tasks.storage.store import stored
-from tasks.tables.covariance import Key, covariance_of
+from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import read_table
 
 #: What a reason of the verdict follows among the problems of a run.
@@ -205,7 +205,7 @@ def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ..
     rows = material.rows(camera)
     rows = rows[rows["sigma"].notna()]
     keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
-    matrix = covariance_of(keys, material.parameters, material.correlations)
+    matrix = covariance_of(keys, sigmas_of(rows), correlation_pairs(material.correlations))
     return tuple(tuple(float(value) for value in row) for row in matrix)
 
 

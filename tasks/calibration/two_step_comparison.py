@@ -16,7 +16,7 @@ from scipy import special
 
 from adjust.arrays import Floats
 from tasks.storage.json_text import JSON
-from tasks.tables.covariance import Key, covariance_of
+from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 # Component of the two-step calibration of each parameter of the one-step calibration.
 _COMPONENT = {
@@ -125,7 +125,7 @@ def compared_steps(
     if not found:
         return None
     keys: list[Key] = [(item.parameter, item.entity) for item in found]
-    covariance = covariance_of(keys, parameters, correlations)
+    covariance = covariance_of(keys, sigmas_of(parameters), correlation_pairs(correlations))
     covariance += np.diag([item.two_step_sigma**2 for item in found])
     difference: Floats = np.array([item.difference for item in found])
     chi_squared = float(difference @ np.linalg.solve(covariance, difference))

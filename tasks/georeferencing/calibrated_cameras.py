@@ -17,8 +17,9 @@ from adjust.parameters import (
     TIME_OFFSET,
 )
 from tasks.errors import InputError
-from tasks.georeferencing.calibration import Calibration, Key
+from tasks.georeferencing.calibration import Calibration
 from tasks.nearest_name import did_you_mean
+from tasks.tables.covariance import Key
 
 #: Column of cameras.parquet of every parameter of a camera; both are in the same unit.
 _COLUMNS = {

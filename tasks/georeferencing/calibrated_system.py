@@ -14,8 +14,9 @@ from adjust.parameters import FAMILIES, GNSS_SHIFT, TIME_OFFSET, SystemParameter
 from tasks.block.parameter_tables import reported_unit
 from tasks.errors import InputError
 from tasks.georeferencing.calibrated_cameras import OF_ITS_FLIGHT
-from tasks.georeferencing.calibration import Calibration, Key
+from tasks.georeferencing.calibration import Calibration
 from tasks.nearest_name import did_you_mean
+from tasks.tables.covariance import Key
 
 _OF_FLIGHTS = (GNSS_SHIFT, TIME_OFFSET)
 

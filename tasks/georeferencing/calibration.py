@@ -10,7 +10,6 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -22,11 +21,9 @@ from tasks.errors import InputError
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.tables import schemas
+from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import METADATA
 from tasks.tables.schemas import TableSchema
-
-#: Parameter and the camera, flight or strip it belongs to.
-Key: TypeAlias = tuple[str, str]
 
 _REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`."
 # Two surveys of one point differ by centimetres, neighbouring points lie metres apart.
@@ -102,19 +99,7 @@ class Calibration:
         InputError
             If the correlation of two of them is missing.
         """
-        chosen = list(keys)
-        result = np.diag([self.sigmas[key] ** 2 for key in chosen])
-        for i, one in enumerate(chosen):
-            for j, other in enumerate(chosen[:i]):
-                correlation = self.correlations.get((one, other), self.correlations.get((other, one)))
-                if correlation is None:
-                    raise InputError(
-                        f"The calibration gives no correlation of {one[0]} of {one[1]} with {other[0]} of "
-                        f"{other[1]}.",
-                        "Take parameters.parquet and correlations.parquet from the same run.",
-                    )
-                result[i, j] = result[j, i] = correlation * self.sigmas[one] * self.sigmas[other]
-        return np.asarray(result.reshape(len(chosen), len(chosen)))
+        return covariance_of(keys, self.sigmas, self.correlations)
 
 
 def control_of(surveyed: pd.DataFrame, residuals: pd.DataFrame, crs: str) -> SurveyedControl:
@@ -132,16 +117,11 @@ def calibration_of(
     """The calibration in parameters.parquet and correlations.parquet."""
     rows = parameters.to_dict("records")
     keys: list[Key] = [(str(row["parameter"]), str(row["entity"])) for row in rows]
-    pairs = zip(
-        zip(correlations["parameter_a"], correlations["entity_a"], strict=True),
-        zip(correlations["parameter_b"], correlations["entity_b"], strict=True),
-        strict=True,
-    )
     return Calibration(
         {key: float(row["value"]) for key, row in zip(keys, rows, strict=True)},
-        {key: float(row["sigma"]) for key, row in zip(keys, rows, strict=True) if np.isfinite(row["sigma"])},
+        sigmas_of(parameters),
         {key: str(row["unit"]) for key, row in zip(keys, rows, strict=True)},
-        dict(zip(pairs, correlations["correlation"].astype(float), strict=True)),
+        correlation_pairs(correlations),
         {key: str(row["status"]) for key, row in zip(keys, rows, strict=True)},
         control,
     )

@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 
 from tasks.calibration.record import CalibrationRecord
-from tasks.georeferencing.calibration import Calibration, Key, SurveyedControl
+from tasks.georeferencing.calibration import Calibration, SurveyedControl
 from tasks.storage.json_text import JSON
+from tasks.tables.covariance import Key
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -15,30 +15,44 @@ from tasks.errors import InputError
 Key: TypeAlias = tuple[str, str]
 
 
-def covariance_of(keys: Sequence[Key], parameters: pd.DataFrame, correlations: pd.DataFrame) -> Floats:
-    """Covariance matrix (k, k) of estimated parameters in the units of the tables.
+def correlation_pairs(correlations: pd.DataFrame) -> Mapping[tuple[Key, Key], float]:
+    """The correlations of correlations.parquet, each pair once."""
+    pairs = zip(
+        zip(correlations["parameter_a"], correlations["entity_a"], strict=True),
+        zip(correlations["parameter_b"], correlations["entity_b"], strict=True),
+        strict=True,
+    )
+    return dict(zip(pairs, correlations["correlation"].astype(float), strict=True))
+
+
+def sigmas_of(parameters: pd.DataFrame) -> Mapping[Key, float]:
+    """Standard deviations of the estimated parameters of parameters.parquet, in their units."""
+    own = parameters[parameters["sigma"].notna()]
+    return dict(
+        zip(zip(own["parameter"], own["entity"], strict=True), own["sigma"].astype(float), strict=True)
+    )
+
+
+def covariance_of(
+    keys: Iterable[Key], sigmas: Mapping[Key, float], correlations: Mapping[tuple[Key, Key], float]
+) -> Floats:
+    """Covariance matrix (k, k) of estimated parameters in products of the units of their σ.
 
     Raises
     ------
     InputError
         If the correlation of two of them is missing.
     """
-    names = list(zip(parameters["parameter"], parameters["entity"], strict=True))
-    sigma_of = dict(zip(names, parameters["sigma"].astype(float), strict=True))
-    sigma = np.array([sigma_of[key] for key in keys], dtype=np.float64)
-    place = {key: number for number, key in enumerate(keys)}
-    matrix = np.full((len(keys), len(keys)), np.nan)
-    np.fill_diagonal(matrix, 1.0)
-    columns = ("parameter_a", "entity_a", "parameter_b", "entity_b", "correlation")
-    for one, of_one, other, of_other, value in zip(*(correlations[name] for name in columns), strict=True):
-        i, j = place.get((one, of_one)), place.get((other, of_other))
-        if i is not None and j is not None:
-            matrix[i, j] = matrix[j, i] = float(value)
-    missing = np.argwhere(np.isnan(matrix))
-    if len(missing):
-        one, other = (keys[int(k)] for k in missing[0])
-        raise InputError(
-            f"The calibration gives no correlation of {one[0]} of {one[1]} with {other[0]} of {other[1]}.",
-            "Take parameters.parquet and correlations.parquet from the same run.",
-        )
-    return np.asarray(matrix * np.outer(sigma, sigma))
+    chosen = list(keys)
+    result = np.diag([sigmas[key] ** 2 for key in chosen])
+    for i, one in enumerate(chosen):
+        for j, other in enumerate(chosen[:i]):
+            correlation = correlations.get((one, other), correlations.get((other, one)))
+            if correlation is None:
+                raise InputError(
+                    f"The calibration gives no correlation of {one[0]} of {one[1]} with {other[0]} of "
+                    f"{other[1]}.",
+                    "Take parameters.parquet and correlations.parquet from the same run.",
+                )
+            result[i, j] = result[j, i] = correlation * sigmas[one] * sigmas[other]
+    return np.asarray(result.reshape(len(chosen), len(chosen)))
