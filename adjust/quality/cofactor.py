@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats
-from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.quality import cofactor_kernel
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
@@ -42,21 +41,8 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
     of_points, hat = np.full((len(system.active_point), 3, 3), np.nan), np.zeros((len(rays.image), 3))
 
     def work(lane: Lane) -> None:
-        ideal = system.ideal_rays(state, lane)
         cofactor_kernel.point_cofactors(
-            *lane,
-            system.point_start,
-            rays.image,
-            rays.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
-            state.object_point,
-            state.system[INTERIOR_ORIENTATION],
-            ideal.xy,
-            ideal.slope,
-            ideal.basis,
-            rays.inverse_sigma,
-            system.active_point,
+            *system.rays_of_lane(state, lane),
             system.ray_columns.of_image,
             solution.normals.point_factor,
             system.pattern.row_start,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
-from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.parameters import State
 from adjust.solve import elimination_kernel
 from adjust.solve.factorization import Factorization
 from adjust.solve.lanes import Lane, in_order, lanes
@@ -82,26 +82,13 @@ def solve_full(
 
 def _reduced(system: System, state: State, point_factor: Floats, given: FullVectors) -> tuple[Floats, Floats]:
     """Right-hand sides (n, 6, d) and (g, d) after elimination of the object points."""
-    rays, columns = system.observations.image_points, system.ray_columns
+    columns = system.ray_columns
 
     def work(lane: Lane) -> tuple[Floats, Floats]:
         of_exposures = np.zeros_like(given.of_exposures)
         of_border = np.zeros((len(columns.border), given.count))
-        ideal = system.ideal_rays(state, lane)
         elimination_kernel.subtract_eliminated(
-            *lane,
-            system.point_start,
-            rays.image,
-            rays.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
-            state.object_point,
-            state.system[INTERIOR_ORIENTATION],
-            ideal.xy,
-            ideal.slope,
-            ideal.basis,
-            rays.inverse_sigma,
-            system.active_point,
+            *system.rays_of_lane(state, lane),
             columns.compact,
             point_factor,
             given.of_points,

@@ -19,6 +19,7 @@ from adjust.observations.base import Linearization, ObservationGroup
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import (
     EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
     OBJECT_POINT,
     InnerConstraints,
     ParameterLayout,
@@ -168,6 +169,30 @@ class System:
         columns = self.ray_columns
         rays = self.observations.image_points
         return rays.ideal(state, columns.components, columns.principal_point_is_free, first, last)
+
+    def rays_of_lane(self, state: State, lane: Lane) -> tuple[Floats | Ints | Bools | int, ...]:
+        """What every kernel that goes through the rays of a lane begins its arguments with.
+
+        The object points first … last − 1, where the rays of each begin, image and camera of the rays, the
+        values of a state (metres, local frame; interior orientation), the corrected rays with slope and basis
+        (those of the lane alone), 1/σ, and which object points take part.
+        """
+        rays, ideal = self.observations.image_points, self.ideal_rays(state, lane)
+        return (
+            *lane,
+            self.point_start,
+            rays.image,
+            rays.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+            state.system[INTERIOR_ORIENTATION],
+            ideal.xy,
+            ideal.slope,
+            ideal.basis,
+            rays.inverse_sigma,
+            self.active_point,
+        )
 
     @property
     def unknowns(self) -> int:

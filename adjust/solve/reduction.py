@@ -10,7 +10,7 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.errors import DatumDefectError, InconsistentBlockError
-from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.parameters import State
 from adjust.solve import reduction_kernel
 from adjust.solve.lanes import Lane, in_any_order, in_order, lanes
 
@@ -88,26 +88,13 @@ def reduce_image_points(
     DatumDefectError : if an object point is not determined by its observations.
     InconsistentBlockError : if an object point lies behind a camera that sees it.
     """
-    rays, pattern = system.observations.image_points, system.pattern
+    pattern = system.pattern
     columns = system.ray_columns
 
     def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
         mine = Sums.zero(len(pattern.column), pattern.images, len(columns.border))
-        ideal = system.ideal_rays(state, lane)
         return mine, *reduction_kernel.reduce_points(
-            *lane,
-            system.point_start,
-            rays.image,
-            rays.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
-            state.object_point,
-            state.system[INTERIOR_ORIENTATION],
-            ideal.xy,
-            ideal.slope,
-            ideal.basis,
-            rays.inverse_sigma,
-            system.active_point,
+            *system.rays_of_lane(state, lane),
             columns.compact,
             damping,
             pattern.row_start,
@@ -143,24 +130,11 @@ def increments_of_points(
     of_border: Floats,
 ) -> Floats:
     """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
-    rays, increments = system.observations.image_points, np.zeros_like(state.object_point)
+    increments = np.zeros_like(state.object_point)
 
     def work(lane: Lane) -> None:
-        ideal = system.ideal_rays(state, lane)
         reduction_kernel.substitute_back(
-            *lane,
-            system.point_start,
-            rays.image,
-            rays.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
-            state.object_point,
-            state.system[INTERIOR_ORIENTATION],
-            ideal.xy,
-            ideal.slope,
-            ideal.basis,
-            rays.inverse_sigma,
-            system.active_point,
+            *system.rays_of_lane(state, lane),
             system.ray_columns.of_image,
             point_factor,
             point_rhs,
