@@ -10,26 +10,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event, insert, inspect, select, text
+from sqlalchemy import Connection, Engine, insert, inspect, select, text
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.pool import NullPool
 
+from tasks.database.address import DatabaseAddress
+from tasks.database.engine import WAIT_S, connected_for_reading, connected_for_writing, engine_at
+from tasks.database.errors import in_words
 from tasks.errors import InputError
-from tasks.registry.database_errors import in_words
 from tasks.registry.history import BEGINNING
 from tasks.registry.tables import HEAD, METADATA, SCHEMA, SCHEMA_VERSION
-from tasks.settings.registry import RegistryAddress
 from tasks.storage.installation import writing_into
 
-#: How long a writer waits for another one.
-WAIT_S = 30
-# A writer that hangs (not dies) must not hold up all others for ever.
-_IDLE_S = 60
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F63616C
-_WRITING = "aerocal_writing"
 
 
 @dataclass(frozen=True)
@@ -42,29 +36,18 @@ class Database:
     engine : connects to it.
     """
 
-    address: RegistryAddress
+    address: DatabaseAddress
     engine: Engine
 
     @classmethod
-    def at(cls, address: RegistryAddress, wait_s: float = WAIT_S) -> Database:
+    def at(cls, address: DatabaseAddress, wait_s: float = WAIT_S) -> Database:
         """The database at an address; nothing is opened yet.
 
         Parameters
         ----------
         wait_s : how long a writer waits for another one.
         """
-        if address.is_file:
-            engine = create_engine(address.url, poolclass=NullPool, connect_args={"timeout": wait_s})
-            event.listen(engine, "connect", _leave_transactions_to_us)
-            event.listen(engine, "begin", _begin_in_sqlite)
-        else:
-            # Longer than any wait for a lock, so that the server has the first word.
-            options = {"timeout": wait_s + 15, "ssl_context": address.ssl_context}
-            engine = create_engine(
-                address.url, poolclass=NullPool, connect_args=options, hide_parameters=True
-            )
-            event.listen(engine, "begin", _limits_of(wait_s))
-        return cls(address, engine)
+        return cls(address, engine_at(address, wait_s))
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
@@ -80,8 +63,7 @@ class Database:
         file = self.address.file
         if file is not None and not file.is_file():
             raise self._missing()
-        options = {} if self.address.is_file else {"isolation_level": "REPEATABLE READ"}
-        with in_words(self.address), self.engine.connect().execution_options(**options) as connection:
+        with in_words(self.address), connected_for_reading(self.engine) as connection:
             if not inspect(connection).has_table(SCHEMA.name):
                 raise self._missing()
             self._require_version(connection)
@@ -106,7 +88,7 @@ class Database:
                 file.parent.mkdir(parents=True, exist_ok=True)
         with in_words(self.address):
             try:
-                with self._connected_for_writing() as connection, connection.begin():
+                with connected_for_writing(self.engine) as connection, connection.begin():
                     self._make_tables(connection)
                     self._require_version(connection)
                     connection.execute(select(HEAD.c.one).with_for_update()).all()
@@ -117,11 +99,6 @@ class Database:
                     f"{str(error.orig).splitlines()[0]}",
                     "Nothing was changed. Run `aerocal registry verify`, then try again.",
                 ) from error
-
-    def _connected_for_writing(self) -> Connection:
-        # Whoever has waited for the row lock must then see what the other one has written.
-        options = {} if self.address.is_file else {"isolation_level": "READ COMMITTED"}
-        return self.engine.connect().execution_options(**{_WRITING: True}, **options)
 
     def _make_tables(self, connection: Connection) -> None:
         if not self.address.is_file:
@@ -154,26 +131,3 @@ class Database:
             f"There is no registry at {self.address}.",
             "`aerocal registry add` makes one; --registry or AEROCAL_REGISTRY name another place.",
         )
-
-
-def _leave_transactions_to_us(connection: Any, _record: Any) -> None:
-    """Keep Python's driver from beginning transactions of its own, late and deferred."""
-    connection.isolation_level = None
-    connection.execute("PRAGMA foreign_keys = ON")
-    connection.execute("PRAGMA synchronous = FULL")
-
-
-def _begin_in_sqlite(connection: Connection) -> None:
-    writes = connection.get_execution_options().get(_WRITING, False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-
-
-def _limits_of(wait_s: float) -> Any:
-    """What begins a transaction on a server: no waiting, and no holding up others, for ever."""
-
-    def begin(connection: Connection) -> None:
-        if connection.get_execution_options().get(_WRITING, False):
-            connection.exec_driver_sql(f"SET LOCAL lock_timeout = '{int(wait_s * 1000)}ms'")
-            connection.exec_driver_sql(f"SET LOCAL idle_in_transaction_session_timeout = '{_IDLE_S}s'")
-
-    return begin

@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection, insert, select, update
 
+from tasks.database.address import DatabaseAddress
+from tasks.database.engine import WAIT_S
 from tasks.errors import InputError
 from tasks.registry.approval import Approval, approved_meanwhile, require_approvable, superseded_by
 from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import Contents, StoredCalibration
-from tasks.registry.database import WAIT_S, Database
+from tasks.registry.database import Database
 from tasks.registry.history import BEGINNING, Event, Validity
 from tasks.registry.identity import CameraBody
 from tasks.registry.integrity import Rows, contents_of
 from tasks.registry.query_tables import record_row_findings, row_findings, write_rows
 from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD
-from tasks.settings.registry import RegistryAddress
 from tasks.storage.stage_record import utc_now
 
 
@@ -36,7 +37,7 @@ class Registry:
     database: Database
 
     @classmethod
-    def at(cls, address: RegistryAddress, wait_s: float = WAIT_S) -> Registry:
+    def at(cls, address: DatabaseAddress, wait_s: float = WAIT_S) -> Registry:
         """The registry at an address.
 
         Parameters

@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from sqlalchemy import event, func, select
 
+from tasks.database.address import DatabaseAddress
 from tasks.errors import AerocalError, InputError
 from tasks.registry.approval import approval_of
 from tasks.registry.history import Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.tables import CALIBRATIONS, METADATA
-from tasks.settings.registry import RegistryAddress
 from tasks.storage.installation import InstallationError
 from tests.tasks.registry.records import add, approve, changed, record
 
@@ -49,7 +49,7 @@ def in_processes(count: int, work: Callable[[int], object]) -> list[str]:
     return answers
 
 
-def test_processes_that_add_at_once_lose_nothing(address: RegistryAddress) -> None:
+def test_processes_that_add_at_once_lose_nothing(address: DatabaseAddress) -> None:
     """They also make the tables at the same moment."""
 
     def work(index: int) -> int:
@@ -65,7 +65,7 @@ def test_processes_that_add_at_once_lose_nothing(address: RegistryAddress) -> No
     assert {item.sealed.digest for item in found.calibrations} == expected
 
 
-def test_processes_that_add_the_same_record_get_it_once(address: RegistryAddress) -> None:
+def test_processes_that_add_the_same_record_get_it_once(address: DatabaseAddress) -> None:
     answers = in_processes(3, lambda _: add(Registry.at(address), record()).id)
     assert sorted(answers)[0] == "1"
     refused = [answer for answer in answers if "in the registry already" in answer]
@@ -73,7 +73,7 @@ def test_processes_that_add_the_same_record_get_it_once(address: RegistryAddress
     assert len(Registry.at(address).verified().calibrations) == 1
 
 
-def test_processes_that_approve_different_successors_get_one_conflict(address: RegistryAddress) -> None:
+def test_processes_that_approve_different_successors_get_one_conflict(address: DatabaseAddress) -> None:
     registry = Registry.at(address)
     for number in range(3):
         add(registry, record(changed(number)))
@@ -94,7 +94,7 @@ def test_processes_that_approve_different_successors_get_one_conflict(address: R
     assert found.calibration(str(3 - winner)).state == "draft"
 
 
-def killed_at(statement: int, action: Callable[[Registry], object], address: RegistryAddress) -> bool:
+def killed_at(statement: int, action: Callable[[Registry], object], address: DatabaseAddress) -> bool:
     """Let a process carry out an action and kill it before its statement of that number (0: its commit).
 
     Returns
@@ -145,7 +145,7 @@ def rows(registry: Registry) -> dict[str, int]:
 
 @pytest.mark.parametrize("what", ["add", "approve"])
 def test_a_writer_killed_at_any_statement_leaves_nothing_half(
-    address: RegistryAddress, registry: Registry, what: str
+    address: DatabaseAddress, registry: Registry, what: str
 ) -> None:
     for number in range(2):
         add(registry, record(changed(number)))
@@ -172,7 +172,7 @@ def test_a_writer_killed_at_any_statement_leaves_nothing_half(
     assert found.digest != digest
 
 
-def test_a_writer_that_hangs_is_named_and_waited_for_only_so_long(address: RegistryAddress) -> None:
+def test_a_writer_that_hangs_is_named_and_waited_for_only_so_long(address: DatabaseAddress) -> None:
     registry, impatient = Registry.at(address), Registry.at(address, wait_s=1.0)
     add(registry, record())
     with registry.database.writing(), pytest.raises(InstallationError, match="written by another process"):
@@ -181,7 +181,7 @@ def test_a_writer_that_hangs_is_named_and_waited_for_only_so_long(address: Regis
     add(impatient, record(changed(1)))
 
 
-def test_readers_are_not_kept_waiting_and_see_nothing_unfinished(address: RegistryAddress) -> None:
+def test_readers_are_not_kept_waiting_and_see_nothing_unfinished(address: DatabaseAddress) -> None:
     registry = Registry.at(address)
     add(registry, record())
     with registry.database.writing() as connection:

@@ -8,20 +8,20 @@ from contextlib import contextmanager
 
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
+from tasks.database.address import DatabaseAddress
 from tasks.errors import AerocalError, InputError
-from tasks.settings.registry import RegistryAddress
 from tasks.storage.installation import InstallationError
 
 _BUSY = (
-    "The registry {address} is being written by another process that does not come to an end.",
+    "The {what} {address} is being written by another process that does not come to an end.",
     "Wait for it, or end it; nothing was changed.",
 )
-_REACH = "Start it, or correct --registry or AEROCAL_REGISTRY."
+_REACH = "Start it, or correct {named_by}."
 # SQLSTATE → what, remedy.
 _SERVER: Mapping[str, tuple[str, str]] = {
     "28P01": ("The database {address} refuses this user or password.", "Give the password in PGPASSWORD."),
     "28000": ("The database {address} refuses this user.", "Ask whoever runs it for access."),
-    "3D000": ("There is no database {address}.", "Create it, or correct --registry or AEROCAL_REGISTRY."),
+    "3D000": ("There is no database {address}.", "Create it, or correct {named_by}."),
     "42501": ("This user may not write into {address}.", "Ask whoever runs it for access."),
     "55P03": _BUSY,
     "25006": ("The database {address} may only be read.", "Name the server that accepts changes."),
@@ -30,11 +30,11 @@ _SERVER: Mapping[str, tuple[str, str]] = {
 _FILE: Mapping[str, tuple[str, str]] = {
     "database is locked": _BUSY,
     "unable to open database file": (
-        "The registry {address} cannot be opened.",
-        "Check its folder and permissions, or name another place with --registry.",
+        "The {what} {address} cannot be opened.",
+        "Check its folder and permissions, or name another place ({named_by}).",
     ),
     "attempt to write a readonly database": (
-        "The registry {address} cannot be written.",
+        "The {what} {address} cannot be written.",
         "Change the permissions of the file and its folder.",
     ),
     "database or disk is full": ("There is no space left on the disk of {address}.", "Free some space."),
@@ -45,7 +45,7 @@ _NO_DATABASE = ("file is not a database", "database disk image is malformed")
 
 
 @contextmanager
-def in_words(address: RegistryAddress) -> Iterator[None]:
+def in_words(address: DatabaseAddress) -> Iterator[None]:
     """Turn errors of a database into errors of ours; a broken constraint passes as it is.
 
     Raises
@@ -66,41 +66,52 @@ def in_words(address: RegistryAddress) -> Iterator[None]:
             raise
         # Certificates and broken connections; the driver lets them pass as they are.
         reason = error.strerror or type(error).__name__
-        raise InstallationError(f"The database {address} cannot be reached ({reason}).", _REACH) from None
+        what = f"The database {address} cannot be reached ({reason})."
+        raise InstallationError(what, _filled(_REACH, address)) from None
 
 
-def _explained(error: DBAPIError, address: RegistryAddress) -> AerocalError:
+def _explained(error: DBAPIError, address: DatabaseAddress) -> AerocalError:
     reason = error.orig
     if isinstance(reason, sqlite3.Error):
         return _of_file(str(reason), address)
     fields = reason.args[0] if reason is not None and reason.args else None
-    if isinstance(fields, Mapping):
-        state, message = str(fields.get("C", "")), str(fields.get("M", ""))
-        if state in _MISSING:
-            return _without_table(message, address)
-        what, remedy = _SERVER.get(state, (f"The database {{address}} refuses: {message}.", _REACH))
-        return InstallationError(what.format(address=address), remedy)
-    return InstallationError(f"The database {address} cannot be reached.", _REACH)
+    if not isinstance(fields, Mapping):
+        return _in_the_way(("The database {address} cannot be reached.", _REACH), address)
+    state, message = str(fields.get("C", "")), str(fields.get("M", ""))
+    if state in _MISSING:
+        return _without_table(message, address)
+    if state in _SERVER:
+        return _in_the_way(_SERVER[state], address)
+    return InstallationError(f"The database {address} refuses: {message}.", _filled(_REACH, address))
 
 
-def _of_file(message: str, address: RegistryAddress) -> AerocalError:
+def _of_file(message: str, address: DatabaseAddress) -> AerocalError:
     if message.startswith(_NO_DATABASE):
-        return InputError(
-            "This is not a SQLite database, or it is damaged.",
-            "Restore it from a backup, or name another file with --registry.",
-            file=address.file,
-        )
+        remedy = "Restore it from a backup, or name another file ({named_by})."
+        what = "This is not a SQLite database, or it is damaged."
+        return InputError(what, _filled(remedy, address), file=address.file)
     if message.startswith(_MISSING):
         return _without_table(message, address)
-    for beginning, (what, remedy) in _FILE.items():
+    for beginning, sentences in _FILE.items():
         if message.startswith(beginning):
-            return InstallationError(what.format(address=address), remedy)
+            return _in_the_way(sentences, address)
     return InstallationError(
-        f"The registry {address} cannot be used ({message}).", "Check the file and its disk."
+        f"The {address.holding.what} {address} cannot be used ({message}).", "Check the file and its disk."
     )
 
 
-def _without_table(message: str, address: RegistryAddress) -> InputError:
+def _without_table(message: str, address: DatabaseAddress) -> InputError:
     return InputError(
-        f"The registry {address} was edited: {message}.", "Restore it from a backup; nothing was changed."
+        f"The {address.holding.what} {address} was edited: {message}.",
+        "Restore it from a backup; nothing was changed.",
     )
+
+
+def _in_the_way(sentences: tuple[str, str], address: DatabaseAddress) -> InstallationError:
+    what, remedy = sentences
+    return InstallationError(_filled(what, address), _filled(remedy, address))
+
+
+def _filled(sentence: str, address: DatabaseAddress) -> str:
+    holding = address.holding
+    return sentence.format(address=address, what=holding.what, named_by=holding.named_by)
