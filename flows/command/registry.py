@@ -20,9 +20,10 @@ registry = typer.Typer(
     "  aerocal registry add results --note 'after the change of the shutter'\n\n"
     "  aerocal registry approve 3 --from 2026-03-01\n\n"
     "  aerocal registry show UC-Eagle-1-42 --plot camera.html\n\n"
+    "  aerocal registry due --within 60\n\n"
     "The registry is a SQLite file of this user, else what AEROCAL_REGISTRY or --registry names.",
     epilog="[bold]Exit codes[/bold]  0 done · 2 input wrong, conflict, or the registry was edited · 1 the "
-    "database cannot be reached",
+    "database cannot be reached · 4 due: a camera needs a calibration",
     no_args_is_help=True,
     rich_markup_mode="rich",
 )
@@ -122,7 +123,12 @@ def approve(
     note: Note = "",
     although: Annotated[
         str,
-        typer.Option("--although", metavar="REASON", help="Approve what its own calibration has refused."),
+        typer.Option(
+            "--although",
+            metavar="REASON",
+            help="Approve what its own calibration has refused; or say why the camera has changed, so that "
+            "it no longer counts as drifted.",
+        ),
     ] = "",
     address: Address = None,
 ) -> None:
@@ -171,3 +177,56 @@ def verify(
     from flows.command.registry_actions import verify_registry
 
     end_with(lambda: verify_registry(since, address, as_json=json))
+
+
+@registry.command()
+def due(
+    within: Annotated[
+        int, typer.Option("--within", metavar="DAYS", help="An end so near counts.", min=0)
+    ] = 30,
+    max_age: Annotated[
+        int,
+        typer.Option(
+            "--max-age",
+            metavar="DAYS",
+            help="Age at which a calibration no longer serves; 0: at none.",
+            min=0,
+        ),
+    ] = 730,
+    sigma: Annotated[
+        float | None,
+        typer.Option(
+            "--sigma",
+            metavar="T",
+            help="Limit of a single parameter, in σ of its change.",
+            show_default="left by chance once in 1,000 times",
+            min=1.0,
+        ),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            metavar="NAME=NUMBER",
+            help="Limit besides, whatever the σ: focal_length or principal_point in µm, boresight in °, "
+            "lever_arm in mm. Repeatable.",
+        ),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--without", metavar="CAMERA", help="Leave out a camera: its name, body or lens. Repeatable."
+        ),
+    ] = None,
+    json: Json = False,
+    address: Address = None,
+) -> None:
+    """Say which cameras need a calibration: none in force, expired or about to, too old, or drifted.
+
+    The newest calibration of a camera is compared with the one before, and with the first of its mounting.
+
+    [bold]Exit codes[/bold]  0 none is due · 4 some are
+    """
+    from flows.command.registry_due import show_due
+
+    end_with(lambda: show_due(within, max_age, sigma, limit or [], without or [], address, as_json=json))

@@ -180,9 +180,9 @@ def quadratic_form(difference: Floats, covariance: Floats) -> tuple[float, int]:
     return float(np.sum(projected**2 / values[known])), int(known.sum())
 
 
-def single_limit(count: int) -> float:
-    """|t| that the largest of `count` parameters exceeds with the probability of error (Šidák 1967)."""
-    each = 1.0 - (1.0 - ERROR_PROBABILITY) ** (1.0 / max(count, 1))
+def single_limit(count: int, probability: float = ERROR_PROBABILITY) -> float:
+    """|t| that the largest of `count` parameters exceeds with a probability of error (Šidák 1967)."""
+    each = 1.0 - (1.0 - probability) ** (1.0 / max(count, 1))
     return float(special.ndtri(1.0 - 0.5 * each))
 
 

@@ -187,6 +187,38 @@ def test_a_file_that_is_no_calibration_is_refused_with_its_name(
     assert not Path(console.registry).exists()
 
 
+def test_due_says_which_cameras_need_a_calibration_and_ends_like_a_gate(filled: Console) -> None:
+    done = filled("due", "--max-age", "0")
+    assert done.exit_code == 4, done.stderr
+    for words in ("UCE (body UC-E-1), virtual image", "IMU I-7", "in force"):
+        assert words in done.stdout
+    assert "H (body UC-E-1), camera head: No approved calibration is in force. Calibration 4" in done.stdout
+    # The refused draft takes no part; of the camera head there is a draft only.
+    done = filled("due", "--max-age", "0", "--without", "H")
+    assert done.exit_code == 0, done.stdout
+    assert "No calibration is due" in done.stdout
+    aged = json.loads(filled("due", "--max-age", "100", "--without", "H", "--json").stdout)
+    assert [reason["kind"] for reason in aged["cameras"][0]["reasons"]] == ["too_old"]
+    assert {one["parameter"] for one in aged["series"]} >= {"focal_length", "boresight_roll"}
+    strict = filled("due", "--max-age", "0", "--without", "H", "--limit", "focal_length=0.1")
+    assert strict.exit_code == 4
+    assert "focal length +0.1 µm (σ 1.7 µm, limit 0.1 µm)" in strict.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--limit", "focal_lenght=3"), "Did you mean 'focal_length'?"),
+        (("--limit", "focal_length=-3"), "has no positive number"),
+        (("--limit", "boresight=nan"), "has no positive number"),
+        (("--without", "UC-E-2"), "Did you mean 'UC-E-1'?"),
+        (("--registry", "nowhere.sqlite"), "There is no registry at"),
+    ],
+)
+def test_due_refuses_what_it_does_not_know(filled: Console, arguments: tuple[str, ...], words: str) -> None:
+    assert words in error(filled("due", *arguments))
+
+
 def test_an_edited_registry_is_named_and_not_used(filled: Console) -> None:
     sound = filled("verify")
     assert sound.exit_code == 0
