@@ -6,12 +6,24 @@ wrong, what to do. A :class:`Problem` does not end the run; it is shown first in
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 
 class AerocalError(Exception):
     """Base of the errors that are reported in one sentence and without a traceback."""
+
+    def __reduce__(self) -> tuple[Callable[..., AerocalError], tuple[object, ...]]:
+        """Come back from a worker process with all attributes, however they were given."""
+        return _with_attributes, (type(self), dict(vars(self)))
+
+
+def _with_attributes(kind: type[AerocalError], attributes: Mapping[str, object]) -> AerocalError:
+    """An error of this kind, without the constructor of an exception, which knows positions only."""
+    error = kind.__new__(kind)
+    vars(error).update(attributes)
+    return error
 
 
 @dataclass

@@ -1,14 +1,16 @@
-"""What the stages of the current run did: one line of JSON each in ``DIR/.store/run.jsonl``.
+"""What the stages of the current run did: one small file of JSON each in ``DIR/.store/run/``.
 
-The story passes artifacts on and need not carry book-keeping; publishing reads it here. The file
-belongs to the run that holds the lock, which empties it when it begins; lines are appended whole,
-so stages that run beside each other, in other threads or processes, do not disturb one another.
+The story passes artifacts on and need not carry book-keeping; publishing reads it here. The folder
+belongs to the run that holds the lock, which empties it when it begins. A file for each stage, because
+stages run beside each other, on other machines too, where lines appended to one file could be lost.
 """
 
 from __future__ import annotations
 
 import json
-import os
+import shutil
+import time
+import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -19,7 +21,7 @@ from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON, json_text
 from tasks.storage.stage_key import InputFile, StageKey
 
-_FILE = "run.jsonl"
+_FOLDER = "run"
 
 
 @dataclass(frozen=True)
@@ -66,27 +68,26 @@ class StageRecord:
         )
 
 
-def append_record(folder: Path, record: StageRecord) -> None:
+def keep_record(folder: Path, record: StageRecord) -> None:
     """Add a record to the store `folder`."""
-    line = (json_text(cast(JSON, asdict(record))) + "\n").encode()
-    handle = os.open(folder / _FILE, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    try:
-        os.write(handle, line)
-    finally:
-        os.close(handle)
+    records = folder / _FOLDER
+    records.mkdir(exist_ok=True)
+    # The names sort by the time at which the stages ended.
+    name = f"{time.time_ns():020d}-{uuid.uuid4().hex}.json"
+    unfinished = records / f".{name}"
+    unfinished.write_text(json_text(cast(JSON, asdict(record))), encoding="utf-8")
+    unfinished.rename(records / name)
 
 
 def clear_records(folder: Path) -> None:
     """Forget the records of the last run."""
-    (folder / _FILE).unlink(missing_ok=True)
+    shutil.rmtree(folder / _FOLDER, ignore_errors=True)
 
 
 def read_records(folder: Path) -> tuple[StageRecord, ...]:
     """The records of the current run, in the order in which the stages ended."""
-    path = folder / _FILE
-    if not path.is_file():
-        return ()
-    return tuple(StageRecord(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines())
+    files = sorted((folder / _FOLDER).glob("[0-9]*.json"), key=lambda file: file.name)
+    return tuple(StageRecord(**json.loads(file.read_text(encoding="utf-8"))) for file in files)
 
 
 def timings_s(records: Sequence[StageRecord]) -> dict[str, float]:

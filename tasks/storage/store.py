@@ -14,6 +14,8 @@ files were checked against their digests; a damaged one is computed again.
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import inspect
 import logging
 import os
@@ -30,7 +32,7 @@ from tasks.storage.artifact import Artifact, artifact_names, artifact_of, digest
 from tasks.storage.installation import writing_into
 from tasks.storage.json_text import JSON, read_json, replace_json
 from tasks.storage.stage_key import InputFile, StageKey, differences, input_files, stage_key
-from tasks.storage.stage_record import StageRecord, append_record, clear_records, utc_now
+from tasks.storage.stage_record import StageRecord, clear_records, keep_record, utc_now
 
 P = ParamSpec("P")
 Outputs = dict[str, Artifact]
@@ -38,6 +40,8 @@ Outputs = dict[str, Artifact]
 STAGE_FILE = "stage.json"
 _UNFINISHED = ".unfinished-"
 _DISCARDED = ".discarded-"
+#: What reading an output that is not as it was written may end with.
+_DAMAGES = (OSError, ValueError, KeyError, TypeError)
 _log = logging.getLogger("aerocal")
 
 
@@ -64,7 +68,11 @@ class Store:
         """
         with writing_into(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-            for leftover in [*self.folder.glob(f"*/{_UNFINISHED}*"), *self.folder.glob(f"*/{_DISCARDED}*")]:
+            for unfinished in self.folder.glob(f"*/{_UNFINISHED}*"):
+                # A worker elsewhere may still be writing for a run that has ended: it loses the whole folder
+                # at once, and can never finish what is left of it.
+                _move_aside(unfinished)
+            for leftover in self.folder.glob(f"*/{_DISCARDED}*"):
                 shutil.rmtree(leftover, ignore_errors=True)
             for leftover in self.folder.parent.glob(".*.[0-9]*.tmp"):
                 # A published file that did not get its name any more.
@@ -78,7 +86,7 @@ class Store:
             return None
         try:
             return _checked_outputs(place)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except _DAMAGES as error:
             _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
             return None
 
@@ -92,11 +100,14 @@ class Store:
             old = cast(Mapping[str, JSON], read_json(newest / STAGE_FILE))["key_parts"]
             changed = differences(cast(Mapping[str, JSON], old), key.parts)
             return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
-        except (OSError, ValueError, KeyError, TypeError):
+        except _DAMAGES:
             return "no usable earlier result"
 
     def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
-        """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it."""
+        """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it.
+
+        Where another process has finished the same output meanwhile, that one stays: others may read it.
+        """
         paths = sorted(folder.iterdir(), key=lambda path: path.name)
         names = artifact_names([path.name for path in paths])
         artifacts = [artifact_of(path, names[path.name]) for path in paths]
@@ -114,8 +125,10 @@ class Store:
         replace_json(folder / STAGE_FILE, record)
         _flush(folder)
         place = self._place(key)
-        _move_aside(place)
-        folder.rename(place)
+        while not _renamed(folder, place):
+            with contextlib.suppress(*_DAMAGES):
+                return _checked_outputs(place)
+            _move_aside(place)
         _flush_folder(place.parent)
         return {a.name: Artifact(a.name, place / a.path.name, a.sha256, a.rows) for a in artifacts}
 
@@ -161,7 +174,7 @@ def stored(
             seconds = time.perf_counter() - started
             _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
             with writing_into(store.folder):
-                append_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
+                keep_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
             return outputs
 
         first, *others = signature.parameters.values()
@@ -227,12 +240,23 @@ def _checked_outputs(place: Path) -> Outputs:
     return outputs
 
 
+def _renamed(folder: Path, place: Path) -> bool:
+    """Give a finished folder its name; False where something has that name already."""
+    try:
+        folder.rename(place)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+            return False
+        raise
+    return True
+
+
 def _move_aside(place: Path) -> None:
-    """Make room for a fresh output where a damaged one lies (or one another process just finished)."""
-    if place.exists():
-        aside = Path(tempfile.mkdtemp(prefix=_DISCARDED, dir=place.parent))
+    """Take a damaged or unfinished folder away, in one step for everybody who looks at it."""
+    aside = Path(tempfile.mkdtemp(prefix=_DISCARDED, dir=place.parent))
+    with contextlib.suppress(FileNotFoundError):
         place.rename(aside / "output")
-        shutil.rmtree(aside, ignore_errors=True)
+    shutil.rmtree(aside, ignore_errors=True)
 
 
 def _flush(folder: Path) -> None:

@@ -57,6 +57,27 @@ def two_files_of_one_stem(folder: Path, *, text: str) -> None:
     (folder / "b.txt").write_text(text)
 
 
+#: Inodes of what the first of two had finished.
+_finished_first: list[int] = []
+
+
+@stored("beside_another")
+def beside_another(folder: Path, *, text: str) -> None:
+    """While it is at work, another process finishes the same output."""
+    (folder / "text.txt").write_text(text)
+    if len(list(folder.parent.glob(".unfinished-*"))) == 1:
+        outputs = beside_another(Store(folder.parents[1]), text=text)
+        _finished_first.append(outputs["text"].path.stat().st_ino)
+
+
+@stored("after_its_run")
+def after_its_run(folder: Path, *, text: str) -> None:
+    """While it is at work, its run has ended and the next one begins."""
+    (folder / "first.txt").write_text(text)
+    Store(folder.parents[1]).begin_run()
+    (folder / "second.txt").write_text(text)
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
     store = Store.of(tmp_path / "results")
@@ -197,3 +218,38 @@ def test_an_argument_without_content_is_refused(store: Store) -> None:
 def test_stored_files_are_read_only(store: Store, delivery: Delivery) -> None:
     path = read_numbers(store, delivery=delivery)["numbers"].path
     assert path.stat().st_mode & 0o222 == 0
+
+
+def test_of_two_that_compute_the_same_the_first_to_finish_stays(store: Store) -> None:
+    outputs = beside_another(store, text="x")
+    (place,) = (store.folder / "beside_another").iterdir()
+    assert outputs["text"].path == place / "text.txt"
+    assert verified(outputs["text"]).read_text() == "x"
+    first, second = read_records(store.folder)
+    assert first.key == second.key == place.name
+    # The first to finish may be read by others already: it was not replaced by its twin.
+    assert outputs["text"].path.stat().st_ino == _finished_first[-1]
+
+
+def test_a_damaged_output_is_replaced_by_whoever_finishes_next(store: Store) -> None:
+    path = beside_another(store, text="x")["text"].path
+    path.chmod(0o644)
+    path.write_text("damaged")
+    again = beside_another(store, text="x")["text"]
+    assert verified(again).read_text() == "x"
+    assert not list((store.folder / "beside_another").glob(".*"))
+
+
+def test_a_stage_whose_run_has_ended_keeps_nothing(store: Store) -> None:
+    with pytest.raises(FileNotFoundError):
+        after_its_run(store, text="x")
+    assert not list((store.folder / "after_its_run").iterdir())
+
+
+def test_records_come_in_the_order_in_which_the_stages_ended(store: Store, delivery: Delivery) -> None:
+    run(store, delivery)
+    assert [record.stage for record in read_records(store.folder)] == ["read_numbers", "add_numbers"]
+    (store.folder / "run" / ".0-killed.json").write_text('{"stage": "rea')
+    assert len(read_records(store.folder)) == 2
+    store.begin_run()
+    assert read_records(store.folder) == ()

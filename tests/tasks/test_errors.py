@@ -1,0 +1,27 @@
+"""Errors reach the user as they were raised, from wherever they were raised."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.storage.installation import InstallationError
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("The text is wrong.", "Write another.", Path("points.csv"), 3, "image '7'"),
+        InputError(what="The file changed.", remedy="Wait.", file=Path("points.csv")),
+        NotComputableError(what="The datum is open."),
+        InstallationError(what="The disk is full.", remedy="Free some space."),
+    ],
+)
+def test_an_error_comes_back_from_another_process_with_all_it_says(error: AerocalError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert vars(again) == vars(error)
+    assert str(again) == str(error)
