@@ -25,8 +25,10 @@ from flows.aerial_triangulation import aerial_triangulation as aerial_triangulat
 from flows.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
-from flows.project_run import RunRequest, Story, carry_out  # noqa: E402
-from flows.registered import STATE_NAMES, state_of  # noqa: E402
+from flows.project_run import RunRequest, Story  # noqa: E402
+from flows.recorded_run import carry_out_recorded, note_refusal  # noqa: E402
+from flows.registered import identity, state_of  # noqa: E402
+from flows.run_state import STATE_NAMES  # noqa: E402
 from flows.serving.api import configured_api  # noqa: E402
 from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
 from flows.serving.inbox import configured_inbox  # noqa: E402
@@ -34,6 +36,7 @@ from flows.serving.roots import configured_roots  # noqa: E402
 from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
+from tasks.production.records import configured_records  # noqa: E402
 from tasks.storage.installation import InstallationError  # noqa: E402
 
 _HOUR_S = 3600
@@ -67,8 +70,9 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
         file = roots.project_file(project)
         out = roots.output_folder(file, output)
         request = RunRequest(file, out, settings.overrides(), roots=roots.folders)
-        return state_of(carry_out(story, request))
+        return state_of(carry_out_recorded(story, request, identity()))
     except InputError as error:
+        note_refusal(identity(), project, str(error))
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     except InstallationError as error:
         return Failed(message=str(error))
@@ -144,7 +148,10 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     Args:
         story: What is done with deliveries.
     """
-    scheduled = schedule_deliveries(configured_api(), configured_inbox(), configured_roots(), story)
+    records = configured_records()
+    if records is None:
+        raise InstallationError("This runner has no records of production.", "Start it with aerocal serve.")
+    scheduled = schedule_deliveries(configured_api(), records, configured_inbox(), configured_roots(), story)
     for sentence in scheduled.sentences():
         _log.info(sentence)
     return Completed(message=" ".join(scheduled.sentences()))

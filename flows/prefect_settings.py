@@ -16,6 +16,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from flows.serving.state_file import find_server, state_folder
+from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
 
 
@@ -60,6 +61,8 @@ def server_address(option: str | None) -> str | None:
 def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> str | None:
     """The API address of a server that answers: as asked for, else of ``aerocal serve``; None: in process.
 
+    The records of production of the latter are from then on this process's, too.
+
     Parameters
     ----------
     option : as of `server_address`.
@@ -86,6 +89,8 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
     except InstallationError:
         remark(f"{where} does not answer; this run is not reported to it.")
         return None
+    if found.server.records is not None:
+        os.environ.setdefault(RECORDS_VARIABLE, found.server.records)
     return found.server.url
 
 

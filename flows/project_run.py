@@ -99,11 +99,13 @@ class RunOutcome:
     directory : the output folder.
     summary : what stands in its summary.json.
     error : why there is no result, in one line; None if there is one.
+    failed_stage : the stage that could not be done; None: none, or it did not come to any.
     """
 
     directory: Path
     summary: Summary
     error: str | None = None
+    failed_stage: str | None = None
 
 
 def carry_out(story: Story, request: RunRequest) -> RunOutcome:
@@ -135,4 +137,4 @@ def _without_result(
     if request.out is not None or request.project_file.is_file():
         with writing_into(request.directory), run_lock(request.directory):
             write_summary(request.directory, summary)
-    return RunOutcome(request.directory, summary, str(error))
+    return RunOutcome(request.directory, summary, str(error), error.stage)

@@ -6,6 +6,7 @@ them when a deployment is served.
 """
 
 from pathlib import Path
+from typing import Literal
 
 from flows.prefect_settings import prepare_prefect
 
@@ -21,15 +22,14 @@ from flows.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
-from flows.project_run import RunOutcome, RunRequest, carry_out  # noqa: E402
+from flows.project_run import RunOutcome, RunRequest, Story  # noqa: E402
+from flows.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
+from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
 from flows.scenario_sweep import carry_out_sweep  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
-
-#: Names of the failed states, by the status in summary.json.
-STATE_NAMES = {"gate_failed": "GateFailed", "input_error": "InputError", "not_computable": "NotComputable"}
 
 _HOUR_S = 3600
 
@@ -42,13 +42,14 @@ def run_name() -> str:
 
 def state_of(outcome: RunOutcome) -> State[None]:
     """The Prefect state of a finished run: Completed, or Failed under the name of what went wrong."""
-    status = outcome.summary.status
-    if status == "done":
-        return Completed(message=f"Results are in {outcome.directory}.")
-    if status == "gate_failed":
-        failed = ", ".join(gate.name for gate in outcome.summary.gates if not gate.passed)
-        return Failed(name=STATE_NAMES[status], message=f"Gates not passed: {failed}.")
-    return Failed(name=STATE_NAMES[status], message=str(outcome.error))
+    if outcome.summary.status == "done":
+        return Completed(message=state_message(outcome))
+    return Failed(name=state_name(outcome), message=state_message(outcome))
+
+
+def identity() -> FlowRunIdentity:
+    """What the server knows the flow run by that is active."""
+    return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
 
 
 @flow(
@@ -70,7 +71,11 @@ def aerial_triangulation(
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
-    return state_of(carry_out(aerial_triangulation_story, _request(project_file, out, overrides, data)))
+    return _run(aerial_triangulation_story, _request(project_file, out, overrides, data))
+
+
+def _run(story: Story, request: RunRequest) -> State[None]:
+    return state_of(carry_out_recorded(story, request, identity()))
 
 
 def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
@@ -101,7 +106,7 @@ def direct_georeferencing_check(
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
-    return state_of(carry_out(direct_georeferencing_story, _request(project_file, out, overrides, data)))
+    return _run(direct_georeferencing_story, _request(project_file, out, overrides, data))
 
 
 @flow(
@@ -123,7 +128,7 @@ def system_calibration(
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
-    return state_of(carry_out(system_calibration_story, _request(project_file, out, overrides, data)))
+    return _run(system_calibration_story, _request(project_file, out, overrides, data))
 
 
 @flow(
@@ -210,9 +215,10 @@ def run_and_report(
         str(request.data.absolute()) if request.data is not None else None,
         return_state=True,
     )
-    if state.name not in {"Completed", *STATE_NAMES.values()}:
+    if state.name not in STATE_NAMES.values():
         raise_state_exception(state)
-    for status in ("input_error", "not_computable"):
+    without_result: tuple[Literal["input_error", "not_computable"], ...] = ("input_error", "not_computable")
+    for status in without_result:
         if state.name == STATE_NAMES[status]:
             problem = state.message or ""
             return RunOutcome(request.directory, failed_summary(status, problem, {}), problem)

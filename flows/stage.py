@@ -43,13 +43,22 @@ class Stage(Generic[P, R]):
         self.function = function
         update_wrapper(self, function)
 
+    @property
+    def name(self) -> str:
+        """Name of the task function."""
+        return getattr(self.function, "__name__", "stage")
+
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Run the stage once."""
-        if not flow_run_is_active():
-            return self.function(*args, **kwargs)
-        state = self._prefect_task(*args, **kwargs, return_state=True)
-        result: R = state.result()
-        return result
+        try:
+            if not flow_run_is_active():
+                return self.function(*args, **kwargs)
+            state = self._prefect_task(*args, **kwargs, return_state=True)
+            result: R = state.result()
+            return result
+        except AerocalError as error:
+            error.stage = error.stage or self.name
+            raise
 
     def map(
         self,
@@ -102,6 +111,8 @@ class Stage(Generic[P, R]):
         outcomes: dict[int, Attempt[R]] = {}
         for first, outcome in self._outcomes({i: each[i] for i in first_alike}, args, executor):
             outcomes[first] = outcome
+            if isinstance(outcome, _EXPECTED):
+                outcome.stage = outcome.stage or self.name
             for index in (i for i, first_index in enumerate(first_alike) if first_index == first):
                 when_done(index, outcome)
         return tuple(outcomes[first] for first in first_alike)
@@ -147,7 +158,7 @@ class Stage(Generic[P, R]):
         policies = sys.modules["prefect.cache_policies"]
         return prefect.task(
             _with_expected_errors_as_states(function),
-            name=getattr(self.function, "__name__", "stage"),
+            name=self.name,
             cache_policy=policies.NO_CACHE,
             persist_result=False,
             retries=1,

@@ -12,7 +12,14 @@ from pathlib import Path
 
 
 class AerocalError(Exception):
-    """Base of the errors that are reported in one sentence and without a traceback."""
+    """Base of the errors that are reported in one sentence and without a traceback.
+
+    Attributes
+    ----------
+    stage : name of the stage that was being carried out; None: none.
+    """
+
+    stage: str | None = None
 
     def __reduce__(self) -> tuple[Callable[..., AerocalError], tuple[object, ...]]:
         """Come back from a worker process with all attributes, however they were given."""

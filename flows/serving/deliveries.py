@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from flows.serving.api import Api
 from flows.serving.inbox import Delivery, read_inbox
 from flows.serving.roots import Roots
+from tasks.production.records import Records, project_name
+from tasks.production.run_record import DECIDED, RunRecord
 from tasks.storage.installation import InstallationError
 
 #: What is done with deliveries.
@@ -55,12 +58,18 @@ class Scheduled:
 
 
 def schedule_deliveries(
-    api: Api, inbox: Path, roots: Roots, story: StoryOfDeliveries, verified: set[str] | None = None
+    api: Api,
+    records: Records,
+    inbox: Path,
+    roots: Roots,
+    story: StoryOfDeliveries,
+    verified: set[str] | None = None,
 ) -> Scheduled:
     """Schedule a run for every complete delivery that has none.
 
     Parameters
     ----------
+    records : remember what was done with a delivery, whatever becomes of the server's own records.
     verified : as of `read_inbox`.
 
     Raises
@@ -68,10 +77,10 @@ def schedule_deliveries(
     InputError
         If the inbox cannot be read.
     InstallationError
-        If the server cannot be asked.
+        If server or records cannot be asked.
     """
     found = read_inbox(inbox, roots, verified)
-    outcomes = {delivery.folder.name: _schedule(api, delivery, story) for delivery in found.complete}
+    outcomes = {delivery.folder.name: _schedule(api, records, delivery, story) for delivery in found.complete}
 
     def with_outcome(outcome: str) -> tuple[str, ...]:
         return tuple(name for name, how in outcomes.items() if how == outcome)
@@ -85,27 +94,44 @@ def schedule_deliveries(
     )
 
 
-def _schedule(api: Api, delivery: Delivery, story: StoryOfDeliveries) -> Literal["begun", "resumed", "known"]:
+def _schedule(
+    api: Api, records: Records, delivery: Delivery, story: StoryOfDeliveries
+) -> Literal["begun", "resumed", "known"]:
+    before = records.of_delivery(delivery.key)
+    if before is not None and before.state in DECIDED:
+        return "known"
+    project_file = delivery.folder / "project.toml"
     # The server hands back the run there is when it has seen the key before.
     body = {
-        "parameters": {"project": str(delivery.folder / "project.toml")},
+        "parameters": {"project": str(project_file)},
         "idempotency_key": f"delivery-{delivery.key}",
         "tags": ["delivery"],
     }
-    known = _has_run(api, story, str(body["idempotency_key"]))
     run = api.post(f"/deployments/{_deployment(api, story)}/create_flow_run", body)
-    if not known:
+    if before is None or before.id != run["id"]:
+        records.schedule(_scheduled(run["id"], project_file, story, delivery))
         return "begun"
     if run["state_type"] not in _UNDECIDED:
         return "known"
-    state = {"type": "SCHEDULED", "name": "AwaitingRetry", "message": "Finished stages are kept."}
+    message = "It was ended by the machine; finished stages are kept."
+    state = {"type": "SCHEDULED", "name": "AwaitingRetry", "message": message}
     api.post(f"/flow_runs/{run['id']}/set_state", {"state": state, "force": True})
+    records.reschedule(run["id"], message)
     return "resumed"
 
 
-def _has_run(api: Api, story: str, key: str) -> bool:
-    asked = {"flows": {"name": {"any_": [story]}}, "flow_runs": {"idempotency_key": {"any_": [key]}}}
-    return bool(api.post("/flow_runs/filter", {**asked, "limit": 1}))
+def _scheduled(run_id: str, project_file: Path, story: str, delivery: Delivery) -> RunRecord:
+    return RunRecord(
+        run_id,
+        project_name(project_file),
+        str(project_file),
+        str(project_file.parent / "results"),
+        story,
+        "Scheduled",
+        "Its turn has not come yet.",
+        datetime.now(UTC),
+        delivery=delivery.key,
+    )
 
 
 def _deployment(api: Api, story: str) -> str:

@@ -75,7 +75,7 @@ class ServeOptions:
     Attributes
     ----------
     address : where it listens.
-    database : ``postgresql://…``; None: SQLite in our folder.
+    database : ``postgresql://…`` of Prefect's records and ours; None: SQLite files in our folder.
     roots : folders that runs may read and write.
     inbox : folder of deliveries; None: there is none.
     watch_s : seconds between two looks into the inbox.
@@ -90,6 +90,11 @@ class ServeOptions:
     watch_s: float
     runner: RunnerOptions
     state: Path
+
+    @property
+    def records(self) -> str:
+        """Address of the records of production, without a password."""
+        return str(self.state / "records.sqlite") if self.database is None else self.database
 
 
 def options_for(

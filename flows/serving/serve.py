@@ -17,6 +17,7 @@ from flows.serving.child import Child
 from flows.serving.deliveries import MANUAL, schedule_deliveries
 from flows.serving.inbox import INBOX_VARIABLE
 from flows.serving.options import ServeOptions
+from flows.serving.reconciliation import reconcile
 from flows.serving.roots import ROOTS_VARIABLE, as_variable
 from flows.serving.server_process import (
     CLIENT_WORDS,
@@ -28,6 +29,8 @@ from flows.serving.server_process import (
 )
 from flows.serving.state_file import RunningServer, the_only_server, write_state
 from tasks.errors import AerocalError
+from tasks.production.records import Records
+from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
 
 #: The first start makes the database, on a slow machine.
@@ -77,6 +80,8 @@ def serve(options: ServeOptions, say: Say) -> int:
     """
     options.runner.require_valid()
     options.address.require_free()
+    records = Records.at(options.records)
+    records.prepare()
     os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
     prepare_prefect()
     environment = server_environment(options.address, options.database)
@@ -88,13 +93,15 @@ def serve(options: ServeOptions, say: Say) -> int:
                 "server", lambda: is_well(options.address), server, requests.come.is_set, _START_S
             ):
                 return 0
-            return _with_server(options, server, requests, say)
+            return _with_server(options, records, server, requests, say)
         finally:
             server.end_group(_END_S)
             say("The server has ended.")
 
 
-def _with_server(options: ServeOptions, server: Child, requests: _Requests, say: Say) -> int:
+def _with_server(
+    options: ServeOptions, records: Records, server: Child, requests: _Requests, say: Say
+) -> int:
     """Start the runner beside a server that is well, and stay until the end."""
     words = os.environ.get(CLIENT_WORDS) or os.environ.get(SERVER_WORDS)
     api = Api(options.address.api, words)
@@ -103,6 +110,7 @@ def _with_server(options: ServeOptions, server: Child, requests: _Requests, say:
         "PREFECT_API_URL": options.address.api,
         "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
         ROOTS_VARIABLE: as_variable(options.roots),
+        RECORDS_VARIABLE: options.records,
         **({CLIENT_WORDS: words} if words else {}),
         **({INBOX_VARIABLE: str(options.inbox.resolve())} if options.inbox is not None else {}),
     }
@@ -119,11 +127,11 @@ def _with_server(options: ServeOptions, server: Child, requests: _Requests, say:
             "runner", lambda: _polls(api, options.runner.story, begun), runner, requests.come.is_set, _START_S
         ):
             return 0
-        write_state(options.state, RunningServer(options.address.api, os.getpid()))
+        write_state(options.state, RunningServer(options.address.api, os.getpid(), options.records))
         say(f"Dashboard: {options.address.base}")
         say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
         say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
-        return _stay(options, api, server, runner, requests, say)
+        return _stay(_Watch(options, api, records, say), server, runner, requests)
     finally:
         runner.end_group(_END_S)
 
@@ -138,13 +146,44 @@ def _polls(api: Api, story: str, since: float) -> bool:
     return polled is not None and datetime.fromisoformat(polled).timestamp() > since
 
 
-def _stay(
-    options: ServeOptions, api: Api, server: Child, runner: Child, requests: _Requests, say: Say
-) -> int:
+class _Watch:
+    """What is looked after while server and runner run: the inbox, and runs that could not note their end."""
+
+    def __init__(self, options: ServeOptions, api: Api, records: Records, say: Say) -> None:
+        self.options, self.api, self.records, self.say = options, api, records, say
+        self.verified: set[str] = set()
+        self.said: set[str] = set()
+        self.next = time.monotonic()
+
+    def look(self) -> None:
+        """Look if it is time; say what cannot be done, once."""
+        if time.monotonic() < self.next:
+            return
+        try:
+            reconcile(self.api, self.records)
+            news = self._look_into_inbox()
+        except AerocalError as error:
+            news = [str(error)]
+        for sentence in news:
+            if sentence not in self.said:
+                self.say(sentence)
+        self.said = set(news)
+        self.next = time.monotonic() + self.options.watch_s
+
+    def _look_into_inbox(self) -> list[str]:
+        """Start what is complete; sentences on what cannot be started."""
+        if self.options.inbox is None:
+            return []
+        roots, story = self.options.roots, self.options.runner.story
+        inbox = self.options.inbox
+        found = schedule_deliveries(self.api, self.records, inbox, roots, story, self.verified)
+        for name in found.begun:
+            self.say(f"Delivery {name}: a run is scheduled.")
+        return list(found.refused)
+
+
+def _stay(watch: _Watch, server: Child, runner: Child, requests: _Requests) -> int:
     """Watch children and inbox until a request to end has come; then let the runner finish."""
-    verified: set[str] = set()
-    said: set[str] = set()
-    look = time.monotonic()
     while not requests.come.wait(1.0):
         for name, child in (("server", server), ("runner", runner)):
             if child.ended:
@@ -153,29 +192,9 @@ def _stay(
                     f"Start again; runs go on where they stood. Its log is {child.log}; the last lines:\n"
                     f"{child.last_lines()}",
                 )
-        if options.inbox is not None and time.monotonic() >= look:
-            _look_into_inbox(options, api, verified, said, say)
-            look = time.monotonic() + options.watch_s
-    say("Ending when the runs that have begun are finished; a second request ends them now.")
+        watch.look()
+    watch.say("Ending when the runs that have begun are finished; a second request ends them now.")
     runner.ask_to_end()
     while requests.number < 2 and not runner.wait(0.5):
         pass
     return 0
-
-
-def _look_into_inbox(options: ServeOptions, api: Api, verified: set[str], said: set[str], say: Say) -> None:
-    """Start what is complete; say what cannot be started, once."""
-    assert options.inbox is not None
-    try:
-        found = schedule_deliveries(api, options.inbox, options.roots, options.runner.story, verified)
-    except AerocalError as error:
-        news = [str(error)]
-    else:
-        news = list(found.refused)
-        for name in found.begun:
-            say(f"Delivery {name}: a run is scheduled.")
-    for sentence in news:
-        if sentence not in said:
-            say(sentence)
-    said.clear()
-    said.update(news)

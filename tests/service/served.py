@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from flows.serving.api import Api
 from flows.serving.server_process import free_port
+from tasks.production.records import Records
 
 T = TypeVar("T")
 START_S = 200.0
@@ -52,6 +53,10 @@ class Served:
     @property
     def environment(self) -> dict[str, str]:
         return environment(self.folder)
+
+    @property
+    def records(self) -> Records:
+        return Records.at(str(self.folder / "state" / "records.sqlite"))
 
     @property
     def printed(self) -> str:

@@ -68,6 +68,15 @@ def test_a_run_ends_in_the_state_that_says_what_happened(server: Served) -> None
     assert json.loads((results / "results" / "summary.json").read_text())["status"] == "done"
     assert json.loads((results / "strict" / "summary.json").read_text())["status"] == "gate_failed"
     assert states["m"]["run_count"] == 1, "a failed gate is not tried again"
+    recorded = {run.id: run for run in server.records.runs()}
+    assert [recorded[run].state for run in (done, missed, outside)] == [
+        "Completed",
+        "GateFailed",
+        "InputError",
+    ]
+    assert recorded[done].project == "block"
+    assert {stage.stage for stage in recorded[done].stages} > {"import_exposures", "adjust_bundle"}
+    assert (recorded[missed].summary or {})["status"] == "gate_failed"
 
 
 def test_a_run_by_hand_appears_in_the_dashboard(server: Served) -> None:
@@ -83,6 +92,9 @@ def test_a_run_by_hand_appears_in_the_dashboard(server: Served) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert len(server.runs(flow_runs={"name": {"any_": ["block/project.toml"]}})) == 1
+    recorded = server.records.run(named[0]["id"])
+    assert recorded is not None
+    assert (recorded.state, recorded.directory) == ("Completed", str(server.folder / "hand"))
 
 
 def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -> None:
@@ -122,6 +134,8 @@ def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
         server.api.post(f"/flow_runs/{run}/set_state", {"state": state})
         assert server.ended(run)["state_name"] == "Cancelled"
         until(lambda: not engines(), 30)
+        # The run could not note it any more; the server's watch does.
+        until(lambda: (found := server.records.run(run)) is not None and found.state == "Cancelled", 30)
 
 
 def test_no_more_runs_than_the_limit_at_a_time_and_one_project_is_computed_once(server: Served) -> None:

@@ -1,0 +1,123 @@
+"""A run of a project that production remembers: noted when it begins and when it has ended.
+
+Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
+remarked on and stop no adjustment; what is missing in them is mended from the server's own records
+(`flows.serving.reconciliation`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from flows.project_run import RunOutcome, RunRequest, Story, carry_out
+from flows.run_state import state_message, state_name
+from tasks.errors import AerocalError
+from tasks.production.records import Records, configured_records, project_name
+from tasks.production.run_record import RunRecord, StageTime, State
+from tasks.storage.json_text import JSON
+from tasks.storage.stage_record import read_records
+from tasks.storage.store import Store
+
+_log = logging.getLogger("aerocal")
+
+
+@dataclass(frozen=True)
+class FlowRunIdentity:
+    """What the server knows a run by.
+
+    Attributes
+    ----------
+    id : of the flow run.
+    story : name of the flow.
+    """
+
+    id: str
+    story: str
+
+
+def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdentity) -> RunOutcome:
+    """Run a story on a project and note what becomes of it.
+
+    Raises
+    ------
+    InstallationError
+        If the machine stands in the way.
+    """
+    records = configured_records()
+    if records is None:
+        return carry_out(story, request)
+    _noted(lambda: records.begin(_beginning(request, identity)))
+    try:
+        outcome = carry_out(story, request)
+    except AerocalError as error:
+        _end(records, identity, request, "Failed", str(error), error.stage)
+        raise
+    except Exception as error:
+        _end(records, identity, request, "Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
+        raise
+    _end(
+        records,
+        identity,
+        request,
+        state_name(outcome),
+        state_message(outcome),
+        outcome.failed_stage,
+        {name: value for name, value in outcome.summary.to_json().items() if name != "timings_s"},
+    )
+    return outcome
+
+
+def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
+    """Note a run that was refused before there was a project file."""
+    records = configured_records()
+    if records is None:
+        return
+    now = datetime.now(UTC)
+    run = RunRecord(identity.id, project, "", "", identity.story, "Running", "", now, begun=now)
+
+    def write() -> None:
+        records.begin(run)
+        records.end(identity.id, "InputError", message)
+
+    _noted(write)
+
+
+def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
+    return RunRecord(
+        identity.id,
+        project_name(request.project_file.absolute()),
+        str(request.project_file.absolute()),
+        str(request.directory.absolute()),
+        identity.story,
+        "Running",
+        "",
+        datetime.now(UTC),
+    )
+
+
+def _end(
+    records: Records,
+    identity: FlowRunIdentity,
+    request: RunRequest,
+    state: State,
+    message: str,
+    failed_stage: str | None = None,
+    summary: dict[str, JSON] | None = None,
+) -> None:
+    done = read_records(Store.of(request.directory).folder)
+    stages = tuple(StageTime(one.stage, one.seconds, one.reused) for one in done)
+    _noted(
+        lambda: records.end(
+            identity.id, state, message, stages=stages, failed_stage=failed_stage, summary=summary
+        )
+    )
+
+
+def _noted(write: Callable[[], None]) -> None:
+    try:
+        write()
+    except AerocalError as error:
+        _log.warning("the record of runs could not be written: %s", error)

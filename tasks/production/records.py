@@ -1,0 +1,220 @@
+"""The database of production: which run of which project stands where.
+
+Prefect's own records may be tidied up, lost or begun anew; what was done with a delivery is remembered here.
+A run that has ended is never changed again, except that it may begin once more under the same number.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, cast
+
+from sqlalchemy import Connection, Engine, Row, insert, inspect, select, text, update
+
+from tasks.database.address import DatabaseAddress, Holding, database_address
+from tasks.database.engine import connected_for_reading, connected_for_writing, engine_at
+from tasks.database.errors import in_words
+from tasks.errors import InputError
+from tasks.production.run_record import RunRecord, StageTime, State
+from tasks.production.tables import METADATA, RUNS, SCHEMA, SCHEMA_VERSION
+from tasks.production.variable import RECORDS_VARIABLE
+from tasks.storage.installation import writing_into
+from tasks.storage.json_text import JSON, finite, json_text
+
+#: What messages call them.
+RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
+# Any number, the same in every process: makers of the tables wait for each other on it.
+_CREATION_LOCK = 0x6165726F72756E
+
+
+@dataclass(frozen=True)
+class Records:
+    """The records of production.
+
+    Attributes
+    ----------
+    address : of their database.
+    engine : connects to it.
+
+    Every method raises `InputError` if the database is none of ours and `InstallationError` if it cannot be
+    reached or written.
+    """
+
+    address: DatabaseAddress
+    engine: Engine
+
+    @classmethod
+    def at(cls, address: str, environment: Mapping[str, str] = os.environ) -> Records:
+        """The records at an address: path of a SQLite file, or ``postgresql://USER@HOST/DATABASE``."""
+        found = database_address(address, RECORDS, environment)
+        return cls(found, engine_at(found))
+
+    def schedule(self, run: RunRecord) -> None:
+        """Note a run that will begin; nothing if it is known already."""
+        with self._writing() as connection:
+            if _row_of(connection, run.id) is None:
+                connection.execute(insert(RUNS).values(**_as_row(run)))
+
+    def begin(self, run: RunRecord) -> None:
+        """Note that a run begins in this process, for the first time or once more."""
+        values = {**_as_row(run), "state": "Running", "begun": _text(datetime.now(UTC)), "ended": None}
+        values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1}
+        with self._writing() as connection:
+            known = _row_of(connection, run.id)
+            if known is None:
+                connection.execute(insert(RUNS).values(**values))
+                return
+            values |= {
+                "attempts": known.attempts + 1,
+                "delivery": known.delivery,
+                "scheduled": known.scheduled,
+            }
+            connection.execute(update(RUNS).where(RUNS.c.id == run.id).values(**values))
+
+    def reschedule(self, run_id: str, message: str) -> None:
+        """Note that a run which had begun, or was ended by the machine, waits for another beginning."""
+        values = {"state": "Scheduled", "message": message, "ended": None}
+        with self._writing() as connection:
+            connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
+
+    def end(
+        self,
+        run_id: str,
+        state: State,
+        message: str,
+        *,
+        stages: Sequence[StageTime] = (),
+        failed_stage: str | None = None,
+        summary: Mapping[str, JSON] | None = None,
+    ) -> None:
+        """Note how a run has ended; nothing if it has ended already or is not known."""
+        values = {
+            "state": state,
+            "message": message,
+            "ended": _text(datetime.now(UTC)),
+            "stages": _stages_text(stages),
+            "failed_stage": failed_stage,
+            "summary": None if summary is None else json_text(finite(summary)),
+        }
+        with self._writing() as connection:
+            unfinished = (RUNS.c.id == run_id) & RUNS.c.ended.is_(None)
+            connection.execute(update(RUNS).where(unfinished).values(**values))
+
+    def runs(
+        self, states: Collection[str] | None = None, since: datetime | None = None
+    ) -> tuple[RunRecord, ...]:
+        """The runs, the latest first.
+
+        Parameters
+        ----------
+        states : only of these.
+        since : only those that were scheduled then or later.
+        """
+        chosen = select(RUNS).order_by(RUNS.c.scheduled.desc(), RUNS.c.id)
+        if states is not None:
+            chosen = chosen.where(RUNS.c.state.in_(sorted(states)))
+        if since is not None:
+            chosen = chosen.where(RUNS.c.scheduled >= _text(since))
+        return self._read(chosen)
+
+    def run(self, run_id: str) -> RunRecord | None:
+        """A run by its number; None if it is not known."""
+        return next(iter(self._read(select(RUNS).where(RUNS.c.id == run_id))), None)
+
+    def of_delivery(self, key: str) -> RunRecord | None:
+        """The latest run for a delivery; None if there is none."""
+        chosen = select(RUNS).where(RUNS.c.delivery == key).order_by(RUNS.c.scheduled.desc()).limit(1)
+        return next(iter(self._read(chosen)), None)
+
+    def prepare(self) -> None:
+        """Make the tables where there are none."""
+        with self._writing():
+            pass
+
+    def _read(self, statement: Any) -> tuple[RunRecord, ...]:
+        file = self.address.file
+        if file is not None and not file.is_file():
+            return ()
+        with in_words(self.address), connected_for_reading(self.engine) as connection:
+            if not inspect(connection).has_table(SCHEMA.name):
+                return ()
+            self._require_version(connection)
+            return tuple(_as_record(row) for row in connection.execute(statement))
+
+    @contextmanager
+    def _writing(self) -> Iterator[Connection]:
+        file = self.address.file
+        if file is not None:
+            with writing_into(file.parent):
+                file.parent.mkdir(parents=True, exist_ok=True)
+        with in_words(self.address), connected_for_writing(self.engine) as connection, connection.begin():
+            if not inspect(connection).has_table(SCHEMA.name):
+                self._make_tables(connection)
+            self._require_version(connection)
+            yield connection
+
+    def _make_tables(self, connection: Connection) -> None:
+        if not self.address.is_file:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
+            if inspect(connection).has_table(SCHEMA.name):
+                return
+        METADATA.create_all(connection)
+        connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
+
+    def _require_version(self, connection: Connection) -> None:
+        versions = [row.version for row in connection.execute(select(SCHEMA.c.version))]
+        if versions != [SCHEMA_VERSION]:
+            found = " and ".join(map(str, versions)) or "none"
+            raise InputError(
+                f"The record of runs {self.address} has tables of version {found}; this aerocal knows "
+                f"version {SCHEMA_VERSION}.",
+                "Use the aerocal that made it, or name a new database.",
+            )
+
+
+def configured_records(environment: Mapping[str, str] = os.environ) -> Records | None:
+    """The records of this process; None: there is no server that keeps any."""
+    address = environment.get(RECORDS_VARIABLE)
+    return Records.at(address, environment) if address else None
+
+
+def project_name(project_file: Path) -> str:
+    """What people call a project: its folder, or a file that is not called ``project.toml``."""
+    if project_file.name == "project.toml" and project_file.parent.name:
+        return project_file.parent.name
+    return project_file.stem
+
+
+def _row_of(connection: Connection, run_id: str) -> Row[Any] | None:
+    return connection.execute(select(RUNS).where(RUNS.c.id == run_id)).first()
+
+
+def _as_row(run: RunRecord) -> dict[str, object]:
+    times = {name: _text(value) for name in ("scheduled", "begun", "ended") if (value := getattr(run, name))}
+    plain = {column.name: getattr(run, column.name) for column in RUNS.columns}
+    summary = None if run.summary is None else json_text(finite(run.summary))
+    return {**plain, "stages": _stages_text(run.stages), "summary": summary, **times}
+
+
+def _as_record(row: Row[Any]) -> RunRecord:
+    content = dict(row._mapping)
+    for name in ("scheduled", "begun", "ended"):
+        content[name] = None if content[name] is None else datetime.fromisoformat(content[name])
+    content["stages"] = tuple(StageTime(**stage) for stage in json.loads(content["stages"]))
+    content["summary"] = None if content["summary"] is None else json.loads(content["summary"])
+    return RunRecord(**content)
+
+
+def _stages_text(stages: Sequence[StageTime]) -> str:
+    return json_text(cast(JSON, [asdict(stage) for stage in stages]))
+
+
+def _text(time: datetime) -> str:
+    return time.astimezone(UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,92 @@
+"""One run of a story as production remembers it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal, TypeAlias
+
+from tasks.storage.json_text import JSON
+
+#: States of a run: those of the dashboard (docs/operations.md), without what only the server knows.
+State: TypeAlias = Literal[
+    "Scheduled",
+    "Running",
+    "Completed",
+    "GateFailed",
+    "InputError",
+    "NotComputable",
+    "Failed",
+    "TimedOut",
+    "Crashed",
+    "Cancelled",
+]
+#: States in which nothing more happens by itself.
+ENDED: frozenset[str] = frozenset(
+    ("Completed", "GateFailed", "InputError", "NotComputable", "Failed", "TimedOut", "Crashed", "Cancelled")
+)
+#: Ends that say something about the delivery: the same input would end alike. After the others the machine
+#: or somebody is to blame, and the delivery still waits for its run.
+DECIDED: frozenset[str] = frozenset(("Completed", "GateFailed", "InputError", "NotComputable"))
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """A stage of a run that has ended.
+
+    Attributes
+    ----------
+    stage : its name.
+    seconds : that it took.
+    reused : whether its output was there already.
+    """
+
+    stage: str
+    seconds: float
+    reused: bool
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A run.
+
+    Attributes
+    ----------
+    id : of the flow run.
+    project : name of the project for people: that of its folder.
+    project_file, directory : the project's file and the output folder; "" for what is not known yet.
+    story : what is done, as the dashboard writes it (``aerial-triangulation``).
+    state : see `State`.
+    message : one or several sentences on the state.
+    scheduled, begun, ended : UTC; None: not yet.
+    delivery : key of the delivery it is for; None: started by hand.
+    host, process : where it runs or ran; None: nowhere yet.
+    attempts : how often it was begun.
+    stages : those that have ended, in the order in which they did.
+    failed_stage : the one that could not be done; None: none, or it is not known.
+    summary : content of summary.json (docs/artifacts.md), without timings; empty until the end.
+    """
+
+    id: str
+    project: str
+    project_file: str
+    directory: str
+    story: str
+    state: State
+    message: str
+    scheduled: datetime
+    begun: datetime | None = None
+    ended: datetime | None = None
+    delivery: str | None = None
+    host: str | None = None
+    process: int | None = None
+    attempts: int = 0
+    stages: tuple[StageTime, ...] = ()
+    failed_stage: str | None = None
+    summary: Mapping[str, JSON] | None = None
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more happens by itself."""
+        return self.state in ENDED

@@ -1,0 +1,34 @@
+"""The tables of production; times are text (ISO 8601, UTC), the same characters in every database."""
+
+from __future__ import annotations
+
+from sqlalchemy import Column, Integer, MetaData, Table, Text
+
+#: Version of these tables; another one is refused.
+SCHEMA_VERSION = 1
+
+METADATA = MetaData()
+
+SCHEMA = Table("aerocal_schema", METADATA, Column("version", Integer, primary_key=True))
+
+RUNS = Table(
+    "aerocal_runs",
+    METADATA,
+    Column("id", Text, primary_key=True),
+    Column("project", Text, nullable=False),
+    Column("project_file", Text, nullable=False, index=True),
+    Column("directory", Text, nullable=False),
+    Column("story", Text, nullable=False),
+    Column("state", Text, nullable=False, index=True),
+    Column("message", Text, nullable=False),
+    Column("scheduled", Text, nullable=False, index=True),
+    Column("begun", Text),
+    Column("ended", Text),
+    Column("delivery", Text, index=True),
+    Column("host", Text),
+    Column("process", Integer),
+    Column("attempts", Integer, nullable=False),
+    Column("stages", Text, nullable=False),
+    Column("failed_stage", Text),
+    Column("summary", Text),
+)
