@@ -75,7 +75,7 @@ def test_a_run_ends_in_the_state_that_says_what_happened(server: Served) -> None
         "InputError",
     ]
     assert recorded[done].project == "block"
-    assert {stage.stage for stage in recorded[done].stages} > {"import_exposures", "adjust_bundle"}
+    assert {stage.stage for stage in recorded[done].stages} > {"import_exposures", "bundle_adjustment"}
     assert (recorded[missed].summary or {})["status"] == "gate_failed"
 
 
