@@ -7,6 +7,7 @@ that are run by hand, so that the dashboard shows all runs of a story together.
 
 import logging
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,6 +31,7 @@ from flows.recorded_run import carry_out_recorded, note_refusal  # noqa: E402
 from flows.registered import identity, state_of  # noqa: E402
 from flows.run_state import STATE_NAMES  # noqa: E402
 from flows.serving.api import configured_api  # noqa: E402
+from flows.serving.calibrations import registry_of_runner  # noqa: E402
 from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
 from flows.serving.inbox import configured_inbox  # noqa: E402
 from flows.serving.roots import configured_roots  # noqa: E402
@@ -37,12 +39,22 @@ from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.production.records import configured_records  # noqa: E402
+from tasks.registry.drift import DriftLimits  # noqa: E402
+from tasks.registry.due import DueLimits  # noqa: E402
+from tasks.registry.registry import Registry  # noqa: E402
+from tasks.registry.watch import watch_of  # noqa: E402
+from tasks.settings.registry import registry_address  # noqa: E402
 from tasks.storage.installation import InstallationError  # noqa: E402
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")
 
 ProjectParameter = Annotated[str, Field(min_length=1, max_length=1000)]
+Days = Annotated[int, Field(ge=0, le=36_500)]
+Limit = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+CameraNames = Annotated[Sequence[str], Field(max_length=1000)]
+#: Name of the failed state in which a camera needs a calibration.
+RECALIBRATION_DUE = "RecalibrationDue"
 OutputParameter = Annotated[str, Field(pattern=r"^[^/\\]+$", max_length=100)]
 #: The form as it is opened.
 AS_IN_PROJECT = RunForm()
@@ -155,6 +167,56 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     for sentence in scheduled.sentences():
         _log.info(sentence)
     return Completed(message=" ".join(scheduled.sentences()))
+
+
+def registry_run_name() -> str:
+    """Name of a run that looks through the registry and begins."""
+    return f"registry · {flow_run.flow_name}"
+
+
+@flow(
+    name="recalibration-due",
+    flow_run_name=registry_run_name,
+    timeout_seconds=_HOUR_S,
+    persist_result=False,
+    on_completion=[name_outcome],
+    on_failure=[name_outcome],
+)
+def recalibration_due(
+    within_days: Days = 30,
+    max_age_days: Days = 730,
+    sigma: Limit | None = None,
+    focal_length_um: Limit | None = None,
+    principal_point_um: Limit | None = None,
+    boresight_deg: Limit | None = None,
+    lever_arm_mm: Limit | None = None,
+    without: CameraNames = (),
+) -> State[None]:
+    """Say which cameras of the registry need a calibration: none in force, expiring, too old, or drifted.
+
+    Args:
+        within_days: Days ahead; what ends so soon is due.
+        max_age_days: Age in days, from the flight on, up to which a calibration serves; 0 for no limit.
+        sigma: Limit of the change of a single parameter, in its σ; empty for one false alarm in 1,000.
+        focal_length_um: Limit of the change of the focal length besides, in µm, whatever its σ.
+        principal_point_um: The same of either coordinate of the principal point, in µm.
+        boresight_deg: The same of each angle of the boresight, in degrees.
+        lever_arm_mm: The same of each component of the lever arm, in mm.
+        without: Cameras that are left out; name, body or lens of each.
+    """
+    drift = DriftLimits(sigma, focal_length_um, principal_point_um, boresight_deg, lever_arm_mm)
+    limits = DueLimits(within_days, max_age_days or None, drift, tuple(without))
+    try:
+        registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
+        watch = watch_of(registry.contents(), date.today(), limits)
+    except InputError as error:
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    except InstallationError as error:
+        return Failed(message=str(error))
+    for sentence in watch.sentences:
+        _log.info(sentence)
+    message = " ".join(watch.sentences)
+    return Failed(name=RECALIBRATION_DUE, message=message) if watch.due else Completed(message=message)
 
 
 #: The flows of a project, each with a deployment ``manual``.

@@ -8,7 +8,7 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-from flows.deployed import STORIES, inbox
+from flows.deployed import STORIES, inbox, recalibration_due
 from flows.serving.deliveries import MANUAL, ON_DELIVERY
 from flows.serving.options import RunnerOptions
 
@@ -26,8 +26,10 @@ _log = logging.getLogger("aerocal")
 
 #: Tag of every deployment of ours.
 TAG = "aerocal"
-#: Name of the deployment with a schedule.
+#: Names of the deployments with a schedule.
 NIGHTLY = "nightly"
+RECALIBRATION_DUE = "recalibration-due"
+_SCHEDULED = (NIGHTLY, RECALIBRATION_DUE)
 #: Seconds between two questions for runs to begin.
 _POLL_S = 2.0
 
@@ -61,6 +63,15 @@ def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
                 parameters={"story": options.story},
             )
         )
+    if options.recalibration_cron is not None:
+        made.append(
+            _of(
+                recalibration_due,
+                RECALIBRATION_DUE,
+                "Looks through the registry of calibrations.",
+                schedule=Cron(options.recalibration_cron, timezone=options.timezone),
+            )
+        )
     return made
 
 
@@ -82,7 +93,7 @@ def serve(options: RunnerOptions) -> None:
 
 async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
     runner = DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
-    unscheduled = [one.name for one in made if one.name == NIGHTLY and not one.schedules]
+    unscheduled = [one.name for one in made if one.name in _SCHEDULED and not one.schedules]
     registered = {await runner.aadd_deployment(one) for one in made}
     async with get_client() as client:
         await _rest(client, registered, unscheduled)

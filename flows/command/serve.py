@@ -50,7 +50,26 @@ def serve(
         str | None,
         typer.Option("--cron", metavar='"M H D M W"', help="When the inbox is looked through in any case."),
     ] = None,
-    timezone: Annotated[str, typer.Option("--timezone", help="Time zone of --cron.")] = "UTC",
+    timezone: Annotated[str, typer.Option("--timezone", help="Time zone of all schedules.")] = "UTC",
+    registry: Annotated[
+        str | None,
+        typer.Option(
+            "--registry",
+            metavar="URL",
+            help="Registry of calibrations that runs use: a SQLite file under a --root, or "
+            "postgresql://USER@HOST/DATABASE (password in PGPASSWORD).",
+            show_default="AEROCAL_REGISTRY, else none",
+        ),
+    ] = None,
+    recalibration_cron: Annotated[
+        str | None,
+        typer.Option(
+            "--recalibration-cron",
+            metavar='"M H D M W"',
+            help="When the registry is looked through for calibrations that are due.",
+            show_default='"0 6 * * 1" with a registry',
+        ),
+    ] = None,
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
     state: Annotated[
         Path | None,
@@ -91,6 +110,8 @@ def serve(
                 watch_s=watch,
                 cron=cron,
                 timezone=timezone,
+                registry=registry,
+                recalibration_cron=recalibration_cron,
                 limit=limit,
                 state=state,
             ),

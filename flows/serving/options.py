@@ -9,12 +9,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import get_args
 
+from flows.serving.calibrations import registry_of_server
 from flows.serving.deliveries import StoryOfDeliveries
 from flows.serving.roots import Roots, roots_of
 from flows.serving.server_process import ServerAddress
 from flows.serving.state_file import state_folder
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
+
+#: When a registry is looked at, if nothing else is said: Mondays at six.
+WEEKLY = "0 6 * * 1"
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class RunnerOptions:
     cron : when the inbox is looked through in any case; five fields; None: never.
     timezone : IANA name of the time zone the five fields are meant in.
     story : what is done with deliveries.
+    recalibration_cron : when the registry of calibrations is looked at; None: there is no registry.
     """
 
     limit: int = 1
@@ -35,6 +40,7 @@ class RunnerOptions:
     cron: str | None = None
     timezone: str = "UTC"
     story: StoryOfDeliveries = "aerial-triangulation"
+    recalibration_cron: str | None = None
 
     def require_valid(self) -> None:
         """Check what Prefect would only find out in the runner.
@@ -42,15 +48,16 @@ class RunnerOptions:
         Raises
         ------
         InputError
-            If the schedule has no five fields or no inbox, or there is no such time zone.
+            If a schedule has no five fields or no inbox, or there is no such time zone.
         """
         if self.cron is not None and not self.has_inbox:
             raise InputError("There is a schedule, but no inbox.", "Add --inbox DIR.")
-        if self.cron is not None and len(self.cron.split()) != 5:
-            raise InputError(
-                f"'{self.cron}' is not a schedule.",
-                'Write minute, hour, day, month, weekday, e.g. --cron "30 1 * * *".',
-            )
+        for option, cron in (("--cron", self.cron), ("--recalibration-cron", self.recalibration_cron)):
+            if cron is not None and len(cron.split()) != 5:
+                raise InputError(
+                    f"'{cron}' is not a schedule.",
+                    f'Write minute, hour, day, month, weekday, e.g. {option} "30 1 * * *".',
+                )
         try:
             zoneinfo.ZoneInfo(self.timezone)
         except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
@@ -79,6 +86,7 @@ class ServeOptions:
     roots : folders that runs may read and write.
     inbox : folder of deliveries; None: there is none.
     watch_s : seconds between two looks into the inbox.
+    registry : address of the registry of calibrations, password included; None: there is none.
     runner : what the runner is told.
     state : folder of state file, logs and Prefect's own files.
     """
@@ -88,6 +96,7 @@ class ServeOptions:
     roots: Roots
     inbox: Path | None
     watch_s: float
+    registry: str | None
     runner: RunnerOptions
     state: Path
 
@@ -108,6 +117,8 @@ def options_for(
     watch_s: float,
     cron: str | None,
     timezone: str,
+    registry: str | None,
+    recalibration_cron: str | None,
     limit: int,
     state: Path | None,
 ) -> ServeOptions:
@@ -116,7 +127,8 @@ def options_for(
     Raises
     ------
     InputError
-        If a folder does not exist, or the story, the schedule or the time zone is none.
+        If a folder does not exist, the registry lies outside the folders, or the story, a schedule or the
+        time zone is none.
     """
     stories: tuple[StoryOfDeliveries, ...] = get_args(StoryOfDeliveries)
     known = next((one for one in stories if one == story), None)
@@ -124,15 +136,20 @@ def options_for(
         raise InputError(f"There is no story '{story}'.", did_you_mean(story, stories))
     if inbox is not None and not inbox.is_dir():
         raise InputError(f"There is no folder {inbox}.", "Correct --inbox, or make the folder.")
-    runner = RunnerOptions(limit, inbox is not None, cron, timezone, known)
+    confined = roots_of([*(roots or [Path.cwd()]), *([inbox] if inbox is not None else [])])
+    calibrations = registry_of_server(registry, confined)
+    if recalibration_cron is not None and calibrations is None:
+        raise InputError("There is a schedule for calibrations, but no registry.", "Add --registry ADDRESS.")
+    weekly = None if calibrations is None else recalibration_cron or WEEKLY
+    runner = RunnerOptions(limit, inbox is not None, cron, timezone, known, weekly)
     runner.require_valid()
-    folders = [*(roots or [Path.cwd()]), *([inbox] if inbox is not None else [])]
     return ServeOptions(
         ServerAddress(host, port),
         database,
-        roots_of(folders),
+        confined,
         None if inbox is None else inbox.resolve(),
         watch_s,
+        calibrations,
         runner,
         state_folder() if state is None else state.absolute(),
     )

@@ -31,6 +31,7 @@ from flows.serving.state_file import RunningServer, the_only_server, write_state
 from tasks.errors import AerocalError
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
+from tasks.settings.registry import REGISTRY_VARIABLE
 from tasks.storage.installation import InstallationError
 
 #: The first start makes the database, on a slow machine.
@@ -113,6 +114,7 @@ def _with_server(
         RECORDS_VARIABLE: options.records,
         **({CLIENT_WORDS: words} if words else {}),
         **({INBOX_VARIABLE: str(options.inbox.resolve())} if options.inbox is not None else {}),
+        **({REGISTRY_VARIABLE: options.registry} if options.registry is not None else {}),
     }
     runner = Child(
         "flows.serving.runner",

@@ -9,16 +9,20 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 
 import pytest
 
 from flows.serving.state_file import find_server
+from tasks.registry.registry import Registry
+from tasks.settings.registry import registry_address
 from tasks.storage.installation import InstallationError
 from tasks.storage.run_lock import run_lock
 from tests.flows.conftest import _write_block
 from tests.postgresql_server import PASSWORD, PostgresqlServer
 from tests.service.served import Served, alive, recorded_states, served, until
+from tests.tasks.registry.records import add, approve, record
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
 
@@ -29,7 +33,12 @@ MANUAL = "aerial-triangulation/manual"
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("serve")
     _write_block(folder / "root" / "block")
-    with served(folder, "--cron", "30 1 * * *", "--timezone", "Europe/Berlin") as running:
+    calibrations = folder / "root" / "registry.sqlite"
+    registry = Registry.at(registry_address(str(calibrations)))
+    add(registry, record())
+    approve(registry, 1, date(2024, 6, 1))
+    schedule = ("--cron", "30 1 * * *", "--timezone", "Europe/Berlin")
+    with served(folder, *schedule, "--registry", str(calibrations)) as running:
         yield running
 
 
@@ -158,6 +167,35 @@ def test_the_schedule_has_runs_in_its_time_zone(server: Served) -> None:
     )
     # 1:30 in Berlin is 0:30 (winter) or 23:30 (summer).
     assert {run["expected_start_time"][11:16] for run in scheduled} <= {"00:30", "23:30"}
+
+
+def test_calibrations_that_are_due_end_in_a_state_of_that_name(server: Served) -> None:
+    deployment = "recalibration-due/recalibration-due"
+    found = server.api.get(f"/deployments/name/{deployment}")
+    fields = found["parameter_openapi_schema"]["properties"]
+    assert [name for name, field in fields.items() if not field.get("description")] == []
+    assert (fields["within_days"]["default"], fields["max_age_days"]["default"]) == (30, 730)
+    (schedule,) = found["schedules"]
+    assert (schedule["schedule"]["cron"], schedule["schedule"]["timezone"]) == ("0 6 * * 1", "Europe/Berlin")
+    runs = {
+        "due": server.start(deployment, {"max_age_days": 1}),
+        "not due": server.start(deployment, {"max_age_days": 0}),
+        "unknown": server.start(deployment, {"without": ["UCX"]}),
+    }
+    ended = {name: server.ended(run) for name, run in runs.items()}
+    assert {name: run["state_name"] for name, run in ended.items()} == {
+        "due": "RecalibrationDue", "not due": "Completed", "unknown": "InputError",
+    }  # fmt: skip
+    assert "UCE (body UC-E-1), virtual image: Calibration 1 is" in ended["due"]["state"]["message"]
+    assert ended["not due"]["state"]["message"] == "No calibration is due: 1 camera looked at."
+    assert "Did you mean 'UCE'" in ended["unknown"]["state"]["message"]
+    until(
+        lambda: server.run(runs["due"])["name"] == "registry · recalibration-due · RecalibrationDue",
+        20,
+    )
+    assert ended["due"]["run_count"] == 1
+    with pytest.raises(InstallationError, match="max_age_days"):
+        server.start(deployment, {"max_age_days": -1})
 
 
 def test_the_server_is_private(server: Served) -> None:

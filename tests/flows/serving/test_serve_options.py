@@ -30,6 +30,8 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "watch_s": 20.0,
         "cron": "30 1 * * *",
         "timezone": "Europe/Berlin",
+        "registry": None,
+        "recalibration_cron": None,
         "limit": 1,
         "state": folder / "state",
     }
@@ -61,12 +63,42 @@ def test_the_inbox_is_a_root_and_links_are_resolved(tmp_path: Path) -> None:
         ({"timezone": "Europe/Berlinn"}, "IANA"),
         ({"timezone": "../../etc/passwd"}, "IANA"),
         ({"story": "aerial-triangulaton"}, "aerial-triangulation"),
+        ({"recalibration_cron": "0 6 * * 1"}, "--registry"),
+        ({"registry": "/no/such/registry.sqlite"}, "--root"),
+        ({"registry": "mysql://h/d"}, "postgresql"),
     ],
 )
 def test_wrong_options_name_their_remedy(tmp_path: Path, changed: dict[str, Any], remedy: str) -> None:
     with pytest.raises(InputError) as refused:
         options(tmp_path, **changed)
     assert remedy in refused.value.remedy
+
+
+def test_a_registry_under_the_folders_is_looked_at_on_mondays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("AEROCAL_REGISTRY", raising=False)
+    assert options(tmp_path).registry is None
+    assert options(tmp_path).runner.recalibration_cron is None
+    file = str(tmp_path / "registry.sqlite")
+    assert options(tmp_path, registry=file).registry == file
+    assert options(tmp_path, registry=file).runner.recalibration_cron == "0 6 * * 1"
+    given = options(tmp_path, registry=file, recalibration_cron="0 7 * * *").runner
+    assert options_from(given.as_text()).recalibration_cron == "0 7 * * *"
+    with pytest.raises(InputError, match="not a schedule"):
+        options(tmp_path, registry=file, recalibration_cron="weekly")
+    monkeypatch.setenv("AEROCAL_REGISTRY", file)
+    assert options(tmp_path).registry == file
+    server = "postgresql://me@host/calibrations"
+    assert options(tmp_path, registry=server).registry == server
+
+
+def test_a_link_does_not_lead_to_a_registry_outside(tmp_path: Path) -> None:
+    for name in ("root", "elsewhere"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "root" / "r.sqlite").symlink_to(tmp_path / "elsewhere" / "r.sqlite")
+    with pytest.raises(InputError, match="outside the folders"):
+        options(tmp_path / "root", registry=str(tmp_path / "root" / "r.sqlite"))
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
