@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tasks.plain_text import visible
+
 
 class AerocalError(Exception):
     """Base of the errors that are reported in one sentence and without a traceback.
@@ -57,7 +59,8 @@ class InputError(AerocalError):
         if self.file is not None:
             place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
         entity = f"{self.entity}: " if self.entity else ""
-        return f"{place}{entity}{self.what} {self.remedy}"
+        # What it quotes was delivered by somebody; a terminal would obey some of it.
+        return visible(f"{place}{entity}{self.what} {self.remedy}")
 
 
 @dataclass

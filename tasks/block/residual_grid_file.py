@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from adjust.arrays import Bools, Floats
 from adjust.calibration.grid_comparison import combined_grid
@@ -22,10 +21,9 @@ from adjust.errors import InconsistentBlockError
 from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.storage.artifact import Artifact, digest_of_file
-from tasks.storage.installation import InstallationError
 from tasks.tables import schemas
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.foreign import read_foreign_table
+from tasks.tables.parquet import write_table
 
 _MM = 1e-3
 _UM = 1e-6
@@ -118,10 +116,7 @@ def read_corrections(
 
 def _read(file: Path) -> pd.DataFrame:
     remedy = "Name the residual_grid.parquet of a finished run."
-    try:
-        return read_table(Artifact("residual_grid", file, digest_of_file(file), None))
-    except (InstallationError, pa.ArrowException) as error:
-        raise InputError("This file is not a table of mean residuals.", remedy, file=file) from error
+    return read_foreign_table(file, schemas.RESIDUAL_GRID, remedy)[0]
 
 
 def _correction(camera: FrameCamera, tables: Sequence[tuple[Path, pd.DataFrame]]) -> CorrectionField:

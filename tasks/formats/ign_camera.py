@@ -25,10 +25,12 @@ def read_ign_camera(path: Path) -> CameraRecord:
     Raises
     ------
     InputError
-        If the file is not such an XML file or lacks a value.
+        If the file is not such an XML file, declares entities, or lacks a value.
     """
+    text = _plain_text(path)
     try:
-        root = ElementTree.fromstring(read_bytes(path).strip())
+        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
+        root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise InputError(
             f"This is not well-formed XML ({error.msg}).",
@@ -52,6 +54,28 @@ def read_ign_camera(path: Path) -> CameraRecord:
             round((0.5 * rows - y) * pixel_mm, 12),
         ),
     )
+
+
+def _plain_text(path: Path) -> str:
+    """The text of the file, without declarations of types: entities could read files or fill the memory.
+
+    No camera file needs them, so they are refused before any parser sees them, whatever version it is of.
+    """
+    content = read_bytes(path, "document")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(
+            "The camera file declares document types or entities (<!DOCTYPE>).",
+            "Deliver it without them; a camera file needs none.",
+            file=path,
+        )
+    return text.strip()
 
 
 def _number(root: ElementTree.Element, name: str, path: Path) -> float:

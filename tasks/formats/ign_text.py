@@ -31,7 +31,7 @@ import pyarrow.compute as pc
 
 from tasks.errors import InputError
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
-from tasks.formats.text_table import TextTable, read_bytes, read_table_text
+from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
 
 _OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
 _IMAGE_NAME = r"^(?P<flight>.*?)(?P<strip>[xX]\d+)_\d+"
@@ -182,7 +182,7 @@ def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
 
 def _decodable(path: Path) -> bytes:
     # A blank for each CR keeps the line numbers: the files mix CR LF with "CR blank LF".
-    return read_bytes(path).replace(b"\r", b" ")
+    return lines_of(read_bytes(path).replace(b"\r", b" "), path)
 
 
 def _read(path: Path, names: Sequence[str], numeric: Sequence[str]) -> TextTable:

@@ -14,6 +14,7 @@ Names are text and are kept verbatim. Further columns are kept as text.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,11 +22,14 @@ import pyarrow as pa
 
 from tasks.errors import InputError
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
-from tasks.formats.text_table import TextTable, read_bytes, read_table_text
+from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
 from tasks.nearest_name import nearest
+from tasks.plain_text import trouble_in
 
 _XYZ = ("x", "y", "z")
 _SIGMA_XYZ = ("sx", "sy", "sz")
+_MOST_COLUMNS = 1_000
+_NOT_BLANK = re.compile(rb"\S")
 
 
 def read_csv_image_points(path: Path) -> ImagePointRecords:
@@ -104,31 +108,29 @@ def _optional_text(table: TextTable, name: str) -> pa.Array:
 def _read(
     path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str]
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
-    content = read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    content = lines_of(read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n"), path)
     header_line, names, rows = _header(content, path)
     _check_columns(names, required, optional, path, header_line)
     present = [name for name in numeric if name in names]
     table = read_table_text(rows, path, names, present, "comma", first_line=header_line + 1)
     known = {*required, *optional}
-    extra = {name: table.text(name, may_be_empty=True) for name in names if name not in known}
+    extra = {name: table.remarks(name) for name in names if name not in known}
     return table, extra
 
 
 def _header(content: bytes, path: Path) -> tuple[int, list[str], bytes]:
     """Line of the header, its names, and the bytes below it."""
-    line = 1
-    while True:
-        first, _, rest = content.partition(b"\n")
-        if first.strip():
-            break
-        content, line = rest, line + 1
+    found = _NOT_BLANK.search(content)
+    begin = content.rfind(b"\n", 0, found.start()) + 1 if found is not None else 0
+    line = content.count(b"\n", 0, begin) + 1
+    first, _, rest = content[begin:].partition(b"\n")
     try:
         fields = next(csv.reader([first.decode("utf-8")], skipinitialspace=True))
     except UnicodeDecodeError as error:
         raise InputError(
             "The header is not UTF-8 text.", "Save the file as UTF-8.", file=path, line=line
         ) from error
-    if not rest.strip():
+    if not rest or rest.isspace():
         raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
     return line, [field.strip() for field in fields], rest
 
@@ -154,6 +156,10 @@ def _check_columns(
         what = f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}."
         remedy = f"Needed are {', '.join(required)}" + (f"; {', '.join(hints)}." if hints else ".")
         raise InputError(what, remedy, file=path, line=line)
+    trouble = next((found for found in map(trouble_in, names) if found is not None), None)
+    if trouble is not None or len(names) > _MOST_COLUMNS:
+        what = trouble or f"The header names {len(names):,} columns, more than {_MOST_COLUMNS}."
+        raise InputError(what, "Deliver a table with the columns that are needed.", file=path, line=line)
     double = next((name for name in names if list(names).count(name) > 1), None)
     if double is not None:
         raise InputError(

@@ -20,11 +20,15 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.plain_text import quoted, trouble_in
+from tasks.storage.delivered_file import Kind, file_limits, read_delivered
 
 Separator = Literal["comma", "blank"]
 _REGEX = {"comma": ",", "blank": r"\s+"}
 _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
+# Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
+_LONGEST_LINE = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,19 +53,29 @@ class TextTable:
         return name in self._frame.columns
 
     def text(self, name: str, *, may_be_empty: bool = False) -> pa.Array:
-        """A column as text (n,), verbatim; empty fields are null.
+        """A column of names as text (n,), verbatim; empty fields are null.
 
         Raises
         ------
         InputError
-            If a field is empty and may not be.
+            If a field is empty and may not be, or holds a name nobody can read (`tasks.plain_text`).
         """
         column = self._frame[name]
         empty = column.isna().to_numpy()
         if not may_be_empty and empty.any():
             raise self._error(int(np.argmax(empty)), f"The column '{name}' is empty here.", "Fill it in.")
+        for code, text in enumerate(column.cat.categories.astype(str)):
+            trouble = trouble_in(text)
+            if trouble is not None:
+                row = int(np.argmax(column.cat.codes.to_numpy() == code))
+                raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
+        return self.remarks(name)
+
+    def remarks(self, name: str) -> pa.Array:
+        """A column of any text (n,), verbatim; empty fields are null."""
+        column = self._frame[name]
         categories = pa.array(column.cat.categories.astype(str).to_numpy(dtype=object), pa.string())
-        codes = pa.array(column.cat.codes.to_numpy().astype(np.int32), mask=empty)
+        codes = pa.array(column.cat.codes.to_numpy().astype(np.int32), mask=column.isna().to_numpy())
         return pa.DictionaryArray.from_arrays(codes, categories).cast(pa.string())
 
     def numbers(self, names: Sequence[str], *, may_be_empty: bool = False) -> NDArray[np.float64]:
@@ -112,25 +126,47 @@ class TextTable:
         return InputError(what, remedy, file=self.file, line=int(self.line[row]))
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path, kind: Kind = "table") -> bytes:
     """The bytes of a text file without its byte-order mark.
 
     Raises
     ------
     InputError
-        If the file is missing or has no content.
+        If the file is missing, has no content, or is refused by `tasks.storage.delivered_file`.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"The file cannot be read ({error.strerror}).", "Check the path.", file=path
-        ) from error
-    content = content.removeprefix(b"\xef\xbb\xbf")
-    if not content.strip():
+    content = read_delivered(path, kind).removeprefix(b"\xef\xbb\xbf")
+    if not content or content.isspace():
         raise InputError(
             "The file is empty.", "Deliver it again, or take it out of the project file.", file=path
         )
+    return content
+
+
+def lines_of(content: bytes, file: Path) -> bytes:
+    """The content itself, if it has lines of a length, and a number of them, that can be taken apart.
+
+    Parameters
+    ----------
+    content : of the whole file, lines ended by LF.
+
+    Raises
+    ------
+    InputError
+        If there are more lines than this installation reads, or one is longer than any row can be.
+    """
+    file_limits().require_rows(file, content.count(b"\n"))
+    begin = 0
+    while len(content) - begin > _LONGEST_LINE:
+        # The last end of a line within reach: only one too long has none.
+        end = content.rfind(b"\n", begin, begin + _LONGEST_LINE + 1)
+        if end < 0:
+            raise InputError(
+                f"This line has more than {_LONGEST_LINE:,} characters.",
+                "Deliver a table with a line for each row.",
+                file=file,
+                line=content.count(b"\n", 0, begin) + 1,
+            )
+        begin = end + 1
     return content
 
 
@@ -260,5 +296,5 @@ def _not_a_number(
         remedy = "Write the number with a decimal point."
     elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
         remedy = "Leave the field empty if the value is not known and may be missing, else delete the line."
-    what = f"'{value}' in the column '{name}' is not a number."
+    what = f"{quoted(value)} in the column '{name}' is not a number."
     return InputError(what, remedy, file=file, line=row + first_line)

@@ -6,24 +6,18 @@ those tables (mm, deg, m, s, or the unit an additional parameter is published in
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from adjust.arrays import Bools, Floats
-from tasks.errors import InputError
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.tables import schemas
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
-from tasks.tables.parquet import METADATA
-from tasks.tables.schemas import TableSchema
+from tasks.tables.foreign import read_foreign_table
 
 _REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`."
 # Two surveys of one point differ by centimetres, neighbouring points lie metres apart.
@@ -142,24 +136,9 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
         or source.control_points is None
     ):
         raise ValueError("the calibration does not lie in the results of another run")
-    residuals, _ = _foreign_table(source.control_residuals, schemas.CONTROL_RESIDUALS)
-    surveyed, crs = _foreign_table(source.control_points, schemas.CONTROL_POINTS)
+    residuals, _ = read_foreign_table(source.control_residuals, schemas.CONTROL_RESIDUALS, _REMEDY)
+    surveyed, crs = read_foreign_table(source.control_points, schemas.CONTROL_POINTS, _REMEDY)
     control = control_of(surveyed, residuals, crs)
-    parameters, _ = _foreign_table(source.parameters, schemas.PARAMETERS)
-    correlations, _ = _foreign_table(source.correlations, schemas.CORRELATIONS)
+    parameters, _ = read_foreign_table(source.parameters, schemas.PARAMETERS, _REMEDY)
+    correlations, _ = read_foreign_table(source.correlations, schemas.CORRELATIONS, _REMEDY)
     return calibration_of(parameters, correlations, control)
-
-
-def _foreign_table(path: Path, schema: TableSchema) -> tuple[pd.DataFrame, str]:
-    """A table of other results, and the CRS of its coordinates (empty without any)."""
-    try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError("This is not a Parquet table.", _REMEDY, file=path) from error
-    described = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
-    if (described.get("schema"), described.get("version")) != (schema.name, schema.version):
-        raise InputError(
-            f"This is not a table '{schema.name}' of version {schema.version}.", _REMEDY, file=path
-        )
-    columns = [column.name for column in schema.columns if column.name in table.column_names]
-    return table.select(columns).to_pandas(), str(described.get("crs", ""))

@@ -12,7 +12,9 @@ from pydantic import ValidationError
 
 from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
-from tasks.storage.json_text import json_text
+from tasks.plain_text import trouble_in_tables
+from tasks.storage.delivered_file import read_delivered
+from tasks.storage.json_text import JSON, json_text
 
 # One camera alone has the short name.
 _FILES = ("calibration.json", "calibration_*.json")
@@ -71,7 +73,9 @@ def read_calibrations(place: Path) -> tuple[SealedRecord, ...]:
 def _read(file: Path) -> SealedRecord:
     try:
         # The file's own values, and not those of the model: its digest is that of whoever wrote it.
-        sealed = SealedRecord(json_text(json.loads(file.read_text(encoding="utf-8"))))
+        content: JSON = json.loads(read_delivered(file.resolve(), "document"))
+        _require_readable(content, file)
+        sealed = SealedRecord(json_text(content))
         sealed.record  # noqa: B018
     except ValidationError as error:
         first = error.errors()[0]
@@ -79,8 +83,13 @@ def _read(file: Path) -> SealedRecord:
         raise InputError(
             f"This is not a calibration: {place}: {first['msg']}.", _REMEDY, file=file
         ) from error
-    except OSError as error:
-        raise InputError(f"The file cannot be read ({error.strerror}).", _REMEDY, file=file) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"This is not JSON ({error}).", _REMEDY, file=file) from error
     return sealed
+
+
+def _require_readable(content: JSON, file: Path) -> None:
+    found = trouble_in_tables(content)
+    if found is not None:
+        place, trouble = found
+        raise InputError(trouble, _REMEDY, file=file, entity=".".join(map(str, place)) or None)

@@ -20,6 +20,7 @@ from pydantic_core import PydanticCustomError
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.storage.artifact import digest_of_file
+from tasks.storage.delivered_file import trouble_of
 from tasks.storage.json_text import JSON
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
@@ -127,10 +128,13 @@ class PathContext:
                 f"The file {candidates[0]} does not lie under a folder this deployment may read.",
                 "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
             )
-        found = next((candidate for candidate in allowed if candidate.is_file()), None)
+        found = next((candidate for candidate in allowed if candidate.exists()), None)
         if found is None:
             places = " nor ".join(str(candidate) for candidate in candidates)
             raise trouble(f"There is no file {places}.", "Correct the path, or put the file there.")
+        wrong = trouble_of(found.resolve())
+        if wrong is not None:
+            raise trouble(f"{wrong.file}: {wrong.what}", wrong.remedy)
         return found.resolve()
 
     def _may_be_read(self, path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,10 +21,9 @@ def is_project_file(source: str) -> bool:
 
     A file that cannot be read is none; whoever reads it next says why.
     """
-    path = Path(source)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        content = read_settings_file(Path(source), PROJECT_FILE).content
+    except InputError:
         return False
     return "inputs" in content or "cameras" in content
 
@@ -102,7 +100,7 @@ def _opened(
     roots: Sequence[Path],
 ) -> tuple[SettingsFile, PathContext]:
     """The file with its overrides, and how its paths are read."""
-    source = read_settings_file(path, PROJECT_FILE)
+    source = read_settings_file(path, PROJECT_FILE, links=not roots)
     source.replace(overrides)
     context = PathContext(path.resolve().parent, data, roots=tuple(roots))
     if environment is not None:

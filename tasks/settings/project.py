@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from tasks.plain_text import LONGEST_NAME
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.base import Settings
 from tasks.settings.calibration import CalibrationSettings
@@ -23,7 +24,7 @@ class ProjectSettings(Settings):
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"name", "flown"})
 
-    name: str = Field(min_length=1, description="Name of the project, for people.")
+    name: str = Field(min_length=1, max_length=LONGEST_NAME, description="Name of the project, for people.")
     flown: date | None = Field(
         default=None,
         description="Date of the flight, e.g. 2012-05-24; decides which calibration of the registry holds.",

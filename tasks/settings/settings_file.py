@@ -18,11 +18,16 @@ from pydantic_core import ErrorDetails
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
+from tasks.plain_text import trouble_in_tables
 from tasks.settings.base import PathContext, Settings
 from tasks.settings.key_lines import line_of_key
+from tasks.storage.delivered_file import read_delivered
 
 Table = dict[str, Any]
 Keys = tuple[str | int, ...]
+
+# Tables lie five deep at most; the time a parser takes grows with the square of the dots in a key.
+_MANY_DOTS = re.compile(r"""(?:(?:[\w-]{1,999}|"[^"\n]{0,999}"|'[^'\n]{0,999}')[ \t]{0,9}\.[ \t]{0,9}){30}""")
 
 
 @dataclass(frozen=True)
@@ -99,31 +104,53 @@ class SettingsFile:
             raise _input_error(first, self) from error
 
 
-def read_settings_file(path: Path, kind: SettingsKind) -> SettingsFile:
+def read_settings_file(path: Path, kind: SettingsKind, *, links: bool = True) -> SettingsFile:
     """Read and parse a file.
+
+    Parameters
+    ----------
+    links : whether links on the path are followed; not if where it lies has been checked already.
 
     Raises
     ------
     InputError
-        If there is no such file, or it is not TOML in UTF-8.
+        If there is no such file, it is not TOML in UTF-8, too large, nested too deeply, or holds a text
+        nobody can read.
     """
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"There is no such {kind.name}.", "Check the path.", file=path)
-    text = _decoded(path, kind)
-    return SettingsFile(kind, path, text, _parsed(text, path))
+    text = _decoded(path.resolve() if links else path, kind)
+    content = _parsed(text, path)
+    _require_readable(content, text, path)
+    return SettingsFile(kind, path, text, content)
 
 
 def _decoded(path: Path, kind: SettingsKind) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_delivered(path, "document").decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"The {kind.name} is not UTF-8 text.", "Save it as UTF-8.", file=path) from error
 
 
+def _require_readable(content: Table, text: str, path: Path) -> None:
+    found = trouble_in_tables(content)
+    if found is not None:
+        place, trouble = found
+        name = ".".join(map(str, place)) or None
+        raise InputError(
+            trouble, "Write it in ordinary characters.", path, line_of_key(text, place), entity=name
+        )
+
+
 def _parsed(text: str, path: Path) -> Table:
+    deep = InputError("The tables are nested too deeply.", "Correct the file.", file=path)
+    if _MANY_DOTS.search(text):
+        raise deep
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError as error:
+        raise deep from error
+    except ValueError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         what = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise InputError(

@@ -19,6 +19,7 @@ from typing import Protocol, runtime_checkable
 
 from tasks.errors import InputError
 from tasks.storage.artifact import Artifact, digest_of_file
+from tasks.storage.delivered_file import trouble_of
 from tasks.storage.json_text import JSON, json_text
 from tasks.storage.source_digest import digest_of_sources
 
@@ -137,10 +138,13 @@ class InputFile:
         Raises
         ------
         InputError
-            If there is no such file.
+            If there is no such file, or it is refused by `tasks.storage.delivered_file`.
         """
-        if not path.is_file():
+        if not path.exists():
             raise InputError("This input file does not exist.", "Check its path and run again.", file=path)
+        trouble = trouble_of(path)
+        if trouble is not None:
+            raise trouble
         stamp = _stamp(path)
         return cls(path, digest_of_file(path), stamp)
 

@@ -163,7 +163,7 @@ def test_a_file_of_another_camera_is_refused_before_anything_is_adjusted(run, tm
     file.write_bytes((run().directory / "image_points.parquet").read_bytes())
     outcome = run(f'{GRID}.file="{file}"')
     assert outcome.error is not None
-    assert "not a table of mean residuals" in outcome.error
+    assert "not a table 'residual_grid'" in outcome.error
 
 
 def test_additional_parameters_first_and_then_the_grid(run) -> None:

@@ -1,0 +1,63 @@
+"""Texts that people can read as they stand: names in deliveries, and messages that quote them.
+
+Names are kept verbatim, whatever letters they have. Refused are characters nobody sees: control characters
+(a terminal obeys them), marks that turn the direction of the text around them, line separators, and what is
+no character at all. Angle brackets, quotes and semicolons are ordinary characters; pages and databases take
+them as such.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TypeAlias
+
+#: Keys and numbers that lead to a value in nested tables and lists.
+Place: TypeAlias = tuple[str | int, ...]
+
+#: Most characters of a name.
+LONGEST_NAME = 255
+#: Most characters of any other text in settings; a path can have so many.
+LONGEST_TEXT = 4_096
+
+# C0 and C1 controls; line and paragraph separator; embeddings, overrides and isolates of the direction
+# (Unicode Standard Annex 9); surrogates without partner; two noncharacters that XML forbids.
+_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+_SHOWN = 40
+
+
+def trouble_in(text: str, longest: int = LONGEST_NAME) -> str | None:
+    """What is wrong with a name, a sentence; None: nothing."""
+    if len(text) > longest:
+        return f"The name {quoted(text)} has {len(text):,} characters, more than {longest}."
+    unseen = _UNSEEN.search(text)
+    if unseen is None:
+        return None
+    return f"The name {quoted(text)} has a character that cannot be seen (U+{ord(unseen.group()):04X})."
+
+
+def trouble_in_tables(value: object, place: Place = ()) -> tuple[Place, str] | None:
+    """The first key or text of nested tables and lists nobody can read: where it is, and what is wrong."""
+    if isinstance(value, str):
+        trouble = trouble_in(value, LONGEST_TEXT)
+        return None if trouble is None else (place, trouble)
+    if not isinstance(value, dict | list):
+        return None
+    for key, below in value.items() if isinstance(value, dict) else enumerate(value):
+        trouble = trouble_in(key) if isinstance(key, str) else None
+        below_it = (*place, key)
+        found = (below_it, trouble) if trouble is not None else trouble_in_tables(below, below_it)
+        if found is not None:
+            return found
+    return None
+
+
+def quoted(text: str) -> str:
+    """A name as a message shows it: in quotes, short, every character visible."""
+    short = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+    return f"'{visible(short)}'"
+
+
+def visible(text: str, longest: int = 2_000) -> str:
+    """A text with every character nobody sees written as its number, cut after so many characters."""
+    cut = text if len(text) <= longest else f"{text[:longest]}…"
+    return _UNSEEN.sub(lambda found: f"\\u{ord(found.group()):04x}", cut)
