@@ -58,8 +58,8 @@ class InputError(AerocalError):
         place = ""
         if self.file is not None:
             place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
-        entity = f"{self.entity}: " if self.entity else ""
-        # What it quotes was delivered by somebody; a terminal would obey some of it.
+        # What it quotes was delivered by somebody: of any length, and a terminal would obey some of it.
+        entity = f"{visible(self.entity, 500)}: " if self.entity else ""
         return visible(f"{place}{entity}{self.what} {self.remedy}")
 
 

@@ -12,6 +12,7 @@ grid = true + γ: R_grid = R_z(γ) R_enu. In degrees at 40.13 N, 74.94 W in UTM 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +30,8 @@ from tasks.settings.coordinates import LOCAL, Heights
 # Grids are inputs that a project names; a network that happens to answer must not change a result.
 network.set_network_enabled(active=False)  # type: ignore[attr-defined]  # pyproj exports it tacitly
 
+# "+init=FILE:…", "+nadgrids=FILE", PARAMETERFILE["…","FILE"].
+_NAMES_FILE = re.compile(r"\binit\s*=|grids\s*=|PARAMETERFILE", re.IGNORECASE)
 # Half the step of differences along a meridian: 64 m. Truncation stays below 1e-10 rad, rounding below 1e-10.
 _STEP = 1e-5
 # A coordinate this far (degrees) outside a CRS's area of use is taken for a mistake. Less is practice: whole
@@ -88,8 +91,14 @@ class MapFrame:
 
     @cached_property
     def _crs(self) -> pyproj.CRS:
+        # PROJ would open what these name, wherever it lies; grids are inputs that a project declares.
+        if _NAMES_FILE.search(self.name):
+            raise _names_file(self.name)
         try:
-            return pyproj.CRS.from_user_input(self.name)
+            crs = pyproj.CRS.from_user_input(self.name)
+            if _NAMES_FILE.search(crs.to_wkt()):
+                raise _names_file(self.name)
+            return crs
         except CRSError as error:
             raise InputError(
                 "This coordinate reference system is not known.",
@@ -276,6 +285,14 @@ class MapFrame:
             If the frame is local.
         """
         return self._earthly()
+
+
+def _names_file(crs: str) -> InputError:
+    return InputError(
+        "This CRS names a file of its own.",
+        'Give it by its code, e.g. crs = "EPSG:2154"; the grid of a geoid goes into `heights`.',
+        entity=crs,
+    )
 
 
 def _check_usable(crs: pyproj.CRS, name: str) -> None:

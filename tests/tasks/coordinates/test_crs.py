@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyproj
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -216,3 +217,26 @@ def test_a_local_frame_has_no_place_on_the_earth():
 def test_the_description_names_grids_but_no_paths(test_data):
     text = MapFrame.of("EPSG:2154", Heights(geoid=raf20(test_data))).description
     assert text == "EPSG:2154 (RGF93 v1 / Lambert-93), heights above the geoid fr_ign_RAF20.tif"
+
+
+@pytest.mark.parametrize(
+    "crs",
+    [
+        "+proj=utm +zone=32 +ellps=bessel +nadgrids=/etc/hostname +type=crs",
+        "+proj=utm +zone=32 +datum=WGS84 +geoidgrids=/etc/hostname +type=crs",
+        "+init=/etc/hostname:x",
+        "bound, as WKT",
+        "bound, as JSON",
+    ],
+)
+def test_a_crs_that_names_a_file_is_refused_before_proj_opens_it(crs: str) -> None:
+    if crs.startswith("bound"):
+        bound = pyproj.CRS("+proj=utm +zone=32 +ellps=bessel +nadgrids=/etc/hostname +type=crs")
+        crs = bound.to_wkt() if "WKT" in crs else bound.to_json()
+    with pytest.raises(InputError, match="names a file of its own"):
+        MapFrame.of(crs, ELLIPSOIDAL)
+
+
+def test_a_crs_with_a_datum_shift_by_numbers_is_taken() -> None:
+    crs = "+proj=utm +zone=32 +ellps=bessel +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7 +type=crs"
+    assert MapFrame.of(crs, ELLIPSOIDAL).is_projected
