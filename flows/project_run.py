@@ -119,7 +119,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     store = Store.of(request.directory)
     try:
         project = request.project()
-        with run_lock(request.directory):
+        with run_lock(request.directory, request.roots):
             store.begin_run()
             return RunOutcome(request.directory, story(project, store))
     except InputError as error:
@@ -135,6 +135,6 @@ def _without_result(
     summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
     # A mistyped project path must not leave a results folder in some unrelated place.
     if request.out is not None or request.project_file.is_file():
-        with writing_into(request.directory), run_lock(request.directory):
+        with writing_into(request.directory), run_lock(request.directory, request.roots):
             write_summary(request.directory, summary)
     return RunOutcome(request.directory, summary, str(error), error.stage)

@@ -16,6 +16,7 @@ from tasks.storage.artifact import Artifact, digest_of_file, verified
 from tasks.storage.installation import writing_into
 from tasks.storage.manifest import Manifest, manifest_of, read_manifest, write_manifest
 from tasks.storage.notes import read_notes
+from tasks.storage.run_lock import require_in_place
 from tasks.storage.stage_record import read_records, timings_s
 from tasks.storage.store import Store
 from tasks.summary import Summary, summary_of, write_summary
@@ -98,6 +99,7 @@ def put_out(
         removed, unless somebody changed it. Files of other kinds of runs stay.
     """
     directory = store.folder.parent
+    require_in_place(directory)
     records = read_records(store.folder)
     with writing_into(directory):
         last = read_manifest(directory)
@@ -121,7 +123,8 @@ def _place(artifact: Artifact, target: Path) -> None:
             os.link(source, temporary)
         except OSError:
             # Another file system, or one without hard links.
-            shutil.copyfile(source, temporary)
+            with temporary.open("xb") as copy, source.open("rb") as stream:
+                shutil.copyfileobj(stream, copy)
         temporary.replace(target)
     finally:
         # Renaming one hard link onto another of the same file does nothing and leaves the first.

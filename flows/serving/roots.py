@@ -73,7 +73,12 @@ class Roots:
                 "Give one name without slashes; the folder is made beside the project file.",
             )
         folder = project_file.parent / name
-        if not self.hold(folder) or not self.hold(folder / ".store"):
+        try:
+            inside = all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock"))
+        except (OSError, RuntimeError):
+            # Too long a name, links in a circle.
+            inside = False
+        if not inside:
             raise InputError(
                 f"The output folder '{name}' leads out of the folders of this server.", "Remove the link."
             )

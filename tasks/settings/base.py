@@ -117,7 +117,10 @@ class PathContext:
         PydanticCustomError
             Naming the variable that is not set, the file that does not exist or the root it is not under.
         """
-        path = Path(_VARIABLE.sub(self._value_of, text)).expanduser()
+        path = Path(_VARIABLE.sub(self._value_of, text))
+        if not self.roots:
+            # The home folder of the server's user is nobody's business.
+            path = path.expanduser()
         candidates = [self.folder / path]
         if self.data is not None:
             candidates.append(self.data / path)

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias, cast
 
+_LARGEST_BYTES = 1_000_000_000
+
 JSON: TypeAlias = "str | int | float | bool | Sequence[JSON] | Mapping[str, JSON] | None"
 
 
@@ -43,8 +45,10 @@ def read_json(path: Path) -> JSON:
     Raises
     ------
     ValueError
-        If the file is not JSON.
+        If the file is not JSON, or larger than any of ours.
     """
+    if path.exists() and (not path.is_file() or path.stat().st_size > _LARGEST_BYTES):
+        raise ValueError(f"{path.name} is no JSON file of ours")
     return cast(JSON, json.loads(path.read_text(encoding="utf-8")))
 
 
@@ -52,7 +56,9 @@ def replace_json(path: Path, value: JSON) -> None:
     """Write `value` to `path` so that a reader sees the old file or the new one, never a part."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        with temporary.open("w", encoding="utf-8") as stream:
+        temporary.unlink(missing_ok=True)
+        # Made anew, so that a link of this name is not followed.
+        with temporary.open("x", encoding="utf-8") as stream:
             stream.write(json_text(value, indent=2) + "\n")
             stream.flush()
             os.fsync(stream.fileno())

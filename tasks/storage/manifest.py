@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import cast
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
@@ -41,6 +41,14 @@ class ManifestEntry(BaseModel):
     rows: int | None
     stage: str
     key: str
+
+    @field_validator("file")
+    @classmethod
+    def _plain_name(cls, file: str) -> str:
+        # A folder of results may have been delivered by somebody; its manifest leads nowhere else.
+        if file in ("", ".", "..") or "/" in file or "\0" in file:
+            raise ValueError("the file of an artifact lies in the output folder itself")
+        return file
 
 
 class StageEntry(BaseModel):

@@ -2,6 +2,11 @@
 
 The lock is the operating system's: it ends with the process that holds it, however that ends, so
 no stale lock ever has to be removed by hand.
+
+It also holds the folder in place: a link that somebody puts there, or in the folder of finished stages,
+would lead a run to write where it may not. What is opened here is looked at after it has been opened, so that
+nothing can come between the look and the use; before results are published the folder must still be the one
+that was locked.
 """
 
 from __future__ import annotations
@@ -9,35 +14,97 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tasks.storage.installation import writing_into
+from tasks.errors import InputError
+from tasks.storage.installation import InstallationError, writing_into
 
 _log = logging.getLogger("aerocal")
 
 
+#: By output folder, the lock that this process holds.
+_HELD: dict[Path, int] = {}
+
+
 @contextmanager
-def run_lock(directory: Path) -> Iterator[None]:
+def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
     """Hold the lock of the output folder `directory`, waiting for another run to end if there is one.
+
+    Parameters
+    ----------
+    roots : folders, links resolved, one of which it must lie under (runs of a deployment); empty: anywhere.
 
     Raises
     ------
+    InputError
+        If it does not, or there are links in the folder of finished stages.
     InstallationError
         If the folder cannot be written.
     """
     folder = directory.absolute() / ".store"
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     try:
+        _require_inside(handle, directory, roots)
         _acquire(handle, directory)
+        _require_no_links(folder)
         os.ftruncate(handle, 0)
         os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+        _HELD[directory.absolute()] = handle
         yield
     finally:
+        _HELD.pop(directory.absolute(), None)
         os.close(handle)
+
+
+def require_in_place(directory: Path) -> None:
+    """Make sure that an output folder this process has locked is still the one at its path.
+
+    Raises
+    ------
+    InstallationError
+        If it was moved, removed or replaced since.
+    """
+    handle = _HELD.get(directory.absolute())
+    if handle is None:
+        return
+    try:
+        status = (directory.absolute() / ".store" / "lock").stat(follow_symlinks=False)
+        if os.path.samestat(status, os.fstat(handle)):
+            return
+    except OSError:
+        # Gone: not in place either.
+        pass
+    raise InstallationError(
+        f"The output folder {directory} was moved or replaced while a run was writing into it.",
+        "Leave it alone until the run has ended, then run again.",
+    )
+
+
+def _require_inside(handle: int, directory: Path, roots: Sequence[Path]) -> None:
+    """Refuse a lock that was opened outside the folders the run is confined to."""
+    if not roots:
+        return
+    place = (directory / ".store" / "lock").resolve()
+    inside = any(place.is_relative_to(root) for root in roots)
+    if not inside or not os.path.samestat(place.stat(), os.fstat(handle)):
+        raise InputError(
+            f"The output folder {directory} leads out of the folders of this server.", "Remove the link."
+        )
+
+
+def _require_no_links(folder: Path) -> None:
+    for at, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            if (Path(at) / name).is_symlink():
+                raise InputError(
+                    "There is a link in the folder of finished stages.",
+                    "Remove it, or choose another output folder.",
+                    file=Path(at) / name,
+                )
 
 
 def _acquire(handle: int, directory: Path) -> None:

@@ -232,6 +232,8 @@ def _checked_outputs(place: Path) -> Outputs:
     names = artifact_names([str(entry["file"]) for entry in entries])
     for entry in entries:
         path = place / str(entry["file"])
+        if path.parent != place or path.is_symlink():
+            raise ValueError(f"{path} is no file of this output")
         sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
         if digest_of_file(path) != sha256:
             raise ValueError(f"{path.name} was changed after it had been written")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tasks.settings.load import load_project
 from tasks.settings.project import Project
 from tasks.storage.installation import InstallationError
 from tasks.storage.notes import Notes, write_notes
+from tasks.storage.run_lock import run_lock
 from tasks.storage.store import Store, stored
 from tasks.summary import Summary
 
@@ -115,3 +117,59 @@ def test_a_target_that_cannot_be_written_is_one_clear_message(tmp_path: Path, pr
     with pytest.raises(InstallationError, match="cannot be written"):
         run(out, project, ("images",))
     assert files(out) == {".store", "images.parquet"}
+
+
+def test_a_manifest_that_was_delivered_with_the_folder_removes_nothing_elsewhere(
+    tmp_path: Path, project: Project
+) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    run(out, project, ("images", "object_points"))
+    elsewhere.write_text("must stay")
+    content = manifest(out)
+    digest = hashlib.sha256(elsewhere.read_bytes()).hexdigest()
+    for file in ("../elsewhere", str(elsewhere)):
+        content["artifacts"]["residuals"] = {
+            **content["artifacts"]["images"], "file": file, "sha256": digest, "rows": None,
+        }  # fmt: skip
+        (out / "manifest.json").write_text(json.dumps(content))
+        run(out, project, ("images",))
+        assert elsewhere.read_text() == "must stay"
+
+
+def test_results_are_not_published_into_a_folder_that_was_swapped_meanwhile(
+    tmp_path: Path, project: Project
+) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "images.parquet").write_text("must stay")
+    with run_lock(out):
+        store = Store.of(out)
+        store.begin_run()
+        made = make_tables(store, names=("images",), project=project, sigma0=1.0)
+        # Everything the run made is there, too, so that it would be found.
+        shutil.copytree(out / ".store", elsewhere / ".store")
+        out.rename(tmp_path / "aside")
+        out.symlink_to(elsewhere)
+        with pytest.raises(InstallationError, match="moved or replaced"):
+            publish(store, project, [made])
+    assert (elsewhere / "images.parquet").read_text() == "must stay"
+
+
+def test_a_stored_output_that_names_a_file_elsewhere_is_computed_again(
+    tmp_path: Path, project: Project
+) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere.parquet"
+    run(out, project, ("images",))
+    (place,) = (out / ".store" / "make_tables").iterdir()
+    elsewhere.write_bytes((place / "images.parquet").read_bytes())
+    content = json.loads((place / "stage.json").read_text())
+    for entry in content["files"]:
+        if entry["file"] == "images.parquet":
+            entry["file"] = str(elsewhere)
+    place.chmod(0o755)
+    (place / "stage.json").unlink()
+    (place / "stage.json").write_text(json.dumps(content))
+    run(out, project, ("images",))
+    (stored_again,) = (out / ".store" / "make_tables").iterdir()
+    assert (stored_again / "images.parquet").stat().st_nlink == 2
+    assert elsewhere.stat().st_nlink == 1
