@@ -19,8 +19,8 @@ from multiprocessing import connection
 
 from tasks.storage.installation import InstallationError
 
-#: Read by the adjustment (`adjust.options`).
-_THREADS = "AEROCAL_THREADS"
+#: How many threads an adjustment may use; read by `adjust.options`.
+THREADS_VARIABLE = "AEROCAL_THREADS"
 
 
 def processors() -> int:
@@ -67,7 +67,7 @@ def processes(workers: int | None) -> Iterator[Executor | None]:
 
 def _begin() -> None:
     """Prepare a worker: one thread, deaf to the interrupt key, bound to the process it works for."""
-    os.environ[_THREADS] = "1"
+    os.environ[THREADS_VARIABLE] = "1"
     # The key reaches the whole group; the process that holds the workers decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -8,9 +8,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from flows.block_preparation import PreparedBlock, approximate_block, prepare_block
-from flows.processes import processes
 from flows.project_run import RunOutcome, RunRequest, carry_out
 from flows.stage import Attempt, stage
+from flows.workers import workers
 from tasks import estimate
 from tasks.errors import AerocalError
 from tasks.settings.project import Project
@@ -37,7 +37,7 @@ def carry_out_sweep(request: RunRequest) -> RunOutcome:
     Raises
     ------
     InstallationError
-        If the machine stands in the way (full disk, no permission, a worker was ended).
+        If the machine stands in the way (full disk, no permission, a worker was ended, no cluster).
     """
     return carry_out(lambda project, store: scenario_sweep(project, request.variants(), store), request)
 
@@ -56,7 +56,7 @@ def scenario_sweep(project: Project, variants: Mapping[str, Project], store: Sto
         _Case(scenario, sweep, variants[scenario.variant], blocks[scenario.variant])
         for scenario in scenarios(sweep)
     ]
-    with processes(sweep.workers) as executor:
+    with workers(sweep.workers, store.folder.parent) as executor:
         computed = _computed(cases, store, executor)
     table = tabulate_sweep(store, computed=computed)
     published = published_table(sweep.compare_with) if sweep.compare_with is not None else None

@@ -136,7 +136,8 @@ class Stage(Generic[P, R]):
             numbers: dict[Future[R], int] = {
                 executor.submit(function, *args, **call): number for number, call in calls.items()
             }
-            yield from ((numbers[done], _outcome(done.result)) for done in as_completed(numbers))
+            # Nothing holds on to what has been taken: a cluster would make it again if its worker died.
+            yield from ((numbers.pop(done), _outcome(done.result)) for done in as_completed(numbers))
 
     def _handed_to(self, executor: Executor) -> Callable[P, R]:
         """The function, carried out by an executor while the caller waits."""

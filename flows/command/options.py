@@ -46,6 +46,17 @@ Server: TypeAlias = Annotated[
     ),
 ]
 
+Dask: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS|none",
+        help="Scheduler of a Dask cluster whose workers do the adjustments, e.g. "
+        "[bold]tcp://HOST:8786[/bold]; [bold]none[/bold] takes processes of this machine whatever is set.",
+        show_default="AEROCAL_DASK, else processes of this machine",
+    ),
+]
+
 Json: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print nothing but the JSON summary on standard output.")
 ]

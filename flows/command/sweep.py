@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flows.command.exit_code import end_with
-from flows.command.options import Data, Json, Out, Overrides, ProjectFile, Server
+from flows.command.options import Dask, Data, Json, Out, Overrides, ProjectFile, Server
 
 
 def sweep(
@@ -12,6 +12,7 @@ def sweep(
     overrides: Overrides = None,
     data: Data = None,
     server: Server = None,
+    dask: Dask = None,
     json: Json = False,
 ) -> None:
     """Adjust every scenario of a project's sweep: one table, one page.
@@ -29,8 +30,10 @@ def sweep(
 
       aerocal sweep project.toml --set 'sweep.parameters=["none", "bluh:1-12"]'
 
+      aerocal sweep project.toml --dask tcp://HOST:8786
+
     [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 no scenario computable
     """
     from flows.command.sweep_execution import execute_sweep
 
-    end_with(lambda: execute_sweep(project, out, tuple(overrides or ()), data, server, as_json=json))
+    end_with(lambda: execute_sweep(project, out, tuple(overrides or ()), data, server, dask, as_json=json))

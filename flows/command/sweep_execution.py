@@ -15,6 +15,7 @@ from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.prefect_settings import prepare_prefect, server_to_report_to
 from flows.project_run import RunOutcome, RunRequest
+from flows.workers import use_cluster
 from tasks.storage.json_text import JSON, json_text
 
 
@@ -24,10 +25,12 @@ def execute_sweep(
     overrides: tuple[str, ...],
     data: Path | None,
     server: str | None,
+    dask: str | None,
     *,
     as_json: bool,
 ) -> int:
     """Run the sweep of a project and show the result; returns the exit code."""
+    use_cluster(dask)
     request = RunRequest(project_file, out, overrides, data)
     address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)

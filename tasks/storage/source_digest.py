@@ -17,7 +17,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -33,6 +33,16 @@ def digest_of_sources(function: Callable[..., object]) -> str:
     if module.__file__ is None:
         raise TypeError(f"{function.__module__} has no source file to take a digest of")
     return _digest(Path(module.__file__).resolve())
+
+
+def digest_of_application() -> str:
+    """SHA-256 over all source files of this application."""
+    folders = [_ROOT / package for package in PACKAGES]
+    modules = [module for folder in folders for module in folder.rglob("*.py")]
+    filled_in = [
+        template for folder in {module.parent for module in modules} for template in _templates(folder)
+    ]
+    return _digest_of({_name(file): file for file in (*modules, *filled_in)})
 
 
 def sources_reached(start: Path) -> dict[str, Path]:
@@ -62,8 +72,12 @@ def sources_reached(start: Path) -> dict[str, Path]:
 @cache
 def _digest(start: Path) -> str:
     # Kept for the life of the process: the code that runs is the code that was imported.
+    return _digest_of(sources_reached(start))
+
+
+def _digest_of(files: Mapping[str, Path]) -> str:
     digest = hashlib.sha256()
-    for name, file in sorted(sources_reached(start).items()):
+    for name, file in sorted(files.items()):
         content = file.read_bytes()
         digest.update(f"{name}\0{len(content)}\0".encode())
         digest.update(content)
