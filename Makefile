@@ -7,7 +7,7 @@ BENCH_STAMP := $(VENV)/.installed-bench
 DEPLOY_VENV := $(VENV)-deploy
 DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
 
-.PHONY: venv test slow-test service-deps service-test lint demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test lint deploy-lint demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -24,7 +24,7 @@ test: $(STAMP)
 # Debian's packages that the service tests need; as root.
 service-deps:
 	apt-get update -q
-	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils systemd
 
 # A missing service is a failure here, never a skip.
 service-test: $(STAMP)

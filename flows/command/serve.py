@@ -13,6 +13,14 @@ from flows.command.exit_code import end_with
 def serve(
     host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", help="Port to listen on.", min=1, max=65535)] = 4200,
+    public_url: Annotated[
+        str | None,
+        typer.Option(
+            "--public-url",
+            metavar="URL",
+            help="Address under which browsers reach the dashboard, behind a proxy or from other machines.",
+        ),
+    ] = None,
     database: Annotated[
         str | None,
         typer.Option(
@@ -103,6 +111,7 @@ def serve(
             options_for(
                 host=host,
                 port=port,
+                public_url=public_url,
                 database=database,
                 roots=root or [],
                 inbox=inbox,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import get_args
+from urllib.parse import urlsplit
 
 from flows.serving.calibrations import registry_of_server
 from flows.serving.deliveries import StoryOfDeliveries
@@ -110,6 +111,7 @@ def options_for(
     *,
     host: str,
     port: int,
+    public_url: str | None,
     database: str | None,
     roots: Sequence[Path],
     inbox: Path | None,
@@ -144,7 +146,7 @@ def options_for(
     runner = RunnerOptions(limit, inbox is not None, cron, timezone, known, weekly)
     runner.require_valid()
     return ServeOptions(
-        ServerAddress(host, port),
+        ServerAddress(host, port, None if public_url is None else _web_address(public_url)),
         database,
         confined,
         None if inbox is None else inbox.resolve(),
@@ -153,3 +155,12 @@ def options_for(
         runner,
         state_folder() if state is None else state.absolute(),
     )
+
+
+def _web_address(text: str) -> str:
+    parts = urlsplit(text)
+    if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment:
+        raise InputError(
+            "--public-url is not the address of a web page.", "Write e.g. https://aerocal.example.org."
+        )
+    return text.rstrip("/")

@@ -130,7 +130,7 @@ def _with_server(
         ):
             return 0
         write_state(options.state, RunningServer(options.address.api, os.getpid(), options.records))
-        say(f"Dashboard: {options.address.base}")
+        say(f"Dashboard: {options.address.dashboard}")
         say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
         say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
         return _stay(_Watch(options, api, records, say), server, runner, requests)

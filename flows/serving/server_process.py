@@ -29,16 +29,27 @@ class ServerAddress:
     Attributes
     ----------
     host, port : address and port.
+    public : address under which browsers reach it (behind a proxy, from other machines); None: as it is here.
     """
 
     host: str
     port: int
+    public: str | None = None
 
     @property
     def base(self) -> str:
-        """Address of the dashboard."""
+        """Address for programs on this machine."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{self.port}"
+
+    @property
+    def dashboard(self) -> str:
+        """Address of the dashboard for browsers."""
+        if self.public is not None:
+            return self.public.rstrip("/")
+        # Listening everywhere is no address that a browser could open.
+        everywhere = self.host in ("0.0.0.0", "::")
+        return f"http://{socket.gethostname()}:{self.port}" if everywhere else self.base
 
     @property
     def api(self) -> str:
@@ -105,9 +116,9 @@ def server_environment(
     settings = {
         "PREFECT_SERVER_API_HOST": address.host,
         "PREFECT_SERVER_API_PORT": str(address.port),
-        "PREFECT_SERVER_UI_API_URL": address.api,
+        "PREFECT_SERVER_UI_API_URL": f"{address.dashboard}/api",
         # Pages of other origins may not start runs through the browser of somebody who is here.
-        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.base,
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.dashboard,
         "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
     }
     if database is not None:

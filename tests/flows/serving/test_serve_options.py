@@ -23,6 +23,7 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
     given: dict[str, Any] = {
         "host": "127.0.0.1",
         "port": 4200,
+        "public_url": None,
         "database": None,
         "roots": [folder],
         "inbox": folder,
@@ -116,6 +117,20 @@ def test_nobody_else_reaches_loopback(host: str) -> None:
     made = server_environment(ServerAddress(host, 4200), None, {"PREFECT_API_URL": "http://elsewhere/api"})
     assert "PREFECT_API_URL" not in made
     assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == ServerAddress(host, 4200).base
+
+
+def test_browsers_are_told_an_address_they_can_open(tmp_path: Path) -> None:
+    words = {SERVER_WORDS: "user:words"}
+    given = options(tmp_path, host="0.0.0.0", public_url="https://aerocal.example.org/").address
+    made = server_environment(given, None, words)
+    assert made["PREFECT_SERVER_UI_API_URL"] == "https://aerocal.example.org/api"
+    assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == "https://aerocal.example.org"
+    assert given.api == "http://0.0.0.0:4200/api"
+    everywhere = server_environment(ServerAddress("0.0.0.0", 4200), None, words)
+    assert everywhere["PREFECT_SERVER_UI_API_URL"] == f"http://{socket.gethostname()}:4200/api"
+    for text in ("aerocal.example.org", "ftp://example.org", "https://", "javascript:alert(1)"):
+        with pytest.raises(InputError, match="--public-url"):
+            options(tmp_path, public_url=text)
 
 
 def test_the_dashboard_is_told_where_the_server_is() -> None:

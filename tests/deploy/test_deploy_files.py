@@ -1,0 +1,76 @@
+"""What stands in deploy/ fits this aerocal; `make deploy-lint` holds it to the schemas of its tools."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+
+import pytest
+
+from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose, kubernetes, prefect_deployments, served_by
+
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+
+
+@pytest.mark.parametrize("place", served_by())
+def test_the_command_line_knows_every_option(place: str) -> None:
+    command, *arguments = served_by()[place]
+    shown = subprocess.run(
+        [sys.executable, "-m", "flows.command", command, "--help"],
+        capture_output=True, text=True, check=True, cwd=REPOSITORY, env={"COLUMNS": "200"},
+    ).stdout  # fmt: skip
+    options = {argument.split("=")[0] for argument in arguments if argument.startswith("--")}
+    assert options
+    assert not [option for option in sorted(options) if not re.search(rf"{option}\b", shown)]
+
+
+def test_images_carry_the_version_of_the_project() -> None:
+    named = [one["image"] for one in compose()["services"].values()]
+    (container,) = kubernetes("Deployment")["spec"]["template"]["spec"]["containers"]
+    ours = {name for name in (*named, container["image"]) if name.startswith("aerocal:")}
+    assert ours == {f"aerocal:{PROJECT['version']}"}
+    assert not [name for name in named if name.endswith(":latest") or ":" not in name]
+
+
+def test_the_image_copies_what_there_is_and_all_of_it() -> None:
+    lines = (DEPLOY / "Dockerfile").read_text().splitlines()
+    copied = [line.split()[1:-1] for line in lines if line.startswith("COPY ") and "--from" not in line]
+    sources = {source for group in copied for source in group}
+    assert {"flows", "tasks", "adjust", "requirements.lock"} <= sources
+    assert not [source for source in sorted(sources) if not (REPOSITORY / source).exists()]
+    let_through = (REPOSITORY / ".dockerignore").read_text().split()
+    assert {f"!{source}" for source in sources} <= set(let_through)
+
+
+def test_no_secret_has_a_value() -> None:
+    lines = (DEPLOY / "aerocal.env.example").read_text().splitlines()
+    given = dict(line.split("=", 1) for line in lines if line and line[0] != "#")
+    secret = ("PREFECT_SERVER_API_AUTH_STRING", "PREFECT_API_AUTH_STRING", "PGPASSWORD", "AEROCAL_NOTIFY")
+    assert {name: given[name] for name in secret} == dict.fromkeys(secret, "")
+
+
+@pytest.mark.prefect
+def test_every_deployment_names_a_flow_of_ours() -> None:
+    from prefect import Flow
+
+    for one in prefect_deployments():
+        module, _, name = one["entrypoint"].rpartition(".")
+        assert isinstance(getattr(import_module(module), name), Flow)
+        assert one["tags"] == ["aerocal"]
+
+
+def test_an_end_is_waited_for_longer_than_the_longest_run() -> None:
+    from flows.deployed import aerial_triangulation
+
+    longest = float(aerial_triangulation.timeout_seconds or 0)
+    assert longest >= 3600
+    grace = kubernetes("Deployment")["spec"]["template"]["spec"]["terminationGracePeriodSeconds"]
+    unit = (DEPLOY / "systemd" / "aerocal.service").read_text()
+    hours = re.search(r"TimeoutStopSec=(\d+)h", unit)
+    composed = re.fullmatch(r"(\d+)h", compose()["services"]["server"]["stop_grace_period"])
+    assert hours is not None
+    assert composed is not None
+    assert min(grace, int(hours[1]) * 3600, int(composed[1]) * 3600) > longest
