@@ -7,6 +7,7 @@ computed ends in a summary.json that says so and changes nothing else.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,17 +15,21 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.object_storage.address import ObjectAddress, output_place
+from tasks.object_storage.place import local_folder
 from tasks.registered_cameras import with_registered_cameras
 from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
-from tasks.storage.installation import writing_into
+from tasks.storage.installation import InstallationError, writing_into
 from tasks.storage.run_lock import run_lock
 from tasks.storage.stage_record import read_records, timings_s
 from tasks.storage.store import Store
 from tasks.summary import Summary, failed_summary, write_summary
 
 Story: TypeAlias = Callable[[Project, Store], Summary]
+
+_log = logging.getLogger("aerocal")
 
 
 @dataclass(frozen=True)
@@ -34,22 +39,49 @@ class RunRequest:
     Attributes
     ----------
     project_file : the TOML file.
-    out : the output folder; None: ``results`` beside the project file.
+    out : the output folder, or an address on object storage; None: ``results`` beside the project file.
     overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
     data : a second folder for relative input paths.
     roots : folders that every input file must lie under (runs of a deployment); empty: anywhere.
     """
 
     project_file: Path
-    out: Path | None = None
+    out: Path | ObjectAddress | None = None
     overrides: tuple[str, ...] = ()
     data: Path | None = None
     roots: tuple[Path, ...] = ()
 
+    @classmethod
+    def of(
+        cls, project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None
+    ) -> RunRequest:
+        """The request that a command or a flow parameter means; `out`: a folder or an address, as text.
+
+        Raises
+        ------
+        InputError
+            If the output place looks like an address and is none.
+        """
+        return cls(project_file, None if out is None else output_place(out), overrides, data)
+
+    @property
+    def place(self) -> Path | ObjectAddress:
+        """Where the results go."""
+        return self.out if self.out is not None else self.project_file.parent / "results"
+
     @property
     def directory(self) -> Path:
-        """The output folder."""
-        return self.out if self.out is not None else self.project_file.parent / "results"
+        """The output folder; of results that go to object storage the one on this machine."""
+        return local_folder(self.place) if isinstance(self.place, ObjectAddress) else self.place
+
+    def store(self) -> Store:
+        """The store of the output folder, with its remote side where results go to object storage."""
+        if not isinstance(self.place, ObjectAddress):
+            return Store.of(self.directory)
+        # Loaded only for such an address, as the client of the storage is.
+        from tasks.object_storage.workspace import ObjectWorkspace
+
+        return Store.of(self.directory, ObjectWorkspace.at(self.place))
 
     def project(self) -> Project:
         """Read the project file, and take what its cameras want from the registry of calibrations.
@@ -100,12 +132,26 @@ class RunOutcome:
     summary : what stands in its summary.json.
     error : why there is no result, in one line; None if there is one.
     failed_stage : the stage that could not be done; None: none, or it did not come to any.
+    address : where the results are on object storage, if they go there.
     """
 
     directory: Path
     summary: Summary
     error: str | None = None
     failed_stage: str | None = None
+    address: ObjectAddress | None = None
+
+    @classmethod
+    def of(cls, request: RunRequest, summary: Summary, error: AerocalError | str | None = None) -> RunOutcome:
+        """How the run of a request ended."""
+        address = request.place if isinstance(request.place, ObjectAddress) else None
+        stage = error.stage if isinstance(error, AerocalError) else None
+        return cls(request.directory, summary, None if error is None else str(error), stage, address)
+
+    @property
+    def place(self) -> Path | ObjectAddress:
+        """Where the results are."""
+        return self.directory if self.address is None else self.address
 
 
 def carry_out(story: Story, request: RunRequest) -> RunOutcome:
@@ -114,14 +160,14 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     Raises
     ------
     InstallationError
-        If the machine stands in the way (full disk, no permission).
+        If the machine stands in the way (full disk, no permission, object storage that does not answer).
     """
-    store = Store.of(request.directory)
+    store = request.store()
     try:
         project = request.project()
         with run_lock(request.directory, request.roots):
             store.begin_run()
-            return RunOutcome(request.directory, story(project, store))
+            return RunOutcome.of(request, story(project, store))
     except InputError as error:
         return _without_result(request, store, "input_error", error)
     except NotComputableError as error:
@@ -131,10 +177,21 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
 def _without_result(
     request: RunRequest, store: Store, status: Literal["input_error", "not_computable"], error: AerocalError
 ) -> RunOutcome:
-    """Say in summary.json why there is no result; everything else in the output folder stays as it is."""
+    """Say in summary.json why there is no result; everything else stays as it is."""
     summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
     # A mistyped project path must not leave a results folder in some unrelated place.
     if request.out is not None or request.project_file.is_file():
         with writing_into(request.directory), run_lock(request.directory, request.roots):
             write_summary(request.directory, summary)
-    return RunOutcome(request.directory, summary, str(error), error.stage)
+        _tell_remotely(store, summary)
+    return RunOutcome.of(request, summary, error)
+
+
+def _tell_remotely(store: Store, summary: Summary) -> None:
+    """Say it on the remote side, too; whether that can be done changes nothing about what is wrong."""
+    if store.remote is None:
+        return
+    try:
+        store.remote.tell(summary.to_json())
+    except InstallationError as error:
+        _log.warning("the reason could not be told to object storage: %s", error)

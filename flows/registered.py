@@ -28,6 +28,7 @@ from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
 from flows.scenario_sweep import carry_out_sweep  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
+from tasks.object_storage.address import ObjectAddress  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
 
@@ -67,7 +68,7 @@ def aerial_triangulation(
     Parameters
     ----------
     project_file : the project's TOML file.
-    out : output folder; by default ``results`` beside the project file.
+    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
@@ -79,12 +80,8 @@ def _run(story: Story, request: RunRequest) -> State[None]:
 
 
 def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
-    return RunRequest(
-        Path(project_file),
-        Path(out) if out is not None else None,
-        tuple(overrides or ()),
-        Path(data) if data is not None else None,
-    )
+    folder = Path(data) if data is not None else None
+    return RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
 
 
 @flow(
@@ -102,7 +99,7 @@ def direct_georeferencing_check(
     Parameters
     ----------
     project_file : the project's TOML file; its table [direct_georeferencing] says which calibration.
-    out : output folder; by default ``results`` beside the project file.
+    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
@@ -124,7 +121,7 @@ def system_calibration(
     Parameters
     ----------
     project_file : the project's TOML file; its table [calibration] says what is estimated.
-    out : output folder; by default ``results`` beside the project file.
+    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
@@ -146,7 +143,7 @@ def scenario_sweep(
     Parameters
     ----------
     project_file : the project's TOML file; its table [sweep] says which scenarios.
-    out : output folder; by default ``results`` beside the project file.
+    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
@@ -210,7 +207,7 @@ def run_and_report(
     """
     state = as_flow(
         str(request.project_file.absolute()),
-        str(request.directory.absolute()) if request.out is not None else None,
+        _as_parameter(request.out),
         list(request.overrides),
         str(request.data.absolute()) if request.data is not None else None,
         return_state=True,
@@ -221,5 +218,10 @@ def run_and_report(
     for status in without_result:
         if state.name == STATE_NAMES[status]:
             problem = state.message or ""
-            return RunOutcome(request.directory, failed_summary(status, problem, {}), problem)
-    return RunOutcome(request.directory, read_summary(request.directory))
+            return RunOutcome.of(request, failed_summary(status, problem, {}), problem)
+    return RunOutcome.of(request, read_summary(request.directory))
+
+
+def _as_parameter(out: Path | ObjectAddress | None) -> str | None:
+    """An output place as the flows above take it."""
+    return str(out.absolute() if isinstance(out, Path) else out) if out is not None else None

@@ -26,7 +26,7 @@ def state_message(outcome: RunOutcome) -> str:
     """What is to be said about it, a sentence."""
     status = outcome.summary.status
     if status == "done":
-        return f"Results are in {outcome.directory}."
+        return f"Results are in {outcome.place}."
     if status == "gate_failed":
         failed = ", ".join(gate.name for gate in outcome.summary.gates if not gate.passed)
         return f"Gates not passed: {failed}."

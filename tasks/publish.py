@@ -91,7 +91,7 @@ def publish(
 def put_out(
     store: Store, project: Project, artifacts: Sequence[Artifact], summary: Summary, own: Sequence[str]
 ) -> None:
-    """Put files and summary into the output folder, the manifest last.
+    """Put files and summary into the output folder, the manifest last; then the remote side points to them.
 
     Parameters
     ----------
@@ -105,12 +105,13 @@ def put_out(
         last = read_manifest(directory)
         for artifact in artifacts:
             _place(artifact, directory / artifact.path.name)
-        manifest = manifest_of(artifacts, project, records)
+        made = manifest_of(artifacts, project, records)
         if last is not None:
-            _remove_outdated(directory, last, manifest, own)
-            manifest = manifest.beside(last, own)
+            remove_outdated(directory, last, made, own)
         write_summary(directory, summary)
-        write_manifest(directory, manifest)
+        write_manifest(directory, made if last is None else made.beside(last, own))
+    if store.remote is not None:
+        store.remote.publish(made.to_json(), summary.to_json(), own)
 
 
 def _place(artifact: Artifact, target: Path) -> None:
@@ -131,7 +132,7 @@ def _place(artifact: Artifact, target: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _remove_outdated(directory: Path, last: Manifest, manifest: Manifest, own: Sequence[str]) -> None:
+def remove_outdated(directory: Path, last: Manifest, manifest: Manifest, own: Sequence[str]) -> None:
     """Remove files that the last run published and this one did not, unless somebody changed them."""
     for name in (last.artifacts.keys() - manifest.artifacts.keys()) & set(own):
         entry = last.artifacts[name]

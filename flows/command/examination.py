@@ -20,17 +20,16 @@ from tasks.storage.store import Store
 
 
 def examine(
-    project_file: Path, out: Path | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
+    project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
 ) -> int:
     """Examine a project and print the findings; wrong input leaves as an InputError."""
     show_progress()
-    request = RunRequest(project_file, out, overrides, data)
+    request = RunRequest.of(project_file, out, overrides, data)
     project = request.project()
     with tempfile.TemporaryDirectory(prefix="aerocal-doctor-") as temporary:
         # Without --out nothing is written beside the project.
-        directory = out if out is not None else Path(temporary)
-        with run_lock(directory):
-            store = Store.of(directory)
+        store = request.store() if out is not None else Store.of(Path(temporary))
+        with run_lock(store.folder.parent):
             store.begin_run()
             findings = examine_project(project, store)
     if as_json:

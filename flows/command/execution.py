@@ -18,7 +18,7 @@ StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "di
 
 def execute(
     project_file: Path,
-    out: Path | None,
+    out: str | None,
     overrides: tuple[str, ...],
     data: Path | None,
     server: str | None,
@@ -27,7 +27,7 @@ def execute(
     story: StoryName = "aerial_triangulation",
 ) -> int:
     """Run a story on a project and show the result; returns the exit code."""
-    request = RunRequest(project_file, out, overrides, data)
+    request = RunRequest.of(project_file, out, overrides, data)
     address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)
     outcome = _in_process(request, story) if address is None else _reported_to(address, request, story)

@@ -14,6 +14,7 @@ from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
+from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
 from flows.command.plan import plan
@@ -58,6 +59,7 @@ app.command()(simulate)
 app.command()(plan)
 app.command()(sweep)
 app.command()(figures)
+app.command()(fetch)
 app.command()(flight_check)
 app.command()(serve)
 app.add_typer(registry, name="registry")

@@ -10,9 +10,13 @@ import typer
 ProjectFile: TypeAlias = Annotated[Path, typer.Argument(metavar="PROJECT.toml", help="The project file.")]
 
 Out: TypeAlias = Annotated[
-    Path | None,
+    str | None,
     typer.Option(
-        "--out", metavar="DIR", help="Output folder.", show_default="results/ beside the project file"
+        "--out",
+        metavar="DIR|s3://…",
+        help="Output folder, or [bold]s3://BUCKET/PREFIX[/bold] on object storage (endpoint, region and "
+        "credentials from the environment).",
+        show_default="results/ beside the project file",
     ),
 ]
 

@@ -58,8 +58,20 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     parts += [Text(), _gates(summary)] if summary.gates else []
     reports = ["report.html"] * (adjusted or checked is None) + [CHECK_PAGE] * (checked is not None)
     parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))
-    parts.append(Text(f"Tables, summary.json and manifest.json are in {outcome.directory}"))
+    sentences = where_results_are(outcome, "Tables, summary.json and manifest.json")
+    parts += [Text(sentence) for sentence in sentences]
     return Group(*parts)
+
+
+def where_results_are(outcome: RunOutcome, what: str) -> tuple[str, ...]:
+    """In words, where the results of a run are."""
+    here = f"{what} are in {outcome.directory}"
+    if outcome.address is None:
+        return (here,)
+    return (
+        here,
+        f"Published at {outcome.address}; elsewhere: aerocal fetch {outcome.address} --to DIR",
+    )
 
 
 def _problems(problems: Sequence[str]) -> RenderableType:

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
+from flows.command.result_table import where_results_are
 from flows.prefect_settings import prepare_prefect, server_to_report_to
 from flows.project_run import RunOutcome, RunRequest
 from flows.workers import use_cluster
@@ -21,7 +22,7 @@ from tasks.storage.json_text import JSON, json_text
 
 def execute_sweep(
     project_file: Path,
-    out: Path | None,
+    out: str | None,
     overrides: tuple[str, ...],
     data: Path | None,
     server: str | None,
@@ -31,7 +32,7 @@ def execute_sweep(
 ) -> int:
     """Run the sweep of a project and show the result; returns the exit code."""
     use_cluster(dask)
-    request = RunRequest(project_file, out, overrides, data)
+    request = RunRequest.of(project_file, out, overrides, data)
     address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)
     outcome = _in_process(request) if address is None else _reported_to(address, request)
@@ -66,7 +67,8 @@ def _show(outcome: RunOutcome) -> None:
     rows = cast(Sequence[Mapping[str, JSON]], (outcome.summary.model_extra or {})["sweep"])
     console.print(_table(rows))
     console.print(Text(f"\nPage: {outcome.directory / 'sweep.html'}"), soft_wrap=True)
-    console.print(Text(f"sweep.parquet and summary.json are in {outcome.directory}"), soft_wrap=True)
+    for sentence in where_results_are(outcome, "sweep.parquet and summary.json"):
+        console.print(Text(sentence), soft_wrap=True)
 
 
 def _table(rows: Sequence[Mapping[str, JSON]]) -> Table:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import cast
+from typing import Self, cast
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
@@ -86,10 +86,14 @@ class Manifest(BaseModel):
     versions: Mapping[str, str]
     times: Mapping[str, str]
 
-    def beside(self, other: Manifest, own: Collection[str]) -> Manifest:
+    def beside(self, other: Self, own: Collection[str]) -> Self:
         """The manifest with the files of other kinds of runs added: those whose names are not in `own`."""
         others = {name: entry for name, entry in other.artifacts.items() if name not in own}
         return self.model_copy(update={"artifacts": {**others, **self.artifacts}})
+
+    def to_json(self) -> Mapping[str, JSON]:
+        """The manifest as it is written: JSON without NaN."""
+        return cast(Mapping[str, JSON], finite(cast(JSON, self.model_dump(mode="json"))))
 
 
 def manifest_of(artifacts: Sequence[Artifact], project: Project, records: Sequence[StageRecord]) -> Manifest:
@@ -117,7 +121,7 @@ def manifest_of(artifacts: Sequence[Artifact], project: Project, records: Sequen
 
 def write_manifest(directory: Path, manifest: Manifest) -> None:
     """Write manifest.json into the output folder, replacing the last one at once."""
-    replace_json(directory / MANIFEST, finite(cast(JSON, manifest.model_dump(mode="json"))))
+    replace_json(directory / MANIFEST, manifest.to_json())
 
 
 def read_manifest(directory: Path) -> Manifest | None:

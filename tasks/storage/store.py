@@ -4,7 +4,8 @@
 written into a temporary folder beside it, flushed to the disk and renamed, so a folder with a key
 for a name is complete; it is never changed afterwards. ``stage.json`` in it lists the files with
 their digests and says what the key was made of. A stored output is served only after all its
-files were checked against their digests; a damaged one is computed again.
+files were checked against their digests; a damaged one is computed again. A store may have a remote
+side, which finished outputs are taken from and kept on for other machines.
 
     @stored("import_control")
     def import_control(folder: Path, *, sources: tuple[ControlInput, ...]) -> None: ...
@@ -31,6 +32,7 @@ from typing import Concatenate, ParamSpec, cast
 from tasks.storage.artifact import Artifact, artifact_names, artifact_of, digest_of_file
 from tasks.storage.installation import writing_into
 from tasks.storage.json_text import JSON, read_json, replace_json
+from tasks.storage.remote import Remote
 from tasks.storage.stage_key import InputFile, StageKey, differences, input_files, stage_key
 from tasks.storage.stage_record import StageRecord, clear_records, keep_record, utc_now
 
@@ -52,20 +54,29 @@ class Store:
     Attributes
     ----------
     folder : ``DIR/.store``.
+    remote : where they are kept as well; None: nowhere.
     """
 
     folder: Path
+    remote: Remote | None = None
 
     @classmethod
-    def of(cls, directory: Path) -> Store:
+    def of(cls, directory: Path, remote: Remote | None = None) -> Store:
         """The store of the output folder `directory`."""
-        return cls(directory.absolute() / ".store")
+        return cls(directory.absolute() / ".store", remote)
 
     def begin_run(self) -> None:
         """Remove what killed runs left behind and forget the last run's records.
 
         Only for the holder of the run lock: a stage in work would lose its folder.
+
+        Raises
+        ------
+        InstallationError
+            If the folder cannot be written, or the remote side cannot be reached.
         """
+        if self.remote is not None:
+            self.remote.require_access()
         with writing_into(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             for unfinished in self.folder.glob(f"*/{_UNFINISHED}*"):
@@ -89,6 +100,17 @@ class Store:
         except _DAMAGES as error:
             _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
             return None
+
+    def taken_up(self, key: StageKey) -> Outputs | None:
+        """The finished output of `key`, brought here if the remote side has it; None if there is none."""
+        outputs = self.outputs(key)
+        if self.remote is None:
+            return outputs
+        if outputs is None:
+            return self._brought(key)
+        # Left out by a run that was killed between computing and keeping it there, or damaged since.
+        self.remote.put_missing(key, self._place(key))
+        return outputs
 
     def reason_to_compute(self, key: StageKey) -> str:
         """In words, what is new against the newest stored output of the same stage."""
@@ -132,6 +154,27 @@ class Store:
         _flush_folder(place.parent)
         return {a.name: Artifact(a.name, place / a.path.name, a.sha256, a.rows) for a in artifacts}
 
+    def keep_remotely(self, key: StageKey) -> None:
+        """Keep an output that has just been computed on the remote side, too."""
+        if self.remote is not None:
+            self.remote.put(key, self._place(key))
+
+    def unfinished(self, key: StageKey) -> Path:
+        """A new folder for an output of `key` in the making."""
+        parent = self.folder / key.stage
+        parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
+
+    def _brought(self, key: StageKey) -> Outputs | None:
+        assert self.remote is not None
+        with writing_into(self.folder):
+            folder = self.unfinished(key)
+            try:
+                seconds = self.remote.take(key, folder)
+                return None if seconds is None else self.keep(key, folder, seconds)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
+
     def _place(self, key: StageKey) -> Path:
         return self.folder / key.stage / key.digest
 
@@ -165,12 +208,13 @@ def stored(
             began, started = utc_now(), time.perf_counter()
             inputs = tuple(InputFile.of(path) for path in sorted(set(input_files(arguments))))
             key = stage_key(stage, function, arguments)
-            outputs = store.outputs(key)
+            outputs = store.taken_up(key)
             reused = outputs is not None
             if outputs is None:
                 _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
                 with writing_into(store.folder):
                     outputs = _compute(store, key, function, arguments, inputs)
+                store.keep_remotely(key)
             seconds = time.perf_counter() - started
             _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
             with writing_into(store.folder):
@@ -204,9 +248,7 @@ def _compute(
     inputs: tuple[InputFile, ...],
 ) -> Outputs:
     """Run the stage in a folder of its own and keep what it wrote; on any error nothing is left."""
-    parent = store.folder / key.stage
-    parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
+    folder = store.unfinished(key)
     started = time.perf_counter()
     try:
         function(folder, **arguments)

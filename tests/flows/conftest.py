@@ -70,7 +70,8 @@ def _pixels(centre: np.ndarray, angles_deg: np.ndarray, points: np.ndarray) -> n
     return np.where(inside[:, None], pixels, np.nan)
 
 
-def _write_block(folder: Path) -> Path:
+def write_block(folder: Path) -> Path:
+    """Write deliveries and project file of the synthetic block into a folder."""
     random = np.random.default_rng(20)
     east, north = np.meshgrid(np.arange(-500.0, 1700.0, 80.0), np.arange(-350.0, 800.0, 80.0))
     flat = np.column_stack([east.ravel(), north.ravel()])
@@ -108,4 +109,4 @@ def _write_block(folder: Path) -> Path:
 @pytest.fixture
 def block(tmp_path: Path) -> Path:
     """Project file of the synthetic block, alone in its folder."""
-    return _write_block(tmp_path / "block")
+    return write_block(tmp_path / "block")

@@ -1,0 +1,110 @@
+"""Bring the results of a workspace on object storage into a folder, as an ordinary run leaves them there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from tasks.errors import InputError
+from tasks.object_storage.address import ObjectAddress
+from tasks.object_storage.published_manifest import PublishedEntry
+from tasks.object_storage.workspace import MOST_JSON_BYTES, ObjectWorkspace
+from tasks.publish import remove_outdated
+from tasks.storage.artifact import digest_of_file
+from tasks.storage.installation import InstallationError, writing_into
+from tasks.storage.manifest import read_manifest, write_manifest
+from tasks.storage.run_lock import run_lock
+from tasks.summary import SUMMARY, Summary, write_summary
+
+
+@dataclass(frozen=True)
+class FetchedResults:
+    """What was brought.
+
+    Attributes
+    ----------
+    files : names of all files of the results.
+    brought : those that were not there already.
+    summary : of the run they are of.
+    last_run : how the last run ended; None if nothing can be said.
+    """
+
+    files: tuple[str, ...]
+    brought: tuple[str, ...]
+    summary: Summary
+    last_run: Summary | None
+
+    @property
+    def is_older(self) -> bool:
+        """Whether the last run ended without results, so that these are of a run before it."""
+        return self.last_run is not None and self.last_run.status in ("input_error", "not_computable")
+
+
+def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
+    """Download what the manifest at an address names, and what has changed only.
+
+    The files are those of one run, each is checked against its digest and appears whole; manifest.json is
+    replaced last. Files of results that were there before and are none any more are removed.
+
+    Raises
+    ------
+    InputError
+        If there are no results at the address.
+    InstallationError
+        If the storage does not answer or refuses, an object is missing or damaged, or the folder cannot be
+        written.
+    """
+    workspace = ObjectWorkspace.at(address)
+    workspace.require_access()
+    manifest = workspace.manifest()
+    if manifest is None:
+        raise InputError(
+            f"There are no results at {address}.", "Correct the address, or run a project with it as --out."
+        )
+    entries = tuple(manifest.artifacts.values())
+    with writing_into(directory), run_lock(directory):
+        last = read_manifest(directory)
+        brought = [entry.file for entry in entries if _brought(workspace, entry, directory)]
+        here = manifest.of_folder()
+        if last is not None:
+            remove_outdated(directory, last, here, tuple(last.artifacts))
+        write_summary(directory, manifest.summary)
+        write_manifest(directory, here)
+    return FetchedResults(_files(entries), tuple(brought), manifest.summary, _last_run(workspace))
+
+
+def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> bool:
+    """Make sure that a file is there; whether it had to be brought."""
+    target = directory / entry.file
+    if target.is_file() and digest_of_file(target) == entry.sha256:
+        return False
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        found = workspace.storage.download(entry.object, temporary)
+        if found != entry.sha256:
+            address, wrong = workspace.storage.address, "missing" if found is None else "damaged"
+            raise InstallationError(
+                f"{address}/{entry.object} is {wrong}.",
+                f"Run the project again with --out {address}: what is not as it should be is put there anew.",
+            )
+        temporary.chmod(0o444)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return True
+
+
+def _files(entries: Sequence[PublishedEntry]) -> tuple[str, ...]:
+    return tuple(sorted(entry.file for entry in entries))
+
+
+def _last_run(workspace: ObjectWorkspace) -> Summary | None:
+    content = workspace.storage.read(SUMMARY, MOST_JSON_BYTES)
+    try:
+        return None if content is None else Summary.model_validate_json(content)
+    except ValidationError:
+        return None
