@@ -16,10 +16,10 @@ from flows.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.run_state import state_message, state_name
 from tasks.errors import AerocalError
 from tasks.production.records import Records, configured_records, project_name
-from tasks.production.run_record import RunRecord, StageTime, State
+from tasks.production.run_record import RunRecord, State
+from tasks.production.stage_states import stages_since
 from tasks.storage.json_text import JSON
-from tasks.storage.stage_record import read_records
-from tasks.storage.store import Store
+from tasks.storage.stage_record import utc_now
 
 _log = logging.getLogger("aerocal")
 
@@ -49,19 +49,19 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     records = configured_records()
     if records is None:
         return carry_out(story, request)
+    # As exact as the records of the stages are, none of which may seem older.
+    begun = datetime.fromisoformat(utc_now())
     _noted(lambda: records.begin(_beginning(request, identity)))
+    noted = _Noted(records, identity, request, begun)
     try:
         outcome = carry_out(story, request)
     except AerocalError as error:
-        _end(records, identity, request, "Failed", str(error), error.stage)
+        noted.end("Failed", str(error), error.stage)
         raise
     except Exception as error:
-        _end(records, identity, request, "Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
+        noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
         raise
-    _end(
-        records,
-        identity,
-        request,
+    noted.end(
         state_name(outcome),
         state_message(outcome),
         outcome.failed_stage,
@@ -98,22 +98,29 @@ def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
     )
 
 
-def _end(
-    records: Records,
-    identity: FlowRunIdentity,
-    request: RunRequest,
-    state: State,
-    message: str,
-    failed_stage: str | None = None,
-    summary: dict[str, JSON] | None = None,
-) -> None:
-    done = read_records(Store.of(request.directory).folder)
-    stages = tuple(StageTime(one.stage, one.seconds, one.reused) for one in done)
-    _noted(
-        lambda: records.end(
-            identity.id, state, message, stages=stages, failed_stage=failed_stage, summary=summary
+@dataclass(frozen=True)
+class _Noted:
+    """A run whose beginning is noted."""
+
+    records: Records
+    identity: FlowRunIdentity
+    request: RunRequest
+    begun: datetime
+
+    def end(
+        self,
+        state: State,
+        message: str,
+        failed_stage: str | None = None,
+        summary: dict[str, JSON] | None = None,
+    ) -> None:
+        """Note how it has ended."""
+        stages = stages_since(self.request.directory, self.begun)
+        _noted(
+            lambda: self.records.end(
+                self.identity.id, state, message, stages=stages, failed_stage=failed_stage, summary=summary
+            )
         )
-    )
 
 
 def _noted(write: Callable[[], None]) -> None:

@@ -21,6 +21,16 @@ def serve(
             help="Address under which browsers reach the dashboard, behind a proxy or from other machines.",
         ),
     ] = None,
+    overview_port: Annotated[
+        int | None,
+        typer.Option(
+            "--overview-port",
+            help="Port of the production page.",
+            min=1,
+            max=65535,
+            show_default="the one after --port",
+        ),
+    ] = None,
     database: Annotated[
         str | None,
         typer.Option(
@@ -112,6 +122,7 @@ def serve(
                 host=host,
                 port=port,
                 public_url=public_url,
+                overview_port=overview_port,
                 database=database,
                 roots=root or [],
                 inbox=inbox,

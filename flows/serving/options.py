@@ -22,6 +22,9 @@ from tasks.nearest_name import did_you_mean
 WEEKLY = "0 6 * * 1"
 
 
+_LAST_PORT = 65535
+
+
 @dataclass(frozen=True)
 class RunnerOptions:
     """What the runner is told.
@@ -83,6 +86,7 @@ class ServeOptions:
     Attributes
     ----------
     address : where it listens.
+    overview : where the production page listens.
     database : ``postgresql://…`` of Prefect's records and ours; None: SQLite files in our folder.
     roots : folders that runs may read and write.
     inbox : folder of deliveries; None: there is none.
@@ -93,6 +97,7 @@ class ServeOptions:
     """
 
     address: ServerAddress
+    overview: ServerAddress
     database: str | None
     roots: Roots
     inbox: Path | None
@@ -112,6 +117,7 @@ def options_for(
     host: str,
     port: int,
     public_url: str | None,
+    overview_port: int | None,
     database: str | None,
     roots: Sequence[Path],
     inbox: Path | None,
@@ -129,8 +135,8 @@ def options_for(
     Raises
     ------
     InputError
-        If a folder does not exist, the registry lies outside the folders, or the story, a schedule or the
-        time zone is none.
+        If a folder does not exist, both ports are the same, the registry lies outside the folders, or the
+        story, a schedule or the time zone is none.
     """
     stories: tuple[StoryOfDeliveries, ...] = get_args(StoryOfDeliveries)
     known = next((one for one in stories if one == story), None)
@@ -145,8 +151,12 @@ def options_for(
     weekly = None if calibrations is None else recalibration_cron or WEEKLY
     runner = RunnerOptions(limit, inbox is not None, cron, timezone, known, weekly)
     runner.require_valid()
+    beside = overview_port or (port + 1 if port < _LAST_PORT else port - 1)
+    if beside == port:
+        raise InputError(f"Port {port} cannot serve both pages.", "Choose another one with --overview-port.")
     return ServeOptions(
         ServerAddress(host, port, None if public_url is None else _web_address(public_url)),
+        ServerAddress(host, beside),
         database,
         confined,
         None if inbox is None else inbox.resolve(),

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from types import FrameType
@@ -16,7 +16,9 @@ from flows.serving.api import Api
 from flows.serving.child import Child
 from flows.serving.deliveries import MANUAL, schedule_deliveries
 from flows.serving.inbox import INBOX_VARIABLE
+from flows.serving.inbox_news import forget_inbox_news, keep_inbox_news
 from flows.serving.options import ServeOptions
+from flows.serving.overview_process import OverviewProcess
 from flows.serving.reconciliation import reconcile
 from flows.serving.roots import ROOTS_VARIABLE, as_variable
 from flows.serving.server_process import (
@@ -27,7 +29,7 @@ from flows.serving.server_process import (
     start_server,
     wait_until,
 )
-from flows.serving.state_file import RunningServer, the_only_server, write_state
+from flows.serving.state_file import STATE_VARIABLE, RunningServer, the_only_server, write_state
 from tasks.errors import AerocalError
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
@@ -81,6 +83,7 @@ def serve(options: ServeOptions, say: Say) -> int:
     """
     options.runner.require_valid()
     options.address.require_free()
+    options.overview.require_free("--overview-port")
     records = Records.at(options.records)
     records.prepare()
     os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
@@ -105,17 +108,36 @@ def _with_server(
 ) -> int:
     """Start the runner beside a server that is well, and stay until the end."""
     words = os.environ.get(CLIENT_WORDS) or os.environ.get(SERVER_WORDS)
-    api = Api(options.address.api, words)
     environment = {
         **os.environ,
         "PREFECT_API_URL": options.address.api,
         "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
         ROOTS_VARIABLE: as_variable(options.roots),
         RECORDS_VARIABLE: options.records,
+        STATE_VARIABLE: str(options.state),
         **({CLIENT_WORDS: words} if words else {}),
         **({INBOX_VARIABLE: str(options.inbox.resolve())} if options.inbox is not None else {}),
         **({REGISTRY_VARIABLE: options.registry} if options.registry is not None else {}),
     }
+    logs, dashboard = options.state / "logs", options.address.dashboard
+    overview = OverviewProcess(options.overview, dashboard, environment, logs / "overview.log", say)
+    try:
+        return _with_runner(options, records, server, overview, environment, requests, say)
+    finally:
+        overview.end()
+
+
+def _with_runner(
+    options: ServeOptions,
+    records: Records,
+    server: Child,
+    overview: OverviewProcess,
+    environment: Mapping[str, str],
+    requests: _Requests,
+    say: Say,
+) -> int:
+    """Start the runner beside server and production page, and stay until the end."""
+    api = Api(options.address.api, environment.get(CLIENT_WORDS))
     runner = Child(
         "flows.serving.runner",
         options.runner.as_text(),
@@ -129,11 +151,13 @@ def _with_server(
             "runner", lambda: _polls(api, options.runner.story, begun), runner, requests.come.is_set, _START_S
         ):
             return 0
-        write_state(options.state, RunningServer(options.address.api, os.getpid(), options.records))
+        where = RunningServer(options.address.api, os.getpid(), options.records, options.overview.base)
+        write_state(options.state, where)
         say(f"Dashboard: {options.address.dashboard}")
+        say(f"Production page: {options.overview.dashboard}")
         say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
         say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
-        return _stay(_Watch(options, api, records, say), server, runner, requests)
+        return _stay(_Watch(options, api, records, overview, say), server, runner, requests)
     finally:
         runner.end_group(_END_S)
 
@@ -149,16 +173,23 @@ def _polls(api: Api, story: str, since: float) -> bool:
 
 
 class _Watch:
-    """What is looked after while server and runner run: the inbox, and runs that could not note their end."""
+    """What is looked after while server and runner run.
 
-    def __init__(self, options: ServeOptions, api: Api, records: Records, say: Say) -> None:
+    The production page, the inbox, and runs that could not note their end.
+    """
+
+    def __init__(
+        self, options: ServeOptions, api: Api, records: Records, overview: OverviewProcess, say: Say
+    ) -> None:
         self.options, self.api, self.records, self.say = options, api, records, say
+        self.overview = overview
         self.verified: set[str] = set()
         self.said: set[str] = set()
         self.next = time.monotonic()
 
     def look(self) -> None:
         """Look if it is time; say what cannot be done, once."""
+        self.overview.look()
         if time.monotonic() < self.next:
             return
         try:
@@ -175,12 +206,14 @@ class _Watch:
     def _look_into_inbox(self) -> list[str]:
         """Start what is complete; sentences on what cannot be started."""
         if self.options.inbox is None:
+            forget_inbox_news(self.options.state)
             return []
         roots, story = self.options.roots, self.options.runner.story
         inbox = self.options.inbox
         found = schedule_deliveries(self.api, self.records, inbox, roots, story, self.verified)
         for name in found.begun:
             self.say(f"Delivery {name}: a run is scheduled.")
+        keep_inbox_news(self.options.state, found.waiting, found.refused)
         return list(found.refused)
 
 

@@ -66,8 +66,12 @@ class ServerAddress:
         except ValueError:
             return False
 
-    def require_free(self) -> None:
+    def require_free(self, option: str = "--port") -> None:
         """Make sure that nobody listens there.
+
+        Parameters
+        ----------
+        option : names another port.
 
         Raises
         ------
@@ -82,7 +86,7 @@ class ServerAddress:
             except OSError as error:
                 raise InstallationError(
                     f"Nothing can listen on {self.host} port {self.port} ({error.strerror or error}).",
-                    "Choose another one with --port, or end the program that uses it.",
+                    f"Choose another one with {option}, or end the program that uses it.",
                 ) from error
 
 

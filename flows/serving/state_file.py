@@ -32,11 +32,13 @@ class RunningServer:
     url : API address, with ``/api``.
     pid : number of the process of ``aerocal serve``.
     records : where the records of production are, without a password; None: an older server.
+    overview : address of the production page; None: an older server.
     """
 
     url: str
     pid: int
     records: str | None = None
+    overview: str | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,9 @@ def find_server(folder: Path | None = None) -> FoundServer | None:
     folder = state_folder() if folder is None else folder
     try:
         content = json.loads((folder / "serve.json").read_text(encoding="utf-8"))
-        server = RunningServer(str(content["url"]), int(content["pid"]), content.get("records"))
+        server = RunningServer(
+            str(content["url"]), int(content["pid"]), content.get("records"), content.get("overview")
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return FoundServer(server, _is_locked(folder / "serve.lock"))

@@ -16,13 +16,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
-from sqlalchemy import Connection, Engine, Row, insert, inspect, select, text, update
+from sqlalchemy import Connection, Engine, Row, func, insert, inspect, select, text, update
 
 from tasks.database.address import DatabaseAddress, Holding, database_address
 from tasks.database.engine import connected_for_reading, connected_for_writing, engine_at
 from tasks.database.errors import in_words
 from tasks.errors import InputError
-from tasks.production.run_record import RunRecord, StageTime, State
+from tasks.production.run_record import PUBLISHING, RunRecord, StageTime, State
 from tasks.production.tables import METADATA, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
@@ -32,6 +32,28 @@ from tasks.storage.json_text import JSON, finite, json_text
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F72756E
+#: Numbers of runs that are asked for in one statement.
+_BATCH = 500
+
+
+@dataclass(frozen=True)
+class LatestRun:
+    """The latest run of a story on a project file, as far as it tells whether something has changed.
+
+    Attributes
+    ----------
+    id, state, begun, ended, attempts : as of `RunRecord`, times as text.
+    runs : how many runs there are.
+    has_results : whether its output folder holds what this run has published.
+    """
+
+    id: str
+    state: str
+    begun: str | None
+    ended: str | None
+    attempts: int
+    runs: int
+    has_results: bool
 
 
 @dataclass(frozen=True)
@@ -108,7 +130,7 @@ class Records:
             connection.execute(update(RUNS).where(unfinished).values(**values))
 
     def runs(
-        self, states: Collection[str] | None = None, since: datetime | None = None
+        self, states: Collection[str] | None = None, since: datetime | None = None, most: int | None = None
     ) -> tuple[RunRecord, ...]:
         """The runs, the latest first.
 
@@ -116,8 +138,9 @@ class Records:
         ----------
         states : only of these.
         since : only those that were scheduled then or later.
+        most : not more than these.
         """
-        chosen = select(RUNS).order_by(RUNS.c.scheduled.desc(), RUNS.c.id)
+        chosen = select(RUNS).order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most)
         if states is not None:
             chosen = chosen.where(RUNS.c.state.in_(sorted(states)))
         if since is not None:
@@ -133,12 +156,57 @@ class Records:
         chosen = select(RUNS).where(RUNS.c.delivery == key).order_by(RUNS.c.scheduled.desc()).limit(1)
         return next(iter(self._read(chosen)), None)
 
+    def runs_with(self, ids: Sequence[str]) -> tuple[RunRecord, ...]:
+        """The runs with these numbers, as far as they are known."""
+        parts = (ids[first : first + _BATCH] for first in range(0, len(ids), _BATCH))
+        return tuple(run for part in parts for run in self._read(select(RUNS).where(RUNS.c.id.in_(part))))
+
+    def runs_of_project(self, project_file: str, most: int) -> tuple[RunRecord, ...]:
+        """The latest runs on a project file, whatever the story, the latest first."""
+        chosen = select(RUNS).where(RUNS.c.project_file == project_file)
+        return self._read(chosen.order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most))
+
+    def latest(self) -> tuple[LatestRun, ...]:
+        """The latest run of every story on every project file, without what makes reading long."""
+        alike = (RUNS.c.project_file, RUNS.c.project, RUNS.c.story)
+        newest_first = (RUNS.c.scheduled.desc(), RUNS.c.id)
+        ranked = select(
+            RUNS.c.id, RUNS.c.state, RUNS.c.begun, RUNS.c.ended, RUNS.c.attempts,
+            func.row_number().over(partition_by=alike, order_by=newest_first).label("place"),
+            func.count().over(partition_by=alike).label("runs"),
+        ).subquery()  # fmt: skip
+        published = select(
+            RUNS.c.id,
+            func.row_number()
+            .over(partition_by=RUNS.c.directory, order_by=(RUNS.c.ended.desc(), RUNS.c.id))
+            .label("place"),
+        ).where(RUNS.c.state.in_(PUBLISHING))
+        holder = published.subquery()
+        chosen = (
+            select(ranked, holder.c.id.label("holder"))
+            .outerjoin_from(ranked, holder, (ranked.c.id == holder.c.id) & (holder.c.place == 1))
+            .where(ranked.c.place == 1)
+        )
+        return tuple(
+            LatestRun(row.id, row.state, row.begun, row.ended, row.attempts, row.runs, row.holder is not None)
+            for row in self._rows(chosen)
+        )
+
+    def holds_results(self, run: RunRecord) -> bool:
+        """Whether the output folder of a run still holds what that run has published."""
+        chosen = select(RUNS.c.id).where((RUNS.c.directory == run.directory) & RUNS.c.state.in_(PUBLISHING))
+        found = self._rows(chosen.order_by(RUNS.c.ended.desc(), RUNS.c.id).limit(1))
+        return [row.id for row in found] == [run.id]
+
     def prepare(self) -> None:
         """Make the tables where there are none."""
         with self._writing():
             pass
 
     def _read(self, statement: Any) -> tuple[RunRecord, ...]:
+        return tuple(_as_record(row) for row in self._rows(statement))
+
+    def _rows(self, statement: Any) -> tuple[Row[Any], ...]:
         file = self.address.file
         if file is not None and not file.is_file():
             return ()
@@ -146,7 +214,7 @@ class Records:
             if not inspect(connection).has_table(SCHEMA.name):
                 return ()
             self._require_version(connection)
-            return tuple(_as_record(row) for row in connection.execute(statement))
+            return tuple(connection.execute(statement))
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:

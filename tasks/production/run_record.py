@@ -30,6 +30,9 @@ ENDED: frozenset[str] = frozenset(
 #: or somebody is to blame, and the delivery still waits for its run.
 DECIDED: frozenset[str] = frozenset(("Completed", "GateFailed", "InputError", "NotComputable"))
 
+#: Ends after which the output folder holds the results of the run.
+PUBLISHING: tuple[State, ...] = ("Completed", "GateFailed")
+
 
 @dataclass(frozen=True)
 class StageTime:

@@ -40,11 +40,13 @@ class Served:
     Attributes
     ----------
     folder : holds root/, inbox/, state/ and what it printed.
+    port, overview : of the server, and of the production page.
     """
 
     folder: Path
     process: subprocess.Popen[bytes]
     port: int
+    overview: int
 
     @property
     def api(self) -> Api:
@@ -114,18 +116,20 @@ def served(folder: Path, *options: str) -> Iterator[Served]:
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     port = free_port("127.0.0.1")
-    command = [sys.executable, "-m", "flows.command", "serve", "--port", str(port)]
+    overview = free_port("127.0.0.1")
+    ports = ["--port", str(port), "--overview-port", str(overview)]
+    command = [sys.executable, "-m", "flows.command", "serve", *ports]
     places = ["--root", str(folder / "root"), "--inbox", str(folder / "inbox"), "--watch", "1"]
     with (folder / "printed").open("wb") as printed:
         process = subprocess.Popen(
             [*command, *places, *options], stdout=printed, stderr=printed, env=environment(folder)
         )
-    server = Served(folder, process, port)
+    server = Served(folder, process, port, overview)
     groups: set[int] = set()
     try:
         until(lambda: "Ready." in server.printed, START_S, process)
         groups = server.groups()
-        assert len(groups) == 2, "server and runner are in groups of their own"
+        assert len(groups) == 3, "server, production page and runner are in groups of their own"
         yield server
     finally:
         if process.poll() is None:

@@ -24,6 +24,7 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "host": "127.0.0.1",
         "port": 4200,
         "public_url": None,
+        "overview_port": None,
         "database": None,
         "roots": [folder],
         "inbox": folder,

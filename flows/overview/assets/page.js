@@ -1,0 +1,54 @@
+/* What the page does without asking its server. */
+"use strict";
+
+window.aerocal = {
+  /* Page of a run in Prefect. */
+  runPage: function (dashboard, run) {
+    return dashboard + "/v2/runs/flow-run/" + encodeURIComponent(run);
+  },
+};
+
+window.dash_clientside = Object.assign({}, window.dash_clientside, {
+  overview: {
+    search: function (text) {
+      window.dash_ag_grid.getApiAsync("projects").then((grid) => grid.setGridOption("quickFilterText", text || ""));
+      return window.dash_clientside.no_update;
+    },
+
+    exported: function (clicks) {
+      if (clicks) window.dash_ag_grid.getApiAsync("projects").then((grid) => grid.exportDataAsCsv({
+        fileName: "projects.csv", processCellCallback: window.dashAgGridFunctions.csvCell,
+      }));
+      return window.dash_clientside.no_update;
+    },
+
+    /* Show only the states of a card; a second click shows all again. */
+    only: function () {
+      const context = window.dash_clientside.callback_context;
+      const asked = context.triggered_id;
+      /* Cards that have just been drawn anew were not clicked. */
+      if (!asked || !context.triggered[0].value) return window.dash_clientside.no_update;
+      window.dash_ag_grid.getApiAsync("projects").then((grid) => {
+        const now = JSON.stringify((grid.getFilterModel() || {}).state || null);
+        const conditions = asked.states.split(" ").map((state) => ({
+          filterType: "text", type: "equals", filter: state,
+        }));
+        const wanted = conditions.length === 1 ? conditions[0]
+          : { filterType: "text", operator: "OR", conditions: conditions };
+        const same = now !== "null" && asked.states.split(" ").every((state) => now.includes(state));
+        grid.setColumnFilterModel("state", same ? null : wanted).then(() => grid.onFilterChanged());
+      });
+      return window.dash_clientside.no_update;
+    },
+
+    /* Ages grow; a page whose server is silent says so. */
+    tick: function (_ticks, refreshed) {
+      window.dash_ag_grid.getApiAsync("projects").then((grid) =>
+        grid.refreshCells({ columns: ["changed", "seconds"], force: true }));
+      if (!refreshed) return "";
+      const silent = (Date.now() - Date.parse(refreshed)) / 1000;
+      return silent < 45 ? "" : "No answer for " + Math.round(silent) +
+        " s: what you see is old. Is aerocal serve still running?";
+    },
+  },
+});

@@ -1,0 +1,177 @@
+"""The page: what stands where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from dash import dcc, html
+
+from flows.overview.project_grid import project_grid
+from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Tally
+from tasks.production.project_row import ProjectRow
+
+#: Milliseconds between two looks, and between two looks at the registry.
+_TICK_MS, _SLOW_MS = 10_000, 60_000
+
+Part = Any
+
+
+def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
+    """The whole page with the rows there are.
+
+    Parameters
+    ----------
+    dashboard : address of the server's own pages.
+    roots : folders that projects may lie in.
+    """
+    return html.Main(
+        [
+            dcc.Interval(id="tick", interval=_TICK_MS),
+            dcc.Interval(id="slow", interval=_SLOW_MS),
+            dcc.Store(id="revision", data=revision_data(changes)),
+            dcc.Store(id="refreshed"),
+            html.Header(
+                [
+                    html.H1("aerocal production"),
+                    html.Nav(
+                        [
+                            html.A("projects", href="#projects-section"),
+                            html.A("queue", href="#queue-section"),
+                            html.A("trends", href="#trends-section"),
+                            html.A("calibrations", href="#calibrations-section"),
+                            html.A("Prefect", href=dashboard, target="_blank", rel="noopener noreferrer"),
+                        ]
+                    ),
+                    html.Div(id="said", className="said"),
+                ]
+            ),
+            html.Div(id="silent", className="silent", role="alert"),
+            html.Div(id="trouble"),
+            html.Div(id="cards", className="cards"),
+            html.Section(_projects(changes.added, dashboard, roots), id="projects-section"),
+            html.Div(
+                [
+                    html.Section([html.H2("Queue"), html.Div(id="queue")], id="queue-section"),
+                    html.Section([html.H2("Latest failures"), html.Div(id="failures")]),
+                ],
+                className="columns",
+            ),
+            html.Div(
+                [
+                    html.Section(
+                        [html.H2("σ0 over projects"), html.Div(id="sigma0-trend")], id="trends-section"
+                    ),
+                    html.Section([html.H2("Check-point RMSE over projects"), html.Div(id="rmse-trend")]),
+                ],
+                className="columns",
+            ),
+            html.Section(
+                [
+                    html.Div(
+                        [
+                            html.H2("Calibrations"),
+                            dcc.Dropdown(
+                                id="camera",
+                                clearable=False,
+                                placeholder="camera",
+                                style={"minWidth": "300px"},
+                            ),
+                        ],
+                        className="bar",
+                    ),
+                    html.Div(id="due"),
+                    html.Div(id="calibrations", className="plots"),
+                ],
+                id="calibrations-section",
+            ),
+        ]
+    )
+
+
+def revision_data(changes: Changes) -> dict[str, Any]:
+    """A revision as the browser keeps it."""
+    return {"board": changes.revision.board, "number": changes.revision.number}
+
+
+def _projects(rows: Sequence[ProjectRow], dashboard: str, roots: Sequence[str]) -> list[Part]:
+    legend = ("✓ done", "↺ reused", "▶ running", "✗ failed", "– not yet")
+    return [
+        html.Div(
+            [
+                html.H2("Projects"),
+                dcc.Input(
+                    id="search", type="search", placeholder="search in all columns", style={"width": "240px"}
+                ),
+                html.Button("Export CSV", id="export"),
+                html.Div([html.Span(text) for text in legend], className="legend"),
+            ],
+            className="bar",
+        ),
+        html.Div(no_projects(dashboard, roots) if not rows else None, id="no-projects"),
+        project_grid(rows, dashboard),
+        html.Div(id="detail"),
+    ]
+
+
+def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
+    """What to do when nothing has been run yet."""
+    return html.Div(
+        [
+            "No project has been run yet. Start one by hand: ",
+            html.A(
+                "Deployments", href=f"{dashboard}/v2/deployments", target="_blank", rel="noopener noreferrer"
+            ),
+            " → aerial-triangulation/manual → Run → Custom run, with a project under ",
+            html.Code(", ".join(roots)),
+            "; or copy a delivery into the inbox and write the file ",
+            html.Code("DELIVERED"),
+            " into it last; or type ",
+            html.Code("aerocal run PROJECT.toml"),
+            " on this machine.",
+        ],
+        className="empty",
+    )
+
+
+def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
+    """How many projects stand where; each shows only those when it is clicked.
+
+    Parameters
+    ----------
+    due : calibrations that are due; None: no registry.
+    """
+    waiting = "waiting"
+    if tally.oldest_waiting is not None:
+        waiting += f", the longest {in_words((now - tally.oldest_waiting).total_seconds())}"
+    counted = (
+        ("passed", tally.passed, "passed", ("Completed",)),
+        ("gate", tally.gate_failed, "gate failed", ("GateFailed",)),
+        ("input", tally.wrong_input, "wrong input", WRONG_INPUT),
+        ("broken", tally.broken, "broken off", BROKEN),
+        ("running", tally.running, "running", ("Running",)),
+        ("waiting", tally.waiting, waiting, ("Scheduled",)),
+    )
+    shown: list[Part] = [
+        html.Button(
+            [html.B(str(number)), html.Span(label)],
+            id={"card": kind, "states": " ".join(states)},
+            className=f"card {kind}" + ("" if number else " none"),
+            title="Show these only; once more: show all",
+        )
+        for kind, number, label, states in counted
+    ]
+    if due is not None:
+        words = [html.B(str(due)), html.Span("calibrations due" if due != 1 else "calibration due")]
+        kind = "card gate" if due else "card none"
+        shown.append(html.A(words, href="#calibrations-section", className=kind))
+    return shown
+
+
+def in_words(seconds: float) -> str:
+    """A span of time in one unit."""
+    for size, unit, most in ((1, "s", 99.5), (60, "min", 99 * 60), (3600, "h", 36 * 3600)):
+        if seconds < most:
+            return f"{max(seconds, 0.0) / size:.0f} {unit}"
+    return f"{seconds / 86400:.0f} d"

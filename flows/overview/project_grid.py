@@ -1,0 +1,177 @@
+"""The grid of projects and stages: its columns, and a row as the browser gets it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import dash_ag_grid as dag
+
+from tasks.production.project_row import ProjectRow
+from tasks.production.stage_states import STAGES, STAGES_OF
+
+GRID = "projects"
+#: Stages as the heads of their columns call them.
+STAGE_LABELS: Mapping[str, str] = {
+    "import_exposures": "exposures",
+    "import_control": "control",
+    "import_image_points": "image points",
+    "approximate_values": "approximate",
+    "bundle_adjustment": "adjustment",
+    "judgement": "judgement",
+    "calibrated_cameras": "cameras",
+    "two_step": "two steps",
+    "calibration": "calibration",
+    "direct_georeferencing": "direct check",
+    "georeferencing_page": "check page",
+    "report": "report",
+    "certificate": "certificate",
+}
+#: Stories as the grid calls them.
+STORY_LABELS: Mapping[str, str] = {
+    "aerial-triangulation": "triangulation",
+    "system-calibration": "calibration",
+    "direct-georeferencing-check": "direct check",
+}
+Column = dict[str, Any]
+_THEME = (
+    "themeQuartz.withParams({fontFamily: 'system-ui, DejaVu Sans, sans-serif', "
+    "fontSize: 13, headerFontSize: 12, "
+    "foregroundColor: '#1f2933', headerTextColor: '#38444f', headerBackgroundColor: '#f1f4f7', "
+    "borderColor: '#d9dfe5', oddRowBackgroundColor: '#fafbfc', accentColor: '#0072B2', spacing: 5, "
+    "cellHorizontalPadding: 8, wrapperBorderRadius: 4})"
+)
+
+
+def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
+    """The grid.
+
+    Parameters
+    ----------
+    dashboard : address of the server's own pages.
+    """
+    return dag.AgGrid(
+        id=GRID,
+        className="ag-theme-overview",
+        columnDefs=columns(rows, dashboard),
+        rowData=[row_data(row) for row in rows],
+        getRowId="params.data.key",
+        defaultColDef={
+            "sortable": True,
+            "filter": True,
+            "resizable": True,
+            "suppressHeaderMenuButton": True,
+            "suppressMovable": True,
+        },
+        dashGridOptions={
+            "theme": {"function": _THEME},
+            "rowHeight": 30,
+            "headerHeight": 92,
+            "animateRows": False,
+            "tooltipShowDelay": 250,
+            "rowSelection": {"mode": "singleRow", "checkboxes": False, "enableClickSelection": True},
+            "enableCellTextSelection": True,
+            "suppressColumnVirtualisation": True,
+        },
+        csvExportParams={"fileName": "projects.csv", "processCellCallback": {"function": "csvCell(params)"}},
+        dangerously_allow_code=False,
+        style={"height": None, "width": "100%"},
+    )
+
+
+def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
+    """The columns; stages that no project comes to are hidden."""
+    used = {stage for row in rows for stage in (*STAGES_OF.get(row.story, ()), *row.stages)}
+    return [
+        {"field": "project", "headerName": "Project", "pinned": "left", "width": 178, "tooltipField": "file",
+         "cellClass": "project"},
+        {"field": "state", "headerName": "State", "pinned": "left", "width": 132,
+         "cellRenderer": "StateCell", "tooltipField": "message", "cellClass": "state",
+         "filterParams": {"maxNumConditions": 8}},
+        {"headerName": "Results", "colId": "links", "width": 160, "sortable": False, "filter": False,
+         "cellRenderer": "LinksCell", "cellRendererParams": {"dashboard": dashboard}},
+        {"field": "story", "headerName": "Story", "width": 104},
+        *(_stage_column(stage, stage in used) for stage in STAGES),
+        {"field": "changed", "headerName": "Age", "width": 74, "sort": "desc", "type": "rightAligned",
+         "valueFormatter": {"function": "age(params.value)"}, "tooltipField": "changed", "filter": False},
+        {"field": "seconds", "headerName": "Duration", "width": 84, "type": "rightAligned",
+         "filter": "agNumberColumnFilter", "valueFormatter": {"function": "duration(params)"}},
+        _figure("sigma0", "σ0", "σ0 a posteriori / a priori", 66),
+        _figure("rmse_x", "RMSE x [m]", "RMSE of the check points, x [m]", 74),
+        _figure("rmse_y", "RMSE y [m]", "RMSE of the check points, y [m]", 74),
+        _figure("rmse_z", "RMSE z [m]", "RMSE of the check points, z [m]", 74),
+        {"field": "gates", "headerName": "Gates passed", "width": 160, "cellRenderer": "GatesCell",
+         "tooltipField": "gates", "comparator": {"function": "byGates"}},
+        {"field": "problem", "headerName": "First problem", "minWidth": 260, "flex": 1,
+         "tooltipField": "problem", "cellClass": "problem"},
+        {"field": "runs", "headerName": "Runs", "width": 66, "type": "rightAligned",
+         "filter": "agNumberColumnFilter"},
+    ]  # fmt: skip
+
+
+def _stage_column(stage: str, used: bool) -> Column:
+    label = STAGE_LABELS[stage]
+    return {
+        "field": f"stages.{stage}",
+        "colId": stage,
+        "headerName": label,
+        "headerTooltip": f"Stage {stage}",
+        "headerClass": "stage-head",
+        "cellClass": "stage",
+        "width": 29,
+        "minWidth": 29,
+        "resizable": False,
+        "hide": not used,
+        "cellRenderer": "StageCell",
+        "cellRendererParams": {"stage": label},
+        "floatingFilter": False,
+    }
+
+
+def _figure(field: str, label: str, told: str, width: int) -> Column:
+    return {
+        "field": field,
+        "headerName": label,
+        "headerTooltip": told,
+        "width": width,
+        "type": "rightAligned",
+        "filter": "agNumberColumnFilter",
+        "valueFormatter": {"function": "fixed(params.value, 3)"},
+        "cellClassRules": {"beyond": {"function": f"beyond(params, '{field}')"}},
+    }
+
+
+#: Gates by the column whose figure they limit.
+_GATE_OF_COLUMN = {"sigma0": "sigma0", **{f"rmse_{axis}": f"rmse_check_m_{axis}" for axis in "xyz"}}
+
+
+def row_data(row: ProjectRow) -> dict[str, Any]:
+    """A row as the browser gets it: plain values, times as ISO 8601, nothing that is not there."""
+    failed = row.failed_gates
+    passed = len(row.gates) - len(failed)
+    x, y, z = row.rmse_check_m
+    values = {
+        "key": row.key,
+        "run": row.run,
+        "project": row.project,
+        "file": row.project_file or None,
+        "story": STORY_LABELS.get(row.story, row.story),
+        "state": row.state,
+        "message": row.message or None,
+        "stages": dict(row.stages),
+        "changed": row.changed.isoformat(timespec="seconds"),
+        "begun": row.begun.isoformat(timespec="seconds") if row.begun and row.ended is None else None,
+        "seconds": None if row.seconds is None else round(row.seconds, 1),
+        "sigma0": row.sigma0,
+        "rmse_x": x,
+        "rmse_y": y,
+        "rmse_z": z,
+        "gates": f"{passed} of {len(row.gates)}" + (f": {', '.join(failed)}" if failed else "")
+        if row.gates
+        else None,
+        "beyond": [column for column, gate in _GATE_OF_COLUMN.items() if gate in failed] or None,
+        "problem": row.problem,
+        "runs": row.runs,
+        "documents": list(row.documents) or None,
+    }
+    return {name: value for name, value in values.items() if value is not None}

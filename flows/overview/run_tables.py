@@ -1,0 +1,187 @@
+"""Queue, failures, and what is told about one project: tables of plain texts and links."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from datetime import datetime
+from typing import Any
+from urllib.parse import quote
+
+from dash import html
+
+from flows.overview.layout import in_words
+from flows.overview.project_grid import STORY_LABELS
+from flows.overview.server_queue import ServerView
+from flows.serving.inbox_news import InboxNews
+from tasks.production.project_row import gates_of, problems_of
+from tasks.production.queue import QueuedRun
+from tasks.production.run_record import RunRecord
+from tasks.quality_gates import GateResult
+
+Part = Any
+_SHOWN = 25
+
+
+def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboard: str) -> Part:
+    """What runs and what waits, and what the inbox holds back."""
+    parts: list[Part] = []
+    if view.queue:
+        head = ("Run", "State", "Waits", "Runs for")
+        parts.append(_table(head, [_queued(run, now, dashboard) for run in view.queue[:_SHOWN]]))
+    else:
+        parts.append(html.Div("Nothing waits and nothing runs.", className="empty"))
+    if len(view.queue) > _SHOWN:
+        parts.append(html.P(f"And {len(view.queue) - _SHOWN} more."))
+    if view.next is not None:
+        due, ahead = view.next.due.astimezone(), (view.next.due - now).total_seconds()
+        when = f" at {due:%a %d %b %H:%M} (in {in_words(ahead)})."
+        parts.append(html.P(["Next by schedule: ", run_link(dashboard, view.next.run, view.next.name), when]))
+    if not view.reachable:
+        parts.append(html.P("The server does not answer; this is what the records know."))
+    parts += _inbox_parts(inbox)
+    return parts
+
+
+def _inbox_parts(inbox: InboxNews | None) -> list[Part]:
+    if inbox is None:
+        return []
+    parts: list[Part] = []
+    if inbox.refused:
+        parts += [
+            html.H3(f"Deliveries that cannot be started: {len(inbox.refused)}"),
+            html.Ul([html.Li(sentence) for sentence in inbox.refused[:_SHOWN]]),
+        ]
+    if inbox.waiting:
+        names = ", ".join(inbox.waiting[:_SHOWN])
+        parts.append(html.P(f"Deliveries that are not complete yet (no file DELIVERED): {names}."))
+    return parts
+
+
+def _queued(run: QueuedRun, now: datetime, dashboard: str) -> Sequence[Part]:
+    since = run.waiting_since(now)
+    return (
+        run_link(dashboard, run.run, run.name),
+        run.state,
+        "" if since is None else in_words((now - since).total_seconds()),
+        "" if run.begun is None else in_words((now - run.begun).total_seconds()),
+    )
+
+
+def failures_part(
+    runs: Sequence[RunRecord], passed_since: Collection[str], now: datetime, dashboard: str
+) -> Part:
+    """The runs that did not pass, the latest first.
+
+    Parameters
+    ----------
+    passed_since : those after which the same story has passed on the same project.
+    """
+    if not runs:
+        return html.Div("No run has failed.", className="empty")
+    rows = [
+        (
+            run_link(dashboard, run.id, run.project),
+            STORY_LABELS.get(run.story, run.story),
+            run.state,
+            in_words((now - (run.ended or run.scheduled)).total_seconds()),
+            _Message(run.message + (" Passed since." if run.id in passed_since else "")),
+        )
+        for run in runs
+    ]
+    return _table(("Project", "Story", "State", "Age", "Message"), rows)
+
+
+def detail_part(
+    runs: Sequence[RunRecord], chosen: str, documents: Sequence[str], now: datetime, dashboard: str
+) -> Part:
+    """What is told about one project: problems, gates, documents and older runs.
+
+    Parameters
+    ----------
+    runs : of the project file, the latest first.
+    chosen : id of the one that was picked.
+    documents : names of the documents it has.
+    """
+    run = next((one for one in runs if one.id == chosen), None)
+    if run is None:
+        return None
+    parts: list[Part] = [
+        html.H2(f"{run.project} · {STORY_LABELS.get(run.story, run.story)} · {run.state}"),
+        html.P([html.Code(run.project_file or "no project file"), " → ", html.Code(run.directory or "–")]),
+    ]
+    links = [document_link(run.id, name) for name in documents]
+    parts.append(
+        html.P(
+            [
+                part
+                for link in (*links, run_link(dashboard, run.id, "run in Prefect"))
+                for part in (link, "   ")
+            ]
+        )
+    )
+    if problems := problems_of(run):
+        parts += [html.H3("Problems and remarks"), html.Ul([html.Li(text) for text in problems])]
+    elif run.message:
+        parts.append(html.P(run.message))
+    if gates := gates_of(run.summary or {}):
+        rows = [
+            (gate.name, _figure(gate), _bound(gate), "passed" if gate.passed else "▲ not passed")
+            for gate in gates
+        ]
+        parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
+    older = [
+        (
+            run_link(dashboard, one.id, f"{one.scheduled.astimezone():%Y-%m-%d %H:%M}"),
+            STORY_LABELS.get(one.story, one.story),
+            one.state,
+            in_words((now - (one.ended or one.scheduled)).total_seconds()),
+            _Message(one.message),
+        )
+        for one in runs
+        if one.id != run.id
+    ]
+    if older:
+        parts += [
+            html.H3("Other runs of this project"),
+            _table(("Run", "Story", "State", "Age", "Message"), older),
+        ]
+    return html.Div(parts, className="detail")
+
+
+def run_link(dashboard: str, run: str, text: str) -> Part:
+    """A link to the run on the server's own pages."""
+    address = f"{dashboard}/v2/runs/flow-run/{quote(run, safe='')}"
+    return html.A(text, href=address, target="_blank", rel="noopener noreferrer")
+
+
+def document_link(run: str, name: str) -> Part:
+    """A link to a document of a run."""
+    address = f"/results/{quote(run, safe='')}/{quote(name, safe='')}"
+    return html.A(name, href=address, target="_blank", rel="noopener noreferrer")
+
+
+class _Message(str):
+    """A text that needs room."""
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:
+    body = [
+        html.Tr([html.Td(cell, className="message" if isinstance(cell, _Message) else None) for cell in row])
+        for row in rows
+    ]
+    return html.Div(
+        html.Table([html.Thead(html.Tr([html.Th(text) for text in head])), html.Tbody(body)]),
+        className="scroll",
+    )
+
+
+def _figure(gate: GateResult) -> str:
+    return "not there" if gate.value is None else f"{gate.value:.4g} {_unit(gate)}"
+
+
+def _bound(gate: GateResult) -> str:
+    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {_unit(gate)}"
+
+
+def _unit(gate: GateResult) -> str:
+    return {"1": "", "um": "µm"}.get(gate.unit, gate.unit)

@@ -1,0 +1,194 @@
+"""The board of production: every project's latest run, kept up to date with as little reading as possible.
+
+Records are asked for a few columns of the latest runs every time, and for the whole (with its summary) only
+where these have changed. Every row carries the number of the change it came with, so that a page in a browser
+is sent what it has not got yet and nothing else.
+"""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from tasks.production.project_row import ProjectRow, project_row
+from tasks.production.records import LatestRun, Records
+from tasks.production.run_record import RunRecord, StageTime
+from tasks.production.stage_states import stages_so_far
+
+
+@dataclass(frozen=True)
+class Revision:
+    """Up to which change of which board somebody has its rows.
+
+    Attributes
+    ----------
+    board : another one whenever the program begins anew.
+    number : of the change.
+    """
+
+    board: str
+    number: int
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What is new on a board.
+
+    Attributes
+    ----------
+    revision : up to which change.
+    whole : whether `added` is everything there is, and what was shown before is to be forgotten.
+    added, updated : rows.
+    removed : keys of rows that are gone.
+    """
+
+    revision: Revision
+    whole: bool
+    added: tuple[ProjectRow, ...]
+    updated: tuple[ProjectRow, ...]
+    removed: tuple[str, ...]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is new."""
+        return not (self.whole or self.added or self.updated or self.removed)
+
+
+@dataclass
+class _Kept:
+    """A row with what it was made from, the change it came with and the one it appeared with."""
+
+    latest: LatestRun
+    record: RunRecord
+    done: tuple[StageTime, ...] | None
+    row: ProjectRow
+    appeared: int
+    changed: int
+
+
+class Board:
+    """Every project's latest run; may be asked by several threads.
+
+    Parameters
+    ----------
+    records : the records of production.
+    """
+
+    def __init__(self, records: Records) -> None:
+        self.records = records
+        self._name = uuid.uuid4().hex
+        self._number = 0
+        self._kept: dict[str, _Kept] = {}
+        self._removed: dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    def rows(self) -> tuple[ProjectRow, ...]:
+        """The rows as they were read last, the latest change first."""
+        with self._lock:
+            kept = list(self._kept.values())
+        return tuple(sorted((one.row for one in kept), key=lambda row: row.changed, reverse=True))
+
+    def changes(self, since: Revision | None) -> Changes:
+        """What is new since a revision; everything if that is unknown.
+
+        Raises
+        ------
+        InputError, InstallationError
+            As of `Records`.
+        """
+        with self._lock:
+            self._read()
+            revision = Revision(self._name, self._number)
+            if since is None or since.board != self._name:
+                return Changes(revision, True, tuple(one.row for one in self._kept.values()), (), ())
+            new = [one for one in self._kept.values() if one.changed > since.number]
+            return Changes(
+                revision,
+                False,
+                tuple(one.row for one in new if one.appeared > since.number),
+                tuple(one.row for one in new if one.appeared <= since.number),
+                tuple(key for key, number in self._removed.items() if number > since.number),
+            )
+
+    def _read(self) -> None:
+        """Take in what has changed in the records and in the output folders of runs in work."""
+        found = {one.id: one for one in self.records.latest()}
+        known = {one.record.id: one for one in self._kept.values()}
+        news = [id for id, latest in found.items() if id not in known or known[id].latest != latest]
+        fresh = {record.id: record for record in self.records.runs_with(news)}
+        again = [
+            one.record for one in known.values() if one.record.state == "Running" and one.record.id in found
+        ]
+        number = self._number + 1
+        keys: set[str] = set()
+        in_work = (record for record in again if record.id in found and record.id not in fresh)
+        for record in (*fresh.values(), *in_work):
+            keys.add(self._take(record, found[record.id], number))
+        gone = {key for key, one in self._kept.items() if one.record.id not in found}
+        for key in gone:
+            del self._kept[key]
+            self._removed[key] = number
+        if gone or any(self._kept[key].changed == number for key in keys):
+            self._number = number
+
+    def _take(self, record: RunRecord, latest: LatestRun, number: int) -> str:
+        done = stages_so_far(record) if record.state == "Running" else None
+        row = project_row(record, runs=latest.runs, has_results=latest.has_results, done=done)
+        before = self._kept.get(row.key)
+        if before is None:
+            self._kept[row.key] = _Kept(latest, record, done, row, number, number)
+            self._removed.pop(row.key, None)
+        elif before.row != row or before.latest != latest:
+            self._kept[row.key] = _Kept(latest, record, done, row, before.appeared, number)
+        return row.key
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How many projects stand where.
+
+    Attributes
+    ----------
+    passed : Completed.
+    gate_failed : GateFailed.
+    wrong_input : InputError and NotComputable: somebody has to do something about the delivery.
+    broken : Failed, TimedOut, Crashed, Cancelled: the machine or somebody ended it.
+    running, waiting : in work, and scheduled.
+    oldest_waiting : since when the one has waited that waits longest.
+    """
+
+    passed: int
+    gate_failed: int
+    wrong_input: int
+    broken: int
+    running: int
+    waiting: int
+    oldest_waiting: datetime | None
+
+
+#: States of the groups of a tally.
+WRONG_INPUT = ("InputError", "NotComputable")
+BROKEN = ("Failed", "TimedOut", "Crashed", "Cancelled")
+
+
+def tally_of(rows: Sequence[ProjectRow]) -> Tally:
+    """Count the rows by their state."""
+    count = Counter(row.state for row in rows)
+
+    def of(states: Collection[str]) -> int:
+        return sum(number for state, number in count.items() if state in states)
+
+    waiting = [row.scheduled for row in rows if row.state == "Scheduled"]
+    return Tally(
+        count["Completed"],
+        count["GateFailed"],
+        of(WRONG_INPUT),
+        of(BROKEN),
+        count["Running"],
+        count["Scheduled"],
+        min(waiting, default=None),
+    )

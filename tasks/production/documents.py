@@ -1,0 +1,144 @@
+"""The pages of a run that people read, handed out only as the run has written them.
+
+A document is named by the run and by a name of the manifest of its output folder; nothing else is a path.
+Its bytes are held against the digest in the manifest before anybody sees them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tasks.errors import AerocalError, InputError
+from tasks.production.records import Records
+from tasks.production.run_record import PUBLISHING, RunRecord
+from tasks.storage.delivered_file import read_delivered
+from tasks.storage.manifest import Manifest, read_manifest
+
+#: Kinds of files that are handed out, by the ending of the name.
+MEDIA_TYPES = {".html": "text/html", ".pdf": "application/pdf", ".json": "application/json"}
+
+_RUN = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}")
+
+
+class NoDocumentError(AerocalError):
+    """There is no such document.
+
+    Parameters
+    ----------
+    what : what is missing, a sentence.
+    remedy : what can be done.
+    """
+
+    def __init__(self, what: str, remedy: str) -> None:
+        super().__init__(f"{what} {remedy}")
+
+
+class ChangedDocumentError(NoDocumentError):
+    """The document has other bytes than the run has written."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """A document of a run.
+
+    Attributes
+    ----------
+    name : of the file.
+    media_type : of its content.
+    content : its bytes.
+    """
+
+    name: str
+    media_type: str
+    content: bytes
+
+
+def documents_of(run: RunRecord, folders: Sequence[Path]) -> tuple[str, ...]:
+    """Names of the documents that the output folder of a run has, by the manifest."""
+    manifest = _manifest(run, folders)
+    return () if manifest is None else _names(manifest)
+
+
+def read_document(records: Records, run_id: str, name: str, folders: Sequence[Path]) -> Document:
+    """A document of a run, its bytes checked.
+
+    Parameters
+    ----------
+    folders : it must lie under one of them, links resolved.
+
+    Raises
+    ------
+    NoDocumentError
+        If there is no such run or document, or a later run has replaced it.
+    ChangedDocumentError
+        If its bytes are not those that the manifest names.
+    InputError, InstallationError
+        If the records cannot be read.
+    """
+    run = records.run(run_id) if _RUN.fullmatch(run_id) else None
+    if run is None:
+        raise NoDocumentError("There is no run of this number.", "Follow the links of the overview.")
+    if not records.holds_results(run):
+        raise NoDocumentError(*_without_results(run))
+    manifest = _manifest(run, folders)
+    if manifest is None:
+        raise NoDocumentError(
+            f"The results of {run.project} are not where this server may read them.",
+            f"They were written into {run.directory}.",
+        )
+    if not _NAME.fullmatch(name) or name not in _names(manifest):
+        known = ", ".join(_names(manifest)) or "none"
+        raise NoDocumentError(
+            "This run has written no document of this name.", f"Documents of {run.project}: {known}."
+        )
+    digest = next(entry.sha256 for entry in manifest.artifacts.values() if entry.file == name)
+    content = _content(run, name, folders)
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise ChangedDocumentError(
+            f"{name} of {run.project} was changed after the run had written it, and is not shown.",
+            "Run the project again: finished stages are taken up, and the file is written anew.",
+        )
+    return Document(name, MEDIA_TYPES[Path(name).suffix], content)
+
+
+def _without_results(run: RunRecord) -> tuple[str, str]:
+    if run.state not in PUBLISHING:
+        return f"The run of {run.project} has no results: {run.state}.", run.message
+    return f"A later run has replaced these results of {run.project}.", "Read those of the later run."
+
+
+def _manifest(run: RunRecord, folders: Sequence[Path]) -> Manifest | None:
+    directory = Path(run.directory)
+    if not run.directory or not _lies_under(directory / "manifest.json", folders):
+        return None
+    return read_manifest(directory)
+
+
+def _names(manifest: Manifest) -> tuple[str, ...]:
+    files = (entry.file for entry in manifest.artifacts.values())
+    return tuple(sorted(file for file in files if _NAME.fullmatch(file) and Path(file).suffix in MEDIA_TYPES))
+
+
+def _content(run: RunRecord, name: str, folders: Sequence[Path]) -> bytes:
+    file = Path(run.directory) / name
+    if not _lies_under(file, folders):
+        raise NoDocumentError(
+            f"{name} of {run.project} is not where it was written.", "Run the project again."
+        )
+    try:
+        return read_delivered(file.resolve(), "document")
+    except InputError as error:
+        raise NoDocumentError(f"{name} of {run.project} cannot be read. {error}", "") from error
+
+
+def _lies_under(path: Path, folders: Sequence[Path]) -> bool:
+    try:
+        resolved = path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return False
+    return any(resolved.is_relative_to(folder) for folder in folders)

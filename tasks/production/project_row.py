@@ -1,0 +1,168 @@
+"""A project on the overview: the latest run of a story on it, in a line."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TypeAlias
+
+from pydantic import ValidationError
+
+from tasks.production.run_record import RunRecord, StageTime, State
+from tasks.production.stage_states import StageState, stage_states
+from tasks.quality_gates import GateResult
+from tasks.storage.json_text import JSON
+
+#: x, y, z; None where there is no figure.
+Axes: TypeAlias = tuple[float | None, float | None, float | None]
+
+#: Document of an output folder, by the stage that writes it.
+DOCUMENTS: Mapping[str, str] = {
+    "report": "report.html",
+    "certificate": "certificate.html",
+    "georeferencing_page": "georeferencing_check.html",
+}
+
+
+@dataclass(frozen=True)
+class ProjectRow:
+    """The latest run of a story on a project.
+
+    Attributes
+    ----------
+    key : the same for every run of this story on this project file.
+    run : id of the run.
+    project, project_file, directory, story, state, message : as of `RunRecord`.
+    stages : state of each stage the story has come to or will come to, in order.
+    scheduled, begun, ended : UTC.
+    attempts : how often it was begun.
+    sigma0 : a posteriori / a priori.
+    rmse_check_m : of the check points.
+    gates : the limits that were tested.
+    problem : the sentence to be read first; None: there is nothing to say.
+    runs : runs of this story on this project file.
+    documents : files of the output folder that this run wrote; empty if a later run has replaced them.
+    """
+
+    key: str
+    run: str
+    project: str
+    project_file: str
+    directory: str
+    story: str
+    state: State
+    message: str
+    stages: Mapping[str, StageState]
+    scheduled: datetime
+    begun: datetime | None
+    ended: datetime | None
+    attempts: int
+    sigma0: float | None
+    rmse_check_m: Axes
+    gates: tuple[GateResult, ...]
+    problem: str | None
+    runs: int
+    documents: tuple[str, ...]
+
+    @property
+    def failed_gates(self) -> tuple[str, ...]:
+        """Names of the gates that are not passed."""
+        return tuple(gate.name for gate in self.gates if not gate.passed)
+
+    @property
+    def changed(self) -> datetime:
+        """Since when its state is what it is."""
+        return self.ended or self.begun or self.scheduled
+
+    @property
+    def seconds(self) -> float | None:
+        """How long it took; None: it has not ended, or did not begin."""
+        if self.begun is None or self.ended is None:
+            return None
+        return max((self.ended - self.begun).total_seconds(), 0.0)
+
+    def limit(self, gate: str) -> float | None:
+        """The largest value a gate lets pass; None: it was not tested."""
+        return next((one.limit for one in self.gates if one.name == gate and one.bound == "max"), None)
+
+
+def project_row(
+    run: RunRecord, *, runs: int, has_results: bool, done: Sequence[StageTime] | None = None
+) -> ProjectRow:
+    """The row of a project from its latest run.
+
+    Parameters
+    ----------
+    runs : how many there are.
+    has_results : whether the output folder holds what this run has published.
+    done : stages that have ended, if the record does not know them yet.
+    """
+    summary = run.summary or {}
+    written = tuple(dict.fromkeys(DOCUMENTS[one.stage] for one in run.stages if one.stage in DOCUMENTS))
+    return ProjectRow(
+        key_of(run),
+        run.id,
+        run.project,
+        run.project_file,
+        run.directory,
+        run.story,
+        run.state,
+        run.message,
+        stage_states(run, run.stages if done is None else done),
+        run.scheduled,
+        run.begun,
+        run.ended,
+        run.attempts,
+        _number(summary.get("sigma0")),
+        _axes(summary.get("rmse_check_m")),
+        gates_of(summary),
+        _problem(run),
+        runs,
+        written if has_results else (),
+    )
+
+
+def key_of(run: RunRecord) -> str:
+    """The same text for every run of a story on a project file, and for no other."""
+    told = "\0".join((run.project_file, run.project, run.story))
+    return hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:24]
+
+
+def gates_of(summary: Mapping[str, JSON]) -> tuple[GateResult, ...]:
+    """The tested limits in a summary; those that this aerocal does not understand are left out."""
+    found = []
+    listed = summary.get("gates")
+    for gate in listed if isinstance(listed, Sequence) and not isinstance(listed, str) else ():
+        try:
+            found.append(GateResult.model_validate(gate))
+        except ValidationError:
+            continue
+    return tuple(found)
+
+
+def problems_of(run: RunRecord) -> tuple[str, ...]:
+    """The problems and remarks of a run, the first one first."""
+    listed = (run.summary or {}).get("problems")
+    said = tuple(map(str, listed)) if isinstance(listed, Sequence) and not isinstance(listed, str) else ()
+    if run.state in ("Completed", "GateFailed"):
+        return said
+    return tuple(dict.fromkeys((run.message, *said))) if run.message else said
+
+
+def _problem(run: RunRecord) -> str | None:
+    if run.state == "Running" and run.attempts > 1:
+        return f"Begun for the {run.attempts}. time; finished stages are taken up."
+    return next(iter(problems_of(run)), None)
+
+
+def _axes(figure: JSON) -> Axes:
+    if isinstance(figure, Sequence) and not isinstance(figure, str) and len(figure) == 3:
+        x, y, z = map(_number, figure)
+        return x, y, z
+    return None, None, None
+
+
+def _number(figure: JSON) -> float | None:
+    return float(figure) if isinstance(figure, int | float) and not isinstance(figure, bool) else None
