@@ -21,7 +21,7 @@ from flows.serving.api import Api
 from flows.serving.server_process import SERVER_WORDS, ServerAddress, free_port, is_well, server_environment
 from tasks.production.records import Records
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose
-from tests.flows.conftest import _write_block
+from tests.flows.conftest import write_block
 from tests.postgresql_server import PASSWORD, PostgresqlServer, program
 from tests.service.served import environment, until
 
@@ -47,7 +47,7 @@ def running(command: list[str], log: Path, **options: Any) -> Iterator[subproces
 def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_event_announces(
     tmp_path: Path,
 ) -> None:
-    _write_block(tmp_path / "root" / "block")
+    write_block(tmp_path / "root" / "block")
     address = ServerAddress("127.0.0.1", free_port("127.0.0.1"))
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)

@@ -19,7 +19,7 @@ from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
 from tasks.storage.installation import InstallationError
 from tasks.storage.run_lock import run_lock
-from tests.flows.conftest import _write_block
+from tests.flows.conftest import write_block
 from tests.postgresql_server import PASSWORD, PostgresqlServer
 from tests.service.served import Served, alive, recorded_states, served, until
 from tests.tasks.registry.records import add, approve, record
@@ -32,7 +32,7 @@ MANUAL = "aerial-triangulation/manual"
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("serve")
-    _write_block(folder / "root" / "block")
+    write_block(folder / "root" / "block")
     calibrations = folder / "root" / "registry.sqlite"
     registry = Registry.at(registry_address(str(calibrations)))
     add(registry, record())
@@ -110,7 +110,7 @@ def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -
     def runs() -> list[object]:
         return server.runs(flow_runs={"tags": {"all_": ["delivery"]}})
 
-    _write_block(server.folder / "inbox" / "block-7")
+    write_block(server.folder / "inbox" / "block-7")
     nightly = server.ended(server.start("inbox/nightly", {}))
     assert "Not complete yet: block-7." in nightly["state"]["message"]
     assert runs() == []
@@ -228,7 +228,7 @@ def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(server: Se
 
 
 def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(tmp_path: Path) -> None:
-    _write_block(tmp_path / "root" / "block")
+    write_block(tmp_path / "root" / "block")
     with served(tmp_path, "--cron", "30 1 * * *") as first, run_lock(tmp_path / "root" / "block" / "results"):
         run = first.start(MANUAL, {"project": "block"})
         first.in_state(run, "RUNNING")
@@ -254,7 +254,7 @@ def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(
 
 
 def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Path) -> None:
-    _write_block(tmp_path / "root" / "block")
+    write_block(tmp_path / "root" / "block")
     with served(tmp_path) as server:
         groups = server.groups()
         with run_lock(tmp_path / "root" / "block" / "results"):
@@ -269,7 +269,7 @@ def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Pa
 def test_the_records_may_be_in_postgresql(
     tmp_path: Path, postgresql: PostgresqlServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _write_block(tmp_path / "root" / "block")
+    write_block(tmp_path / "root" / "block")
     monkeypatch.setenv("PGPASSWORD", PASSWORD)
     database = postgresql.emptied().replace(f":{PASSWORD}@", "@")
     with served(tmp_path, "--database", database) as server:

@@ -15,13 +15,13 @@ from tasks.errors import InputError
 from tasks.settings.project import Project
 from tasks.storage.store import Store
 from tasks.summary import Summary
-from tests.flows.conftest import _write_block
+from tests.flows.conftest import write_block
 
 
 @pytest.fixture
 def roots(tmp_path: Path) -> Roots:
-    _write_block(tmp_path / "root" / "block")
-    _write_block(tmp_path / "outside")
+    write_block(tmp_path / "root" / "block")
+    write_block(tmp_path / "outside")
     return roots_of([tmp_path / "root"])
 
 
