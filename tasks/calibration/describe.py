@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ from tasks.tables.parquet import read_table
 REFUSED = "The calibration is refused: "
 #: Beginning of the names of the files; one camera alone has no more than this.
 CALIBRATION = "calibration"
+_LONGEST_STEM = 100
 
 
 @stored("calibration")
@@ -119,8 +121,12 @@ def describe_calibration(
 
 
 def file_stem(camera: str, *, alone: bool) -> str:
-    """Name of a camera's record without its ending."""
-    return CALIBRATION if alone else f"{CALIBRATION}_{re.sub(r'[^A-Za-z0-9.-]+', '_', camera)}"
+    """Name of a camera's record without its ending; two cameras never have the same."""
+    if alone:
+        return CALIBRATION
+    plain = re.sub(r"[^A-Za-z0-9.-]+", "_", camera)[:_LONGEST_STEM]
+    told_apart = "" if plain == camera else f"-{hashlib.sha256(camera.encode()).hexdigest()[:8]}"
+    return f"{CALIBRATION}_{plain}{told_apart}"
 
 
 @dataclass(frozen=True, eq=False)
