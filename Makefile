@@ -6,8 +6,10 @@ STAMP  := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.installed-bench
 DEPLOY_VENV := $(VENV)-deploy
 DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
+AUDIT_VENV := $(VENV)-audit
+AUDIT_STAMP := $(AUDIT_VENV)/.installed
 
-.PHONY: venv test slow-test service-deps service-test lint deploy-lint demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test lint deploy-lint audit demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -50,6 +52,21 @@ deploy-lint: $(DEPLOY_STAMP)
 	$(DEPLOY_VENV)/bin/check-jsonschema --builtin-schema vendor.compose-spec deploy/compose.yaml
 	$(DEPLOY_VENV)/bin/kubernetes-validate deploy/kubernetes/aerocal.yaml
 	$(DEPLOY_VENV)/bin/shellcheck deploy/init.sh
+
+# Known vulnerabilities of everything locked. It asks PyPI's advisories over the network, so CI does not run it.
+$(AUDIT_STAMP): requirements-audit.lock
+	test -x $(AUDIT_VENV)/bin/python || $(PYTHON) -m venv $(AUDIT_VENV)
+	$(AUDIT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-audit.lock
+	touch $@
+
+# Strict: a package that cannot be audited fails the audit like one that is vulnerable.
+audit: $(AUDIT_STAMP)
+	failed=; for lock in requirements*.lock; do \
+		echo "$$lock"; \
+		$(AUDIT_VENV)/bin/python -m pip_audit --strict --no-deps --disable-pip --progress-spinner off -r $$lock \
+			|| failed="$$failed $$lock"; \
+	done; \
+	test -z "$$failed" || { echo "NOT AUDITED, or vulnerable:$$failed (see above; the audit needs the network)" >&2; exit 1; }
 
 demo: $(STAMP)
 	$(BIN)/aerocal flight-check uce-calibration --calibrate --out results/demo
