@@ -25,7 +25,7 @@ from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
 from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
-from flows.scenario_sweep import carry_out_sweep  # noqa: E402
+from flows.scenario_sweep import sweep_of  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.object_storage.address import ObjectAddress  # noqa: E402
@@ -147,7 +147,8 @@ def scenario_sweep(
     overrides : values to replace, each as ``a.b.c=VALUE``.
     data : a second folder for relative input paths.
     """
-    return state_of(carry_out_sweep(_request(project_file, out, overrides, data)))
+    request = _request(project_file, out, overrides, data)
+    return _run(sweep_of(request), request)
 
 
 def check_name() -> str:

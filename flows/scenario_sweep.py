@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from flows.block_preparation import PreparedBlock, approximate_block, prepare_block
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.project_run import RunRequest, Story
 from flows.stage import Attempt, stage
 from flows.workers import workers
 from tasks import estimate
@@ -31,15 +31,13 @@ publish_sweep = stage(publication.publish_sweep)
 _log = logging.getLogger("aerocal")
 
 
-def carry_out_sweep(request: RunRequest) -> RunOutcome:
-    """Run the sweep of a project file and publish its table and page.
+def sweep_of(request: RunRequest) -> Story:
+    """The sweep of a project file as a story; its variants are read when it is run.
 
-    Raises
-    ------
-    InstallationError
-        If the machine stands in the way (full disk, no permission, a worker was ended, no cluster).
+    The story raises InstallationError if the machine stands in the way (full disk, no permission, a worker
+    was ended, no cluster).
     """
-    return carry_out(lambda project, store: scenario_sweep(project, request.variants(), store), request)
+    return lambda project, store: scenario_sweep(project, request.variants(), store)
 
 
 def scenario_sweep(project: Project, variants: Mapping[str, Project], store: Store) -> Summary:

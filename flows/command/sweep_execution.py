@@ -15,7 +15,7 @@ from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import where_results_are
 from flows.prefect_settings import prepare_prefect, server_to_report_to
-from flows.project_run import RunOutcome, RunRequest
+from flows.project_run import RunOutcome, RunRequest, carry_out
 from flows.workers import use_cluster
 from tasks.storage.json_text import JSON, json_text
 
@@ -46,9 +46,9 @@ def execute_sweep(
 
 
 def _in_process(request: RunRequest) -> RunOutcome:
-    from flows.scenario_sweep import carry_out_sweep
+    from flows.scenario_sweep import sweep_of
 
-    return carry_out_sweep(request)
+    return carry_out(sweep_of(request), request)
 
 
 def _reported_to(address: str, request: RunRequest) -> RunOutcome:
