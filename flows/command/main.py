@@ -12,6 +12,7 @@ import typer
 from flows.command.adjust import adjust
 from flows.command.calibrate import calibrate
 from flows.command.check import check
+from flows.command.clean import clean
 from flows.command.doctor import doctor
 from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.fetch import fetch
@@ -61,6 +62,7 @@ app.command()(sweep)
 app.command()(figures)
 app.command()(fetch)
 app.command()(flight_check)
+app.command()(clean)
 app.command()(serve)
 app.add_typer(registry, name="registry")
 

@@ -46,18 +46,61 @@ def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
     folder = directory.absolute() / ".store"
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
+    with _opened(directory, roots) as handle:
+        if not _locked(handle):
+            # The number is a hint for the reader only; the lock itself is what counts.
+            holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
+            _log.warning(
+                "another run (process %s) is writing into %s; waiting until it ends", holder, directory
+            )
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        _take(handle, directory)
+        yield
+
+
+@contextmanager
+def run_lock_if_free(directory: Path, roots: Sequence[Path] = ()) -> Iterator[bool]:
+    """Hold the lock of an output folder that there is, if nobody else does; whether it is held.
+
+    Parameters and errors as of `run_lock`.
+    """
+    with _opened(directory, roots) as handle:
+        held = _locked(handle)
+        if held:
+            _take(handle, directory)
+        yield held
+
+
+@contextmanager
+def _opened(directory: Path, roots: Sequence[Path]) -> Iterator[int]:
+    """The file of the lock, inside the folders the run is confined to."""
+    folder = directory.absolute() / ".store"
+    with writing_into(folder):
         handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     try:
         _require_inside(handle, directory, roots)
-        _acquire(handle, directory)
-        _require_no_links(folder)
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
-        _HELD[directory.absolute()] = handle
-        yield
+        yield handle
     finally:
-        _HELD.pop(directory.absolute(), None)
+        if _HELD.get(directory.absolute()) == handle:
+            del _HELD[directory.absolute()]
         os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    """Lock the file if nobody else has; whether it is locked now."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _take(handle: int, directory: Path) -> None:
+    """Look at the folder, and say who holds it."""
+    _require_no_links(directory.absolute() / ".store")
+    os.ftruncate(handle, 0)
+    os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)
+    _HELD[directory.absolute()] = handle
 
 
 def require_in_place(directory: Path) -> None:
@@ -105,13 +148,3 @@ def _require_no_links(folder: Path) -> None:
                     "Remove it, or choose another output folder.",
                     file=Path(at) / name,
                 )
-
-
-def _acquire(handle: int, directory: Path) -> None:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        # The number is a hint for the reader only; the lock itself is what counts.
-        holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
-        _log.warning("another run (process %s) is writing into %s; waiting until it ends", holder, directory)
-        fcntl.flock(handle, fcntl.LOCK_EX)

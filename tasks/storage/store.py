@@ -79,16 +79,16 @@ class Store:
             self.remote.require_access()
         with writing_into(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-            for unfinished in self.folder.glob(f"*/{_UNFINISHED}*"):
-                # A worker elsewhere may still be writing for a run that has ended: it loses the whole folder
-                # at once, and can never finish what is left of it.
-                _move_aside(unfinished)
-            for leftover in self.folder.glob(f"*/{_DISCARDED}*"):
-                shutil.rmtree(leftover, ignore_errors=True)
-            for leftover in self.folder.parent.glob(".*.[0-9]*.tmp"):
-                # A published file that did not get its name any more.
-                leftover.unlink(missing_ok=True)
+            for leftover in self.leftovers():
+                remove_whole(leftover)
             clear_records(self.folder)
+
+    def leftovers(self) -> tuple[Path, ...]:
+        """What killed runs left behind; of nobody as long as the run lock is held."""
+        patterns = (f"*/{_UNFINISHED}*", f"*/{_DISCARDED}*")
+        folders = [folder for pattern in patterns for folder in self.folder.glob(pattern)]
+        # The last are published files that did not get their names any more.
+        return (*folders, *self.folder.parent.glob(".*.[0-9]*.tmp"))
 
     def outputs(self, key: StageKey) -> Outputs | None:
         """The stored output of `key`, every file checked; None if there is none or it is damaged."""
@@ -96,7 +96,9 @@ class Store:
         if not place.is_dir():
             return None
         try:
-            return _checked_outputs(place)
+            outputs = _checked_outputs(place)
+            _note_use(place)
+            return outputs
         except _DAMAGES as error:
             _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
             return None
@@ -150,7 +152,7 @@ class Store:
         while not _renamed(folder, place):
             with contextlib.suppress(*_DAMAGES):
                 return _checked_outputs(place)
-            _move_aside(place)
+            remove_whole(place)
         _flush_folder(place.parent)
         return {a.name: Artifact(a.name, place / a.path.name, a.sha256, a.rows) for a in artifacts}
 
@@ -295,12 +297,29 @@ def _renamed(folder: Path, place: Path) -> bool:
     return True
 
 
-def _move_aside(place: Path) -> None:
-    """Take a damaged or unfinished folder away, in one step for everybody who looks at it."""
+def remove_whole(place: Path) -> None:
+    """Remove a folder or file, in one step for everybody who looks at it.
+
+    A worker elsewhere may still be writing into a folder for a run that has ended: it loses the whole of it
+    at once, and can never finish what is left.
+    """
+    if place.name.startswith(_DISCARDED):
+        shutil.rmtree(place, ignore_errors=True)
+        return
+    if not place.is_dir():
+        place.unlink(missing_ok=True)
+        return
     aside = Path(tempfile.mkdtemp(prefix=_DISCARDED, dir=place.parent))
     with contextlib.suppress(FileNotFoundError):
         place.rename(aside / "output")
     shutil.rmtree(aside, ignore_errors=True)
+
+
+def _note_use(place: Path) -> None:
+    """Remember that an output was served: by the time of its list, which no digest is of."""
+    # Where it may only be read, it is not cleaned up either.
+    with contextlib.suppress(OSError):
+        os.utime(place / STAGE_FILE)
 
 
 def _flush(folder: Path) -> None:

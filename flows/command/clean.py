@@ -1,0 +1,44 @@
+"""``aerocal clean``: room on the disk, without touching anything that is published."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def clean(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Output folders, or folders that hold some.")
+    ],
+    older_than: Annotated[
+        int,
+        typer.Option(
+            "--older-than", metavar="DAYS", help="Only what has not been used for so long.", min=0, max=36_500
+        ),
+    ] = 90,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would go, and remove nothing.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")] = False,
+) -> None:
+    """Remove stored results of stages (DIR/.store) that nobody has used for long.
+
+    Published files stay, and so does what manifest.json names and what that was made from.
+
+    Nothing goes while a run is writing, nor where manifest.json cannot be read.
+
+    [bold]Examples[/bold]
+
+      aerocal clean results --dry-run
+
+      aerocal clean /data/projects --older-than 30
+
+    [bold]Exit codes[/bold]  0 done · 2 no such folder
+    """
+    from flows.command.clean_table import execute_clean_up
+
+    end_with(lambda: execute_clean_up(folders, older_than, "look" if dry_run else "remove", as_json=json))
