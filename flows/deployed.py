@@ -28,7 +28,8 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 )
 from flows.project_run import RunRequest, Story  # noqa: E402
 from flows.recorded_run import carry_out_recorded, note_refusal  # noqa: E402
-from flows.registered import identity, state_of  # noqa: E402
+from flows.registered import identity, show, state_of  # noqa: E402
+from flows.run_artifacts import artifacts_of_outcome, artifacts_of_refusal  # noqa: E402
 from flows.run_state import STATE_NAMES  # noqa: E402
 from flows.serving.api import configured_api  # noqa: E402
 from flows.serving.calibrations import registry_of_runner  # noqa: E402
@@ -82,12 +83,16 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
         file = roots.project_file(project)
         out = roots.output_folder(file, output)
         request = RunRequest(file, out, settings.overrides(), roots=roots.folders)
-        return state_of(carry_out_recorded(story, request, identity()))
+        outcome = carry_out_recorded(story, request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))
+        show(artifacts_of_refusal(project, "InputError", str(error), identity()))
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     except InstallationError as error:
+        show(artifacts_of_refusal(project, "Failed", str(error), identity()))
         return Failed(message=str(error))
+    show(artifacts_of_outcome(outcome, request, identity()))
+    return state_of(outcome)
 
 
 @flow(

@@ -1,18 +1,23 @@
 """The stories as Prefect flows: name, run name, timeout, and how an outcome becomes a state.
 
-The only file that imports Prefect. Deployments and ``--server`` come through here; the stories
+Imports Prefect when imported. Deployments and ``--server`` come through here; the stories
 themselves know nothing of it. Annotations are evaluated on purpose: Prefect builds its forms from
 them when a deployment is served.
 """
 
+import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
+from uuid import UUID
 
 from flows.prefect_settings import prepare_prefect
 
 prepare_prefect()
 
 from prefect import Flow, flow  # noqa: E402
+from prefect.client.orchestration import get_client  # noqa: E402
+from prefect.client.schemas.actions import ArtifactCreate  # noqa: E402
 from prefect.client.schemas.objects import State  # noqa: E402
 from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
@@ -24,15 +29,22 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
+from flows.run_artifacts import (  # noqa: E402
+    CONTRADICTS_TRUTH,
+    artifacts_beside_records,
+    artifacts_of_outcome,
+)
 from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
 from flows.scenario_sweep import sweep_of  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
+from tasks.dashboard.artifacts import DashboardArtifact  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.object_storage.address import ObjectAddress  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
 from tasks.summary import failed_summary, read_summary  # noqa: E402
 
 _HOUR_S = 3600
+_log = logging.getLogger("aerocal")
 
 
 def run_name() -> str:
@@ -51,6 +63,25 @@ def state_of(outcome: RunOutcome) -> State[None]:
 def identity() -> FlowRunIdentity:
     """What the server knows the flow run by that is active."""
     return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
+
+
+def show(artifacts: Sequence[DashboardArtifact]) -> None:
+    """Store artifacts of the flow run that is active; what the server does not take is remarked on."""
+    run_id = UUID(str(flow_run.id))
+    try:
+        with get_client(sync_client=True) as client:
+            for one in artifacts:
+                created = ArtifactCreate(
+                    key=one.key,
+                    type=one.type,
+                    description=one.description,
+                    data=one.data,
+                    flow_run_id=run_id,
+                )
+                client.create_artifact(created)
+    # Whatever it is: the run is done, and its results are there.
+    except Exception as error:
+        _log.warning("the artifacts of this run were not stored: %s: %s", type(error).__name__, error)
 
 
 @flow(
@@ -76,7 +107,9 @@ def aerial_triangulation(
 
 
 def _run(story: Story, request: RunRequest) -> State[None]:
-    return state_of(carry_out_recorded(story, request, identity()))
+    outcome = carry_out_recorded(story, request, identity())
+    show(artifacts_of_outcome(outcome, request, identity()))
+    return state_of(outcome)
 
 
 def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
@@ -186,8 +219,10 @@ def flight_check(
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     check = flight_check_story(specification, Path(out), calibrates=calibrate)
     contradictions = () if check.comparison is None else check.comparison.contradictions()
+    request = RunRequest(Path(out) / "project.toml")
+    show(artifacts_beside_records(check.outcome, request, identity(), contradictions))
     if contradictions:
-        return Failed(name="ContradictsTruth", message=" ".join(contradictions))
+        return Failed(name=CONTRADICTS_TRUTH, message=" ".join(contradictions))
     return state_of(check.outcome)
 
 

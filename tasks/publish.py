@@ -52,11 +52,20 @@ OF_CHECKS = (
     "y_parallaxes",
     "stereo_models",
     "georeferencing_check",
+    "georeferencing_map",
 )
 #: Tables that other kinds of runs publish in their place.
 OF_SWEEPS = ("sweep",)
 #: Published besides the tables.
-DOCUMENTS = ("report", "georeferencing_check", "certificate.html", "certificate.json", "certificate.pdf")
+DOCUMENTS = (
+    "report",
+    "map",
+    "georeferencing_check",
+    "georeferencing_map",
+    "certificate.html",
+    "certificate.json",
+    "certificate.pdf",
+)
 EVERYTHING = (*PUBLISHED, *DOCUMENTS)
 #: What a system calibration publishes; the records of the cameras come with their own names.
 OF_CALIBRATIONS = (*EVERYTHING, "orientation_differences", "orientation_difference_means")

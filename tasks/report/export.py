@@ -34,14 +34,14 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
             file=report,
         )
     page = report.read_text(encoding="utf-8")
-    found = {match["name"]: match["svg"] for match in _FIGURE.finditer(page)}
+    found = _figures(page)
     if not found:
         raise InputError(
             "The report has no figures with names.",
             "Run the project again: the report may come from an older version.",
             file=report,
         )
-    style = drawing_rules(page.partition("<style>")[2].partition("</style>")[0])
+    style = _style_of(page)
     out.mkdir(parents=True, exist_ok=True)
     files = []
     for name, drawing in found.items():
@@ -49,6 +49,26 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
         file.write_text(standing_alone(drawing, style), encoding="utf-8")
         files.append(file)
     return tuple(files)
+
+
+def figure_of(page: str, name: str) -> str:
+    """One figure of a page of ours as an SVG file of its own.
+
+    Raises
+    ------
+    KeyError
+        If the page has no figure of this name.
+    """
+    return standing_alone(_figures(page)[name], _style_of(page))
+
+
+def _figures(page: str) -> dict[str, str]:
+    return {match["name"]: match["svg"] for match in _FIGURE.finditer(page)}
+
+
+def _style_of(page: str) -> str:
+    """The rules of a page for its drawings."""
+    return drawing_rules(page.partition("<style>")[2].partition("</style>")[0])
 
 
 def standing_alone(drawing: str, style: str) -> str:

@@ -1,10 +1,11 @@
-"""The report as a stage: ``report.html``, one page that needs nothing else."""
+"""The report as a stage: ``report.html``, one page that needs nothing else, and its map by itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
+from tasks.report.export import figure_of
 from tasks.report.material import read_material
 from tasks.report.page import render
 from tasks.report.provenance import SOFTWARE
@@ -13,6 +14,8 @@ from tasks.storage.artifact import Artifact
 from tasks.storage.store import stored
 
 REPORT = "report.html"
+#: The map of the block.
+MAP = "map.svg"
 
 
 @stored("report")
@@ -25,7 +28,7 @@ def write_report(
     files: tuple[str, ...],
     software: Mapping[str, str] = SOFTWARE,
 ) -> None:
-    """Write report.html.
+    """Write report.html and map.svg.
 
     Parameters
     ----------
@@ -37,3 +40,4 @@ def write_report(
     """
     page = render(read_material(stages, project), name, files, software)
     (folder / REPORT).write_text(page, encoding="utf-8")
+    (folder / MAP).write_text(figure_of(page, "block"), encoding="utf-8")

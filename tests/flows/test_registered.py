@@ -73,6 +73,33 @@ def test_what_went_wrong_is_the_name_of_the_state(
     assert word in str(state.message)
 
 
+def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
+    block: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterFlowRunId
+
+    from flows.registered import show
+    from tasks.dashboard.artifacts import DashboardArtifact
+
+    state = as_flow(block, tmp_path / "out", "gates.sigma0.max=0.71")
+    with get_client(sync_client=True) as client:
+        own = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[state.state_details.flow_run_id]))
+        stored = client.read_artifacts(artifact_filter=own)
+    (verdict,) = (one for one in stored if str(one.key).endswith("-aerial-triangulation-verdict"))
+    assert verdict.type == "markdown"
+    assert str(verdict.data).startswith("**🔴 GateFailed: 1 of 2 limits not kept: σ0 ")
+
+    @flow(name="refused")
+    def refused() -> str:
+        show([DashboardArtifact("No Such Key", "markdown", "", "")])
+        return "done"
+
+    assert refused() == "done"
+    assert "were not stored" in caplog.text
+
+
 def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
     from flows.registered import flight_check
 

@@ -1,4 +1,4 @@
-"""georeferencing_check.html: the page of a direct-georeferencing check, one file that needs nothing else."""
+"""georeferencing_check.html: the page of a direct-georeferencing check, and its map by itself."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from tasks.georeferencing.report import check_tables, parallax_plots
 from tasks.georeferencing.report.difference_map import difference_map
 from tasks.georeferencing.report.material import CheckMaterial, read_check
 from tasks.georeferencing.report.verdict import verdict
+from tasks.report.export import figure_of
 from tasks.report.key_figures import gate_table
 from tasks.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.report.provenance import SOFTWARE, files_table, settings_table, versions_table
@@ -22,6 +23,8 @@ from tasks.storage.artifact import Artifact
 from tasks.storage.store import stored
 
 PAGE = "georeferencing_check.html"
+#: The map of the differences; only where there are surveyed points.
+MAP = "georeferencing_map.svg"
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -35,7 +38,7 @@ def write_georeferencing_page(
     files: tuple[str, ...],
     software: Mapping[str, str] = SOFTWARE,
 ) -> None:
-    """Write georeferencing_check.html.
+    """Write georeferencing_check.html, and georeferencing_map.svg if there is anything to show.
 
     Parameters
     ----------
@@ -45,8 +48,11 @@ def write_georeferencing_page(
     files : names of the delivered files, without folders.
     software : versions that decide how the page looks.
     """
-    page = render(read_check(stages, project), name, files, software)
+    material = read_check(stages, project)
+    page = render(material, name, files, software)
     (folder / PAGE).write_text(page, encoding="utf-8")
+    if len(material.points):
+        (folder / MAP).write_text(figure_of(page, "differences"), encoding="utf-8")
 
 
 def render(material: CheckMaterial, name: str, files: Sequence[str], software: Mapping[str, str]) -> str:
