@@ -59,6 +59,7 @@ def _ended(outcome: RunOutcome, request: RunRequest, identity: FlowRunIdentity) 
         state_name(outcome),
         state_message(outcome),
         outcome.directory.absolute(),
+        str(outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place),
         outcome.summary,
     )
 

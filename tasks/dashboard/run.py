@@ -25,7 +25,8 @@ class EndedRun:
     story : what was done, as the dashboard writes it.
     state : how it ended.
     message : sentences on that.
-    directory : output folder; None: there is none.
+    directory : output folder on this machine; None: there is none.
+    place : where the results are for people: the folder, or an address on object storage.
     summary : its figures; None if it did not come to any.
     results : address that serves the published files of this run; None: none does.
     """
@@ -36,6 +37,7 @@ class EndedRun:
     state: str
     message: str
     directory: Path | None = None
+    place: str = ""
     summary: Summary | None = None
     results: str | None = None
 

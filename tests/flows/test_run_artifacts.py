@@ -23,7 +23,7 @@ from flows.run_artifacts import (
 from tasks.dashboard.artifacts import DashboardArtifact
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.quality_gates import GateResult
-from tests.flows.conftest import _write_block
+from tests.flows.conftest import write_block
 
 ALL_CHECK = ",check"
 IDENTITY = FlowRunIdentity("1234", "aerial-triangulation")
@@ -33,7 +33,7 @@ IDENTITY = FlowRunIdentity("1234", "aerial-triangulation")
 def request_of_block(tmp_path_factory: pytest.TempPathFactory) -> RunRequest:
     """A block whose surveyed points are all check points, some with names that mean something elsewhere."""
     folder = tmp_path_factory.mktemp("artifacts") / "Block 7"
-    _write_block(folder)
+    write_block(folder)
     control = folder / "control.csv"
     control.write_text(control.read_text().replace(",control", ALL_CHECK))
     first = control.read_text().splitlines()[1].split(",")[0]
