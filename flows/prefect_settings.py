@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from flows.serving.state_file import find_server, state_folder
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
 
 
@@ -91,6 +91,8 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
         return None
     if found.server.records is not None:
         os.environ.setdefault(RECORDS_VARIABLE, found.server.records)
+    if found.server.overview is not None:
+        os.environ.setdefault(OVERVIEW_VARIABLE, found.server.overview)
     return found.server.url
 
 

@@ -15,10 +15,8 @@ from tasks.dashboard.artifacts import DashboardArtifact, dashboard_artifacts
 from tasks.dashboard.run import EndedRun
 from tasks.production.records import project_name
 from tasks.production.run_record import State
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
-#: Set by ``aerocal serve``: address of the overview page, which serves the files that runs have published.
-OVERVIEW_VARIABLE = "AEROCAL_OVERVIEW_URL"
 #: Name of the failed state of a flight check whose estimates are not what was simulated.
 CONTRADICTS_TRUTH = "ContradictsTruth"
 

@@ -41,6 +41,9 @@ def _shown(document: Document) -> Response:
             "default-src 'none'; style-src 'unsafe-inline'; object-src 'self'"
         )
         response.headers["Content-Disposition"] = f'inline; filename="{document.name}"'
+    if document.media_type.startswith("image/"):
+        # The dashboard, which shows the map, is the same host on another port.
+        response.headers["Cross-Origin-Resource-Policy"] = "same-site"
     response.headers["Cache-Control"] = "no-store"
     return response
 

@@ -32,7 +32,7 @@ from flows.serving.server_process import (
 from flows.serving.state_file import STATE_VARIABLE, RunningServer, the_only_server, write_state
 from tasks.errors import AerocalError
 from tasks.production.records import Records
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.settings.registry import REGISTRY_VARIABLE
 from tasks.storage.installation import InstallationError
 
@@ -141,7 +141,7 @@ def _with_runner(
     runner = Child(
         "flows.serving.runner",
         options.runner.as_text(),
-        environment=environment,
+        environment={**environment, OVERVIEW_VARIABLE: options.overview.dashboard},
         log=options.state / "logs" / "runner.log",
         holds=server.lifeline,
     )
@@ -151,7 +151,7 @@ def _with_runner(
             "runner", lambda: _polls(api, options.runner.story, begun), runner, requests.come.is_set, _START_S
         ):
             return 0
-        where = RunningServer(options.address.api, os.getpid(), options.records, options.overview.base)
+        where = RunningServer(options.address.api, os.getpid(), options.records, options.overview.dashboard)
         write_state(options.state, where)
         say(f"Dashboard: {options.address.dashboard}")
         say(f"Production page: {options.overview.dashboard}")

@@ -32,7 +32,7 @@ class RunningServer:
     url : API address, with ``/api``.
     pid : number of the process of ``aerocal serve``.
     records : where the records of production are, without a password; None: an older server.
-    overview : address of the production page; None: an older server.
+    overview : address of the production page for browsers; None: an older server.
     """
 
     url: str

@@ -19,7 +19,12 @@ from tasks.storage.delivered_file import read_delivered
 from tasks.storage.manifest import Manifest, read_manifest
 
 #: Kinds of files that are handed out, by the ending of the name.
-MEDIA_TYPES = {".html": "text/html", ".pdf": "application/pdf", ".json": "application/json"}
+MEDIA_TYPES = {
+    ".html": "text/html",
+    ".pdf": "application/pdf",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+}
 
 _RUN = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}")

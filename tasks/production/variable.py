@@ -1,4 +1,6 @@
-"""The variable that names the records of production; apart from them, so that its name loads no database."""
+"""Variables that name what production keeps and shows; apart from it, so that a name loads no database."""
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts.
 RECORDS_VARIABLE = "AEROCAL_RECORDS"
+#: Set likewise: address of the production page, which serves the documents of runs.
+OVERVIEW_VARIABLE = "AEROCAL_OVERVIEW_URL"

@@ -15,13 +15,12 @@ from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.project_run import RunOutcome, RunRequest, carry_out
 from flows.recorded_run import FlowRunIdentity
 from flows.run_artifacts import (
-    OVERVIEW_VARIABLE,
     artifacts_beside_records,
     artifacts_of_outcome,
     artifacts_of_refusal,
 )
 from tasks.dashboard.artifacts import DashboardArtifact
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.quality_gates import GateResult
 from tests.flows.conftest import write_block
 
