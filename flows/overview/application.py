@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dash import ALL, ClientsideFunction, Dash, Input, Output, State, dcc, html, no_update
+from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
 
 from flows.overview import calibration_figures, trend_figures
 from flows.overview.access import guard, page_policy
@@ -113,7 +113,9 @@ def _answer(app: Dash, sources: Sources) -> None:
             return (*(no_update,) * 6, trouble, now.isoformat(), no_update)
         rows = sources.board.rows()
         said = [
-            html.Span("server: answers" if view.reachable else "server: DOES NOT ANSWER"),
+            html.Span("server answers")
+            if view.reachable
+            else html.Span("server DOES NOT ANSWER", className="down"),
             html.Span(f"refreshed {now.astimezone():%H:%M:%S}"),
         ]
         due = None if watch is None else len(watch.due)
@@ -149,31 +151,28 @@ def _answer(app: Dash, sources: Sources) -> None:
             if (last := passed.get((run.project_file, run.story))) is not None and last > run.scheduled
         }
         return (
-            _plot(trend_figures.sigma0_figure(points), "No project has been adjusted yet.", "sigma0-plot"),
+            _plot(
+                trend_figures.sigma0_figure(points),
+                "No project has been adjusted yet.",
+                {"trend": "sigma0"},
+            ),
             _plot(
                 trend_figures.rmse_figure(points),
                 "No project with check points has been adjusted yet.",
-                "rmse-plot",
+                {"trend": "rmse"},
             ),
             failures_part(failed, since, datetime.now(UTC), sources.dashboard),
         )
 
-    @app.callback(Output("detail", "children"), Input(GRID, "selectedRows"), State("tick", "n_intervals"))
-    def _tell(selected: list[dict[str, Any]] | None, _ticks: int | None) -> Any:
-        if not selected:
-            return None
-        chosen = str(selected[0].get("run"))
-        try:
-            run = sources.records.run(chosen)
-            if run is None:
-                return None
-            older = (
-                sources.records.runs_of_project(run.project_file, _OLDER_RUNS) if run.project_file else (run,)
-            )
-            there = documents_of(run, sources.roots.folders) if sources.records.holds_results(run) else ()
-        except AerocalError as error:
-            return html.Div(str(error), className="detail")
-        return detail_part(older, chosen, there, datetime.now(UTC), sources.dashboard)
+    @app.callback(Output("detail", "children"), Input(GRID, "selectedRows"))
+    def _tell(selected: list[dict[str, Any]] | None) -> Any:
+        return _detail(sources, str(selected[0].get("run"))) if selected else None
+
+    @app.callback(Output("picked", "children"), Input({"trend": ALL}, "clickData"), prevent_initial_call=True)
+    def _pick(_clicks: list[Any]) -> Any:
+        point: dict[str, Any] = next(iter((ctx.triggered[0]["value"] or {}).get("points", ())), {})
+        told = point.get("customdata")
+        return _detail(sources, str(told[2])) if isinstance(told, list) and len(told) > 2 else no_update
 
     @app.callback(
         Output("camera", "options"),
@@ -200,9 +199,22 @@ def _answer(app: Dash, sources: Sources) -> None:
             return None
         shown = [series for series in watch.series if series.camera_key == chosen]
         return [
-            _plot(calibration_figures.series_figure(series, watch.today), "", f"series-{number}")
+            _plot(calibration_figures.series_figure(series, watch.today), "", {"series": str(number)})
             for number, series in enumerate(shown)
         ]
+
+
+def _detail(sources: Sources, run_id: str) -> Any:
+    """What is told about a run that somebody has picked."""
+    try:
+        run = sources.records.run(run_id)
+        if run is None:
+            return None
+        older = sources.records.runs_of_project(run.project_file, _OLDER_RUNS) if run.project_file else ()
+        there = documents_of(run, sources.roots.folders) if sources.records.holds_results(run) else ()
+    except AerocalError as error:
+        return html.Div(str(error), className="detail")
+    return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
 
 
 def _transaction(changes: Changes) -> Any:
@@ -216,7 +228,7 @@ def _transaction(changes: Changes) -> Any:
     }
 
 
-def _plot(figure: dict[str, Any] | None, without: str, name: str) -> Any:
+def _plot(figure: dict[str, Any] | None, without: str, name: str | dict[str, str]) -> Any:
     if figure is None:
         return html.Div(without, className="empty")
     return dcc.Graph(figure=figure, config=_PLOT, id=name, style={"width": "100%"})

@@ -15,6 +15,11 @@ from tasks.production.project_row import ProjectRow
 #: Milliseconds between two looks, and between two looks at the registry.
 _TICK_MS, _SLOW_MS = 10_000, 60_000
 
+_CALIBRATION_LEGEND = (
+    "Bars are ± σ; values count from the first calibration. Dashed: what the newest may differ from the one "
+    "before; dotted: from the first of its mounting. At the foot: the days on which one is in force."
+)
+
 Part = Any
 
 
@@ -67,6 +72,7 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
                 ],
                 className="columns",
             ),
+            html.Div(id="picked", className="picked"),
             html.Section(
                 [
                     html.Div(
@@ -83,6 +89,7 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
                     ),
                     html.Div(id="due"),
                     html.Div(id="calibrations", className="plots"),
+                    html.P(_CALIBRATION_LEGEND, className="note"),
                 ],
                 id="calibrations-section",
             ),

@@ -30,6 +30,14 @@ def add_results(server: Flask, sources: Sources) -> None:
             return _refused(error, 503)
         return _shown(document)
 
+    # Everything else below would be answered with the page.
+    for path in ("/results", "/results/", "/results/<path:_rest>"):
+        server.add_url_rule(path, view_func=_no_listing)
+
+
+def _no_listing(_rest: str = "") -> Response:
+    return _refused(NoDocumentError("There is nothing here.", "Follow the links of the overview."), 404)
+
 
 def _shown(document: Document) -> Response:
     response = Response(document.content, mimetype=document.media_type)

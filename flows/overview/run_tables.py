@@ -13,7 +13,7 @@ from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.server_queue import ServerView
 from flows.serving.inbox_news import InboxNews
-from tasks.production.project_row import gates_of, problems_of
+from tasks.production.project_row import gates_of, in_project, problems_of
 from tasks.production.queue import QueuedRun
 from tasks.production.run_record import RunRecord
 from tasks.quality_gates import GateResult
@@ -84,7 +84,7 @@ def failures_part(
             STORY_LABELS.get(run.story, run.story),
             run.state,
             in_words((now - (run.ended or run.scheduled)).total_seconds()),
-            _Message(run.message + (" Passed since." if run.id in passed_since else "")),
+            _Message(in_project(run, run.message) + (" Passed since." if run.id in passed_since else "")),
         )
         for run in runs
     ]
@@ -92,19 +92,16 @@ def failures_part(
 
 
 def detail_part(
-    runs: Sequence[RunRecord], chosen: str, documents: Sequence[str], now: datetime, dashboard: str
+    run: RunRecord, runs: Sequence[RunRecord], documents: Sequence[str], now: datetime, dashboard: str
 ) -> Part:
     """What is told about one project: problems, gates, documents and older runs.
 
     Parameters
     ----------
+    run : the one that was picked.
     runs : of the project file, the latest first.
-    chosen : id of the one that was picked.
     documents : names of the documents it has.
     """
-    run = next((one for one in runs if one.id == chosen), None)
-    if run is None:
-        return None
     parts: list[Part] = [
         html.H2(f"{run.project} · {STORY_LABELS.get(run.story, run.story)} · {run.state}"),
         html.P([html.Code(run.project_file or "no project file"), " → ", html.Code(run.directory or "–")]),
@@ -135,7 +132,7 @@ def detail_part(
             STORY_LABELS.get(one.story, one.story),
             one.state,
             in_words((now - (one.ended or one.scheduled)).total_seconds()),
-            _Message(one.message),
+            _Message(in_project(one, one.message)),
         )
         for one in runs
         if one.id != run.id

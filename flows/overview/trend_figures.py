@@ -36,7 +36,7 @@ def sigma0_figure(points: Sequence[TrendPoint]) -> Figure | None:
             )
         ),
     ]
-    return {"data": [one for one in traces if one["x"]], "layout": layout("σ0", rangemode="tozero")}
+    return {"data": [one for one in traces if one["x"]], "layout": layout("σ0")}
 
 
 def rmse_figure(points: Sequence[TrendPoint]) -> Figure | None:
@@ -53,7 +53,10 @@ def rmse_figure(points: Sequence[TrendPoint]) -> Figure | None:
         traces.append(
             _figures(there, lambda p, i=index: p.rmse_check_m[i], axis, marker, axis + " %{y:.3f} m")
         )
-    return {"data": [one for one in traces if one["x"]], "layout": layout("RMSE [m]", type="log")}
+    return {
+        "data": [one for one in traces if one["x"]],
+        "layout": layout("RMSE [m]", type="log", dtick="D2", tickformat=".3~f"),
+    }
 
 
 def _figures(points: Sequence[TrendPoint], value: Any, name: str, marker: Figure, told: str) -> Figure:
@@ -93,7 +96,13 @@ def layout(title: str, **axis: Any) -> Figure:
     ----------
     title, axis : of the vertical axis.
     """
-    grid = {"gridcolor": "#e8ecef", "linecolor": "#b6c0c9", "zeroline": False, "automargin": True}
+    grid = {
+        "exponentformat": "power",
+        "gridcolor": "#e8ecef",
+        "linecolor": "#b6c0c9",
+        "zeroline": False,
+        "automargin": True,
+    }
     return {
         "height": 280,
         "margin": {"l": 56, "r": 12, "t": 10, "b": 36},

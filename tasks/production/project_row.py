@@ -100,7 +100,8 @@ def project_row(
     done : stages that have ended, if the record does not know them yet.
     """
     summary = run.summary or {}
-    written = tuple(dict.fromkeys(DOCUMENTS[one.stage] for one in run.stages if one.stage in DOCUMENTS))
+    wrote = {one.stage for one in run.stages}
+    written = tuple(document for stage, document in DOCUMENTS.items() if stage in wrote)
     return ProjectRow(
         key_of(run),
         run.id,
@@ -143,7 +144,17 @@ def gates_of(summary: Mapping[str, JSON]) -> tuple[GateResult, ...]:
 
 
 def problems_of(run: RunRecord) -> tuple[str, ...]:
-    """The problems and remarks of a run, the first one first."""
+    """The problems and remarks of a run, the first one first; files of the project by their names."""
+    return tuple(in_project(run, sentence) for sentence in _said(run))
+
+
+def in_project(run: RunRecord, sentence: str) -> str:
+    """A sentence on a project with the project's folder left out of paths."""
+    folder = run.project_file.rpartition("/")[0]
+    return sentence.replace(f"{folder}/", "") if folder else sentence
+
+
+def _said(run: RunRecord) -> tuple[str, ...]:
     listed = (run.summary or {}).get("problems")
     said = tuple(map(str, listed)) if isinstance(listed, Sequence) and not isinstance(listed, str) else ()
     if run.state in ("Completed", "GateFailed"):

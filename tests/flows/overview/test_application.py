@@ -1,0 +1,280 @@
+"""What the production page answers, to whom, and with which protection."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flask.testing import FlaskClient
+
+from flows.overview.sources import Sources, configured_sources
+from flows.serving.inbox_news import keep_inbox_news
+from tasks.errors import InputError
+from tasks.production.records import Records
+from tests.tasks.production.runs import ended, run, summary
+from tests.tasks.production.test_documents import REPORT, publish
+
+Browse = Callable[..., FlaskClient]
+HOSTILE = "<img src=x onerror=alert(1)> [x](javascript:alert(2))"
+
+
+def basic(words: str) -> dict[str, str]:
+    return {"Authorization": f"Basic {base64.b64encode(words.encode()).decode()}"}
+
+
+def asked(client: FlaskClient, output: str, inputs: list[Any], state: list[Any]) -> Any:
+    """The answer of a callback, asked as the page does."""
+    listed = client.get("/_dash-dependencies").get_json()
+    found = next(one for one in listed if output in one["output"])
+    names = [part.rpartition(".") for part in found["output"].strip(".").split("...")]
+    outputs = [{"id": name, "property": what} for name, _, what in names]
+    body = {
+        "output": found["output"],
+        "outputs": outputs if found["output"].startswith("..") else outputs[0],
+        "inputs": [{**one, "value": value} for one, value in zip(found["inputs"], inputs, strict=True)],
+        "state": [{**one, "value": value} for one, value in zip(found["state"], state, strict=True)],
+        "changedPropIds": [],
+    }
+    answer = client.post("/_dash-update-component", json=body)
+    assert answer.status_code == 200, answer.get_data(as_text=True)
+    return answer.get_json()["response"]
+
+
+def refreshed(client: FlaskClient, revision: Any, ticks: int = 1) -> Any:
+    return asked(client, "projects.rowTransaction", [ticks], [revision])
+
+
+def texts(part: Any) -> str:
+    """All texts of a part of the page."""
+    if isinstance(part, dict):
+        return texts(part.get("props", part).get("children", ""))
+    return " ".join(map(texts, part)) if isinstance(part, list) else str(part or "")
+
+
+def texts_of_rows(part: Any) -> list[str]:
+    """The values in the rows of the grid, wherever it stands in the page."""
+    if isinstance(part, list):
+        return [text for one in part for text in texts_of_rows(one)]
+    if not isinstance(part, dict):
+        return []
+    rows = part.get("rowData") or []
+    return [value for row in rows for value in row.values() if isinstance(value, str)] + [
+        text for one in part.values() for text in texts_of_rows(one)
+    ]
+
+
+def test_nothing_comes_from_elsewhere(sources: Sources, browse: Browse) -> None:
+    page = browse(sources).get("/")
+    text = page.get_data(as_text=True)
+    for found in re.findall(r"""(?:src|href)=["']([^"']+)""", text):
+        assert found.startswith("/"), found
+    policy = page.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+    assert "unsafe-eval" not in policy
+    assert re.search(r"script-src 'self' 'sha256-[^']+'(;|$)", policy)
+    assert page.headers["X-Content-Type-Options"] == "nosniff"
+    assert page.headers["X-Frame-Options"] == "DENY"
+
+
+def test_every_script_that_stands_in_the_page_is_allowed_by_its_digest(
+    sources: Sources, browse: Browse
+) -> None:
+    import hashlib
+
+    page = browse(sources).get("/")
+    inline = re.findall(r"<script(?![^>]*src=)[^>]*>(.*?)</script>", page.get_data(as_text=True), re.S)
+    run_by_the_browser = [script for script in inline if not script.lstrip().startswith("{")]
+    assert run_by_the_browser
+    for script in run_by_the_browser:
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert digest in page.headers["Content-Security-Policy"]
+
+
+def test_who_has_no_password_sees_nothing(sources: Sources, browse: Browse, records: Records) -> None:
+    one = publish(records, sources.roots.folders[0] / "block" / "results")
+    client = browse(replace(sources, words="ann:secret"), "0.0.0.0")
+    pages = ("/", "/_dash-layout", f"/results/{one.id}/report.html", "/assets/grid.js", "/health")
+    for headers in ({}, basic("ann:wrong"), basic("ann:"), basic(""), {"Authorization": "Bearer x"}):
+        for page in pages:
+            answer = client.get(page, headers=headers)
+            assert answer.status_code == 401, page
+            assert b"block" not in answer.data
+    for page in pages:
+        assert client.get(page, headers=basic("ann:secret"), buffered=True).status_code == 200, page
+
+
+def test_a_page_for_this_machine_is_not_found_under_another_name(sources: Sources, browse: Browse) -> None:
+    client = browse(sources)
+    assert client.get("/health", headers={"Host": "localhost:4201"}).status_code == 200
+    assert client.get("/health", headers={"Host": "evil.example:4201"}).status_code == 400
+    assert browse(sources, "0.0.0.0").get("/health", headers={"Host": "office:4201"}).status_code == 200
+
+
+def test_a_report_is_shown_without_scripts_and_apart_from_the_page(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    one = publish(records, sources.roots.folders[0] / "block" / "results")
+    shown = browse(sources).get(f"/results/{one.id}/report.html")
+    assert (shown.status_code, shown.data, shown.mimetype) == (200, REPORT, "text/html")
+    policy = shown.headers["Content-Security-Policy"]
+    assert "sandbox" in policy
+    assert "script" not in policy.replace("allow-scripts", "script")
+    assert shown.headers["Cache-Control"] == "no-store"
+
+
+def test_a_changed_report_is_refused_in_words(sources: Sources, browse: Browse, records: Records) -> None:
+    folder = sources.roots.folders[0] / "block" / "results"
+    one = publish(records, folder)
+    (folder / "report.html").write_bytes(b"<script>alert(1)</script>")
+    answer = browse(sources).get(f"/results/{one.id}/report.html")
+    assert answer.status_code == 410
+    assert b"was changed after the run had written it" in answer.data
+    assert b"alert(1)" not in answer.data
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/results", "/results/", "/results/{run}", "/results/{run}/", "/results/{run}/secret.html",
+        "/results/{run}/../../../records.sqlite", "/results/{run}/..%2f..%2fproject.toml",
+        "/results/{run}/%2e%2e", "/results/..%2f..%2fstate/records.sqlite", "/results/{run}/images.parquet",
+        "/results/%27%20OR%201=1/report.html", "/assets/../application.py", "/assets/%2e%2e/application.py",
+        "/_dash-component-suites/dash/../../os.py",
+    ],
+)  # fmt: skip
+def test_no_other_path_leads_to_a_file(sources: Sources, browse: Browse, records: Records, path: str) -> None:
+    one = publish(records, sources.roots.folders[0] / "block" / "results")
+    client = browse(sources)
+    answer = client.get(path.format(run=one.id))
+    assert answer.status_code in ((404,) if path.startswith("/results") else (404, 500, 200))
+    for secret in (b"SQLite format", b"not of the run", b"PAR1", b"def application", b"report.html\n"):
+        assert secret not in answer.data
+
+
+def test_a_refusal_shows_hostile_names_as_text(sources: Sources, browse: Browse, records: Records) -> None:
+    one = ended(records, run(HOSTILE, directory="/nowhere"), "InputError", HOSTILE)
+    answer = browse(sources).get(f"/results/{one.id}/report.html")
+    assert answer.status_code == 404
+    assert b"<img" not in answer.data
+    assert b"&lt;img" in answer.data
+
+
+def test_hostile_names_reach_the_browser_as_plain_values(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    """Cells are drawn by React from values; over a plot, where marks count, they are escaped."""
+    figures = {**summary(1.4), "problems": [HOSTILE]}
+    one = ended(records, run(HOSTILE), "GateFailed", HOSTILE, figures=figures)
+    client = browse(sources)
+    layout = client.get("/_dash-layout").get_data(as_text=True)
+    assert "<img" not in layout
+    assert HOSTILE in texts_of_rows(json.loads(layout))
+    assert '"dangerously_allow_code":false' in layout.replace(" ", "")
+    assert "dangerously_allow_html" not in layout
+    trend = json.dumps(asked(client, "sigma0-trend.children", [None], []))
+    assert "&lt;img src=x" in trend
+    hovered = json.loads(trend)["sigma0-trend"]["children"]["props"]["figure"]["data"]
+    assert all("<img" not in str(trace.get("customdata")) for trace in hovered)
+    links = re.findall(r'"href": "([^"]+)"', trend)
+    detail = json.dumps(asked(client, "detail.children", [[{"run": one.id}]], []))
+    for link in links + re.findall(r'"href": "([^"]+)"', detail):
+        assert link.startswith(("http://127.0.0.1:4200/v2/runs/flow-run/", "/results/")), link
+
+
+def test_the_page_asks_for_what_is_new_only(sources: Sources, browse: Browse, records: Records) -> None:
+    for number in range(3):
+        ended(records, run(f"block-{number}"))
+    client = browse(sources)
+    first = refreshed(client, {"board": "", "number": 0})
+    assert len(first["projects"]["rowData"]) == 3
+    assert first["no-projects"]["children"] is None
+    again = refreshed(client, first["revision"]["data"])
+    assert "projects" not in again
+    assert "revision" not in again
+    ended(records, run("block-1", hours=1), "GateFailed", figures=summary(1.4))
+    news = refreshed(client, first["revision"]["data"])
+    transaction = news["projects"]["rowTransaction"]
+    assert [row["state"] for row in transaction["update"]] == ["GateFailed"]
+    assert (transaction["add"], transaction["remove"]) == ([], [])
+    assert "rowData" not in news["projects"]
+
+
+def test_an_empty_page_says_how_to_begin(sources: Sources, browse: Browse) -> None:
+    client = browse(sources)
+    first = refreshed(client, {"board": "", "number": 0})
+    assert "No project has been run yet" in texts(first["no-projects"]["children"])
+    assert "DOES NOT ANSWER" in texts(first["said"]["children"])
+    assert "No run has failed" in texts(
+        asked(client, "failures.children", [None], [])["failures"]["children"]
+    )
+    due = asked(client, "due.children", [None], [None])["due"]["children"]
+    assert "aerocal serve --registry" in texts(due)
+
+
+def test_failures_say_whether_the_project_has_passed_since(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    ended(records, run("block-1"), "InputError", "exposures.csv is not there.")
+    ended(records, run("block-2"), "InputError", "control.csv is not there.")
+    ended(records, run("block-1", hours=1))
+    client = browse(sources)
+    refreshed(client, {"board": "", "number": 0})
+    told = texts(asked(client, "failures.children", [None], [])["failures"]["children"])
+    assert "exposures.csv is not there. Passed since." in told
+    assert "control.csv is not there." in told
+    assert told.count("Passed since.") == 1
+
+
+def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:
+    sources.state.mkdir()
+    keep_inbox_news(sources.state, ("block-9",), ("block-8 is not started. It has no project.toml.",))
+    told = texts(refreshed(browse(sources), {"board": "", "number": 0})["queue"]["children"])
+    assert "block-8 is not started. It has no project.toml." in told
+    assert "not complete yet (no file DELIVERED): block-9" in told
+
+
+def test_records_that_cannot_be_read_are_said_and_the_page_stays(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    client = browse(sources)
+    file = records.address.file
+    assert file is not None
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("no database")
+    answer = refreshed(client, {"board": "", "number": 0})
+    assert "This is not a SQLite database" in texts(answer["trouble"]["children"])
+    assert client.get("/_dash-layout").status_code == 200
+
+
+def test_a_selected_project_tells_its_gates_problems_and_older_runs(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    ended(records, run("block"), "InputError", "exposures.csv is not there.")
+    publish(records, sources.roots.folders[0] / "block" / "results")
+    figures = summary(1.4, problems=("Strip 3 contradicts its neighbours.",))
+    one = ended(records, run("block", hours=2), "GateFailed", figures=figures)
+    client = browse(sources)
+    told = texts(asked(client, "detail.children", [[{"run": one.id}]], [])["detail"]["children"])
+    for text in ("Strip 3 contradicts", "sigma0", "≤ 1.2", "▲ not passed", "exposures.csv is not there."):
+        assert text in told
+    assert asked(client, "detail.children", [[{"run": "unknown"}]], [])["detail"]["children"] is None
+
+
+def test_the_page_belongs_to_a_server(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="belongs to a server"):
+        configured_sources("http://127.0.0.1:4200", {})
+    environment = {
+        "AEROCAL_RECORDS": str(tmp_path / "r.sqlite"),
+        "AEROCAL_ROOTS": json.dumps([str(tmp_path)]),
+        "PREFECT_API_URL": "http://127.0.0.1:4200/api",
+        "PREFECT_SERVER_API_AUTH_STRING": "ann:secret",
+    }
+    found = configured_sources("http://127.0.0.1:4200", environment)
+    assert (found.words, found.registry, found.roots.folders) == ("ann:secret", None, (tmp_path.resolve(),))
