@@ -23,6 +23,7 @@ from prefect.states import Completed, Failed  # noqa: E402
 from pydantic import Field  # noqa: E402
 
 from flows.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
+from flows.clean_up import Act, clean_up_below  # noqa: E402
 from flows.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
@@ -46,6 +47,7 @@ from tasks.registry.registry import Registry  # noqa: E402
 from tasks.registry.watch import watch_of  # noqa: E402
 from tasks.settings.registry import registry_address  # noqa: E402
 from tasks.storage.installation import InstallationError  # noqa: E402
+from tasks.storage.retention import KEEP_DAYS  # noqa: E402
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")
@@ -222,6 +224,35 @@ def recalibration_due(
         _log.info(sentence)
     message = " ".join(watch.sentences)
     return Failed(name=RECALIBRATION_DUE, message=message) if watch.due else Completed(message=message)
+
+
+def clean_up_run_name() -> str:
+    """Name of a clean-up that begins."""
+    return f"output folders · {flow_run.flow_name}"
+
+
+@flow(
+    name="clean-up",
+    flow_run_name=clean_up_run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    on_completion=[name_outcome],
+    on_failure=[name_outcome],
+)
+def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
+    """Remove stored results of stages that nobody has used for long; what a manifest names always stays.
+
+    Args:
+        keep_days: Days that a stored result stays after it was made or used last.
+        act: Remove them, or only look what would be removed.
+    """
+    try:
+        done = clean_up_below(configured_roots().folders, keep_days, act)
+    except InputError as error:
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    for sentence in done.sentences:
+        _log.info(sentence)
+    return Completed(message=" ".join(done.sentences))
 
 
 #: The flows of a project, each with a deployment ``manual``.

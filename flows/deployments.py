@@ -8,7 +8,7 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-from flows.deployed import STORIES, inbox, recalibration_due
+from flows.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.deliveries import MANUAL, ON_DELIVERY
 from flows.serving.options import RunnerOptions
 
@@ -29,7 +29,10 @@ TAG = "aerocal"
 #: Names of the deployments with a schedule.
 NIGHTLY = "nightly"
 RECALIBRATION_DUE = "recalibration-due"
+CLEAN_UP = "clean-up"
 _SCHEDULED = (NIGHTLY, RECALIBRATION_DUE)
+#: Every night at three.
+_DAILY = "0 3 * * *"
 #: Seconds between two questions for runs to begin.
 _POLL_S = 2.0
 
@@ -70,6 +73,16 @@ def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
                 RECALIBRATION_DUE,
                 "Looks through the registry of calibrations.",
                 schedule=Cron(options.recalibration_cron, timezone=options.timezone),
+            )
+        )
+    if options.keep_days is not None:
+        made.append(
+            _of(
+                clean_up,
+                CLEAN_UP,
+                "Every night.",
+                schedule=Cron(_DAILY, timezone=options.timezone),
+                parameters={"keep_days": options.keep_days},
             )
         )
     return made

@@ -88,6 +88,28 @@ def serve(
             show_default='"0 6 * * 1" with a registry',
         ),
     ] = None,
+    keep_days: Annotated[
+        int | None,
+        typer.Option(
+            "--keep-days",
+            metavar="N",
+            help="Every night, remove stored results of stages that nobody has used for N days; never what a "
+            "manifest names (see aerocal clean).",
+            show_default="nothing is removed",
+            min=1,
+            max=36_500,
+        ),
+    ] = None,
+    history_days: Annotated[
+        int,
+        typer.Option(
+            "--history-days",
+            metavar="N",
+            help="How long the dashboard remembers runs that have ended.",
+            min=1,
+            max=36_500,
+        ),
+    ] = 365,
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
     state: Annotated[
         Path | None,
@@ -132,6 +154,8 @@ def serve(
                 timezone=timezone,
                 registry=registry,
                 recalibration_cron=recalibration_cron,
+                keep_days=keep_days,
+                history_days=history_days,
                 limit=limit,
                 state=state,
             ),

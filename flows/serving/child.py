@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import runpy
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
-#: A log is begun anew when a server starts and the old one is larger, bytes; the old one is kept once.
+#: A log that is larger, bytes, is begun anew; the old one is kept once.
 _LOG_BYTES = 20_000_000
 
 
@@ -83,6 +84,17 @@ class Child:
         self.process.wait()
         with contextlib.suppress(OSError):
             os.close(self.lifeline)
+
+    def begin_log_anew(self) -> None:
+        """Keep a log that has grown large as the old one, and go on in an empty one.
+
+        Lines written between the copy and the cut are lost; a few in a year.
+        """
+        # A full disk must not end the server: then the log stays as it is.
+        with contextlib.suppress(OSError):
+            if self.log.stat().st_size > _LOG_BYTES:
+                shutil.copyfile(self.log, self.log.with_suffix(".old.log"))
+                os.truncate(self.log, 0)
 
     def last_lines(self, number: int = 5) -> str:
         """The end of its log."""

@@ -37,6 +37,8 @@ class RunnerOptions:
     timezone : IANA name of the time zone the five fields are meant in.
     story : what is done with deliveries.
     recalibration_cron : when the registry of calibrations is looked at; None: there is no registry.
+    keep_days : stored results of stages that nobody has used for so long are removed every night, unless a
+        manifest names them; None: never.
     """
 
     limit: int = 1
@@ -45,6 +47,7 @@ class RunnerOptions:
     timezone: str = "UTC"
     story: StoryOfDeliveries = "aerial-triangulation"
     recalibration_cron: str | None = None
+    keep_days: int | None = None
 
     def require_valid(self) -> None:
         """Check what Prefect would only find out in the runner.
@@ -92,6 +95,7 @@ class ServeOptions:
     inbox : folder of deliveries; None: there is none.
     watch_s : seconds between two looks into the inbox.
     registry : address of the registry of calibrations, password included; None: there is none.
+    history_days : how long Prefect's server remembers runs that have ended.
     runner : what the runner is told.
     state : folder of state file, logs and Prefect's own files.
     """
@@ -103,6 +107,7 @@ class ServeOptions:
     inbox: Path | None
     watch_s: float
     registry: str | None
+    history_days: int
     runner: RunnerOptions
     state: Path
 
@@ -127,6 +132,8 @@ def options_for(
     timezone: str,
     registry: str | None,
     recalibration_cron: str | None,
+    keep_days: int | None,
+    history_days: int,
     limit: int,
     state: Path | None,
 ) -> ServeOptions:
@@ -149,7 +156,7 @@ def options_for(
     if recalibration_cron is not None and calibrations is None:
         raise InputError("There is a schedule for calibrations, but no registry.", "Add --registry ADDRESS.")
     weekly = None if calibrations is None else recalibration_cron or WEEKLY
-    runner = RunnerOptions(limit, inbox is not None, cron, timezone, known, weekly)
+    runner = RunnerOptions(limit, inbox is not None, cron, timezone, known, weekly, keep_days)
     runner.require_valid()
     beside = overview_port or (port + 1 if port < _LAST_PORT else port - 1)
     if beside == port:
@@ -162,6 +169,7 @@ def options_for(
         None if inbox is None else inbox.resolve(),
         watch_s,
         calibrations,
+        history_days,
         runner,
         state_folder() if state is None else state.absolute(),
     )

@@ -41,7 +41,10 @@ class OverviewProcess:
 
     def look(self) -> None:
         """Begin it again if it has ended by itself; after some times, do without it."""
-        if self._child is None or not self._child.ended:
+        if self._child is None:
+            return
+        if not self._child.ended:
+            self._child.begin_log_anew()
             return
         reason = self._child.last_lines(1)
         self.end()

@@ -88,7 +88,7 @@ def serve(options: ServeOptions, say: Say) -> int:
     records.prepare()
     os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
     prepare_prefect()
-    environment = server_environment(options.address, options.database)
+    environment = server_environment(options.address, options.database, history_days=options.history_days)
     with _noted() as requests, the_only_server(options.state):
         server = start_server(options.address, environment, options.state / "logs" / "server.log")
         try:
@@ -227,6 +227,7 @@ def _stay(watch: _Watch, server: Child, runner: Child, requests: _Requests) -> i
                     f"Start again; runs go on where they stood. Its log is {child.log}; the last lines:\n"
                     f"{child.last_lines()}",
                 )
+            child.begin_log_anew()
         watch.look()
     watch.say("Ending when the runs that have begun are finished; a second request ends them now.")
     runner.ask_to_end()

@@ -18,6 +18,7 @@ from tasks.storage.installation import InstallationError
 
 #: Prefect's own variable of the words (``user:password``) a server asks for.
 SERVER_WORDS = "PREFECT_SERVER_API_AUTH_STRING"
+_DAY_S = 86_400
 #: The same on the side of those who ask it.
 CLIENT_WORDS = "PREFECT_API_AUTH_STRING"
 
@@ -98,13 +99,19 @@ def free_port(host: str) -> int:
 
 
 def server_environment(
-    address: ServerAddress, database: str | None, environment: Mapping[str, str] = os.environ
+    address: ServerAddress,
+    database: str | None,
+    environment: Mapping[str, str] = os.environ,
+    *,
+    history_days: int = 365,
 ) -> dict[str, str]:
     """The variables of the server's process.
 
     Parameters
     ----------
     database : ``postgresql://…``, or None for Prefect's SQLite file in our folder.
+    history_days : how long runs that have ended are remembered, with their logs and artifacts. Which
+        deliveries have been done is remembered elsewhere (`tasks.production.records`).
 
     Raises
     ------
@@ -124,6 +131,9 @@ def server_environment(
         # Pages of other origins may not start runs through the browser of somebody who is here.
         "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.dashboard,
         "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+        # By itself Prefect forgets events only, after a week, and runs never.
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(history_days * _DAY_S),
     }
     if database is not None:
         settings["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = _connection(database)

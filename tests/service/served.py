@@ -111,8 +111,11 @@ def alive(group: int) -> bool:
 
 
 @contextmanager
-def served(folder: Path, *options: str) -> Iterator[Served]:
-    """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards."""
+def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
+    """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards.
+
+    Its environment has these variables besides.
+    """
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     port = free_port("127.0.0.1")
@@ -122,7 +125,10 @@ def served(folder: Path, *options: str) -> Iterator[Served]:
     places = ["--root", str(folder / "root"), "--inbox", str(folder / "inbox"), "--watch", "1"]
     with (folder / "printed").open("wb") as printed:
         process = subprocess.Popen(
-            [*command, *places, *options], stdout=printed, stderr=printed, env=environment(folder)
+            [*command, *places, *options],
+            stdout=printed,
+            stderr=printed,
+            env={**environment(folder), **variables},
         )
     server = Served(folder, process, port, overview)
     groups: set[int] = set()

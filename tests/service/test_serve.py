@@ -6,14 +6,18 @@ import json
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 
 import pytest
 
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunRequest, carry_out
 from flows.serving.state_file import find_server
 from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
@@ -38,7 +42,10 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     add(registry, record())
     approve(registry, 1, date(2024, 6, 1))
     schedule = ("--cron", "30 1 * * *", "--timezone", "Europe/Berlin")
-    with served(folder, *schedule, "--registry", str(calibrations)) as running:
+    keep = ("--registry", str(calibrations), "--keep-days", "60", "--history-days", "100")
+    # Old runs are looked for every hour otherwise.
+    often = {"PREFECT_SERVER_SERVICES_DB_VACUUM_LOOP_SECONDS": "5"}
+    with served(folder, *schedule, *keep, **often) as running:
         yield running
 
 
@@ -196,6 +203,48 @@ def test_calibrations_that_are_due_end_in_a_state_of_that_name(server: Served) -
     assert ended["due"]["run_count"] == 1
     with pytest.raises(InstallationError, match="max_age_days"):
         server.start(deployment, {"max_age_days": -1})
+
+
+def test_a_clean_up_removes_what_nobody_has_used_and_leaves_what_is_published(server: Served) -> None:
+    deployment = "clean-up/clean-up"
+    found = server.api.get(f"/deployments/name/{deployment}")
+    assert found["parameters"] == {"keep_days": 60}
+    (schedule,) = found["schedules"]
+    assert (schedule["schedule"]["cron"], schedule["schedule"]["timezone"]) == ("0 3 * * *", "Europe/Berlin")
+    fields = found["parameter_openapi_schema"]["properties"]
+    assert [name for name, field in fields.items() if not field.get("description")] == []
+    results = server.folder / "root" / "block" / "cleaned"
+    for critical in (3.5, 4.13):
+        changes = (f"adjustment.rejection.critical_value={critical}",)
+        request = RunRequest(server.folder / "root" / "block" / "project.toml", results, changes)
+        assert carry_out(aerial_triangulation, request).error is None
+    lists = list(results.glob(".store/*/*/stage.json"))
+    for file in lists:
+        os.utime(file, (1e9, 1e9))
+    published = {file.name: file.read_bytes() for file in results.iterdir() if file.is_file()}
+    looked = server.ended(server.start(deployment, {"keep_days": 60, "act": "look"}))
+    assert looked["state_name"] == "Completed"
+    assert len(list(results.glob(".store/*/*/stage.json"))) == len(lists)
+    done = server.ended(server.start(deployment, {"keep_days": 60}))
+    assert done["state_name"] == "Completed"
+    assert done["state"]["message"] == looked["state"]["message"].replace("Would remove", "Removed")
+    assert len(list(results.glob(".store/bundle_adjustment/*"))) == 1
+    assert {file.name: file.read_bytes() for file in results.iterdir() if file.is_file()} == published
+
+
+def test_the_server_forgets_what_has_ended_long_ago_and_nothing_else(server: Served) -> None:
+    vacuum = server.api.get("/admin/settings")["server"]["services"]["db_vacuum"]
+    assert set(vacuum["enabled"]) == {"events", "flow_runs"}
+    assert vacuum["retention_period"] in (100 * 86_400, "P100D")
+    old, new = (server.ended(server.start("inbox/nightly", {}))["id"] for _ in range(2))
+    database = server.folder / "state" / "prefect" / "prefect.db"
+    with closing(sqlite3.connect(database, timeout=30)) as connection, connection:
+        changed = connection.execute(
+            "UPDATE flow_run SET end_time = '2020-01-01 00:00:00.000000' WHERE id = ?", [old]
+        )
+        assert changed.rowcount == 1
+    until(lambda: server.run(old) is None, 60)
+    assert server.run(new)["state_name"] == "Completed"
 
 
 def test_the_server_is_private(server: Served) -> None:

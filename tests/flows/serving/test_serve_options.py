@@ -34,6 +34,8 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "timezone": "Europe/Berlin",
         "registry": None,
         "recalibration_cron": None,
+        "keep_days": None,
+        "history_days": 365,
         "limit": 1,
         "state": folder / "state",
     }
@@ -93,6 +95,15 @@ def test_a_registry_under_the_folders_is_looked_at_on_mondays(
     assert options(tmp_path).registry == file
     server = "postgresql://me@host/calibrations"
     assert options(tmp_path, registry=server).registry == server
+
+
+def test_the_server_forgets_runs_after_the_days_it_was_told(tmp_path: Path) -> None:
+    given = options(tmp_path, history_days=100, keep_days=30)
+    assert (given.history_days, given.runner.keep_days) == (100, 30)
+    assert options_from(given.runner.as_text()).keep_days == 30
+    made = server_environment(LOCAL, None, {}, history_days=given.history_days)
+    assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD"] == "8640000"
+    assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED"] == "events,flow_runs"
 
 
 def test_a_link_does_not_lead_to_a_registry_outside(tmp_path: Path) -> None:
