@@ -13,6 +13,7 @@ from rich.table import Table
 RESULTS = Path(__file__).with_name("results.jsonl")
 # Images of the operational block, whose time per image point larger ones are measured by.
 _OPERATIONAL = 2_448
+_SWEEP = "sweep-"
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,16 @@ def _rounded(content: object) -> object:
 
 
 def show(records: Iterable[Record], console: Console | None = None) -> None:
-    """Print a table of comparisons and start-up times, and one of the growth with its phases."""
+    """Print a table of comparisons and start-up times, one of sweeps, one of the growth with its phases."""
     records = list(records)
     console = console or Console(width=120)
-    plain = [record for record in records if record.phases_s is None]
+    sweeps = [record for record in records if record.name.startswith(_SWEEP)]
+    plain = [record for record in records if record.phases_s is None and record not in sweeps]
     grown = [record for record in records if record.phases_s is not None]
     if plain:
         console.print(_comparisons(plain))
+    if sweeps:
+        console.print(_sweeps(sweeps))
     if grown:
         console.print(_growth(grown))
 
@@ -110,6 +114,21 @@ def _comparisons(records: list[Record]) -> Table:
             "" if record.ratio is None else f"{record.ratio:.1f}",
             _count(record.peak_memory_mib),
             _count(record.peer_peak_memory_mib),
+        )
+    return table
+
+
+def _sweeps(records: list[Record]) -> Table:
+    """How much faster than the first of them the others are."""
+    table = Table(title="seconds of a sweep: median (least – largest)")
+    for heading in ("", "seconds", "processor seconds", "speed-up"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for record in records:
+        table.add_row(
+            record.name,
+            _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
+            _tenths(record.processor_s),
+            f"{records[0].ours_s / record.ours_s:.2f}",
         )
     return table
 
