@@ -68,19 +68,23 @@ class ClusterExecutor(Executor):
 
 
 @contextmanager
-def cluster(address: str, folders: Sequence[Path]) -> Iterator[ClusterExecutor]:
+def cluster(
+    address: str, folders: Sequence[Path], variables: Sequence[str] = ()
+) -> Iterator[ClusterExecutor]:
     """An executor of a cluster while the context lasts.
 
     Parameters
     ----------
     address : of the scheduler, as Dask writes it: ``tcp://HOST:8786``, ``tls://HOST:8786``.
     folders : existing folders that the workers read from and write to.
+    variables : names of variables of the environment that must have the same values there.
 
     Raises
     ------
     InstallationError
         If the scheduler is not reached or is lost; if a worker does not see the folders, or computes with
-        other software or on several threads; if workers die again and again over a call, or none is left.
+        other software, on several threads or in another environment; if workers die again and again over a
+        call, or none is left.
     """
     for name in ("distributed.batched", "distributed.client"):
         # What is wrong with the connection is said below, in one sentence.
@@ -90,7 +94,8 @@ def cluster(address: str, folders: Sequence[Path]) -> Iterator[ClusterExecutor]:
         # With the client goes what it has asked for and is not computed yet.
         ends.callback(_disconnect, client)
         words = tuple(ends.enter_context(_words_in(folder)) for folder in folders)
-        expected = Expected(software_here(), words)
+        environment = tuple((name, os.environ.get(name)) for name in variables)
+        expected = Expected(software_here(), words, environment)
         _examine_workers(client, address, expected)
         executor = ClusterExecutor(client, expected)
         ends.enter_context(_watched(client, address, executor))

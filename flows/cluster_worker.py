@@ -39,10 +39,12 @@ class Expected:
     ----------
     software : what the run computes with.
     words : a file and its text, in every folder the workers read from and write to.
+    environment : (name, value) of variables that decide what is read; None: not set.
     """
 
     software: Software
     words: tuple[tuple[Path, str], ...]
+    environment: tuple[tuple[str, str | None], ...] = ()
 
     def trouble(self, threads: int) -> Trouble | None:
         """Why this process cannot take part; None if it can.
@@ -51,7 +53,12 @@ class Expected:
         ----------
         threads : how many calls the worker carries out at once.
         """
-        return _other_software(self.software) or _too_many_threads(threads) or _other_files(self.words)
+        return (
+            _other_software(self.software)
+            or _too_many_threads(threads)
+            or _other_files(self.words)
+            or _other_environment(self.environment)
+        )
 
 
 def _other_software(expected: Software) -> Trouble | None:
@@ -85,6 +92,17 @@ def _other_files(words: tuple[tuple[Path, str], ...]) -> Trouble | None:
                 "Put the project and its results into a folder that all machines share under one path.",
             )
     return None
+
+
+def _other_environment(environment: tuple[tuple[str, str | None], ...]) -> Trouble | None:
+    others = [name for name, value in environment if os.environ.get(name) != value]
+    if not others:
+        return None
+    # The values are nobody's business.
+    return Trouble(
+        f"has {' and '.join(others)} set to something else than this run",
+        "Start it with the same environment.",
+    )
 
 
 def examine(expected: Expected, dask_worker: Any) -> tuple[Trouble | None, str]:

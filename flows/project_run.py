@@ -11,6 +11,7 @@ import logging
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -30,6 +31,15 @@ from tasks.summary import Summary, failed_summary, write_summary
 Story: TypeAlias = Callable[[Project, Store], Summary]
 
 _log = logging.getLogger("aerocal")
+
+#: A story of a project: module in flows, function in it, and Prefect flow all have this name.
+StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
+
+
+def story_named(name: StoryName) -> Story:
+    """The story of this name; loaded when it is asked for."""
+    story: Story = getattr(import_module(f"flows.{name}"), name)
+    return story
 
 
 @dataclass(frozen=True)

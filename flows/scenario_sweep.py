@@ -54,7 +54,7 @@ def scenario_sweep(project: Project, variants: Mapping[str, Project], store: Sto
         _Case(scenario, sweep, variants[scenario.variant], blocks[scenario.variant])
         for scenario in scenarios(sweep)
     ]
-    with workers(sweep.workers, store.folder.parent) as executor:
+    with workers(sweep.workers, (store.folder.parent,)) as executor:
         computed = _computed(cases, store, executor)
     table = tabulate_sweep(store, computed=computed)
     published = published_table(sweep.compare_with) if sweep.compare_with is not None else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -25,13 +26,16 @@ def cluster_address() -> str | None:
     return None if address in ("", "none") else address
 
 
-def workers(count: int | None, folder: Path) -> AbstractContextManager[Executor | None]:
+def workers(
+    count: int | None, folders: Sequence[Path], variables: Sequence[str] = ()
+) -> AbstractContextManager[Executor | None]:
     """An executor while the context lasts: of the cluster if there is one, else of processes.
 
     Parameters
     ----------
     count : number of processes of this machine, as of `flows.processes.processes`; a cluster has its own.
-    folder : an existing folder that the workers of a cluster read from and write to.
+    folders : existing folders that the workers of a cluster read from and write to.
+    variables : names of variables of the environment that decide what a worker reads.
 
     Raises
     ------
@@ -44,4 +48,4 @@ def workers(count: int | None, folder: Path) -> AbstractContextManager[Executor 
     # Dask takes a second to load.
     from flows.cluster import cluster
 
-    return cluster(address, (folder,))
+    return cluster(address, folders, variables)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import show_result
 from flows.prefect_settings import prepare_prefect, server_to_report_to
-from flows.project_run import RunOutcome, RunRequest, carry_out
-
-#: A story of a project: module in flows, function in it, and Prefect flow all have this name.
-StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
+from flows.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
 
 
 def execute(
@@ -38,7 +33,7 @@ def execute(
 
 
 def _in_process(request: RunRequest, story: StoryName) -> RunOutcome:
-    return carry_out(getattr(import_module(f"flows.{story}"), story), request)
+    return carry_out(story_named(story), request)
 
 
 def _reported_to(address: str, request: RunRequest, story: StoryName) -> RunOutcome:

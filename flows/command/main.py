@@ -10,6 +10,7 @@ from typing import NoReturn
 import typer
 
 from flows.command.adjust import adjust
+from flows.command.batch import batch
 from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.clean import clean
@@ -59,6 +60,7 @@ app.command()(doctor)
 app.command()(simulate)
 app.command()(plan)
 app.command()(sweep)
+app.command()(batch)
 app.command()(figures)
 app.command()(fetch)
 app.command()(flight_check)

@@ -159,6 +159,14 @@ class PathContext:
         return value
 
 
+def variables_in(file: Path) -> frozenset[str]:
+    """Names of the variables ``${NAME}`` that a project file may use; none if it cannot be read."""
+    try:
+        return frozenset(_VARIABLE.findall(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return frozenset()
+
+
 def trouble(what: str, remedy: str) -> PydanticCustomError:
     """A validation error that carries what is wrong and what to do (see ``settings.load``)."""
     return PydanticCustomError("aerocal", "{what} {remedy}", {"what": what, "remedy": remedy})

@@ -1,0 +1,64 @@
+"""``aerocal batch``: many projects, each as if run alone, several at a time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+
+from flows.command.exit_code import end_with
+from flows.command.options import Dask, Data, Overrides
+
+Stories: TypeAlias = Literal["aerial-triangulation", "system-calibration", "direct-georeferencing-check"]
+
+
+def batch(
+    projects: Annotated[
+        list[Path], typer.Argument(metavar="PROJECT.toml ...", help="Project files, or folders of one each.")
+    ],
+    story: Annotated[Stories, typer.Option("--story", help="What is done.")] = "aerial-triangulation",
+    output: Annotated[
+        str,
+        typer.Option("--output", metavar="NAME", help="Name of the output folder beside each project file."),
+    ] = "results",
+    overrides: Overrides = None,
+    data: Data = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            help="Projects at a time on this machine.",
+            show_default="one for each processor",
+        ),
+    ] = None,
+    dask: Dask = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print nothing but a JSON list of the projects on standard output.")
+    ] = False,
+) -> None:
+    """Run many projects: one table of states, σ0 and check points.
+
+    Each project is run as [bold]aerocal run[/bold] would, with its own output folder and lock, and with the
+    same bytes. One that fails stops no other; what is finished is reused.
+
+    [bold]Examples[/bold]
+
+      aerocal batch flights/*/project.toml
+
+      aerocal batch flights/* --story system-calibration --workers 4
+
+      aerocal batch flights/* --dask tcp://HOST:8786 --json
+
+    [bold]Exit codes[/bold]  that of the worst project, in this order: 1 machine or aerocal at fault · 2 input
+    wrong · 3 not computable · 4 gate failed · 0 all done
+    """
+    from flows.command.batch_execution import execute_batch
+
+    end_with(
+        lambda: execute_batch(
+            projects, story, output, tuple(overrides or ()), data, workers, dask, as_json=json
+        )
+    )

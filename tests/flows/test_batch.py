@@ -1,0 +1,125 @@
+"""Many projects at a time: each as if it had been run alone, whatever becomes of the others."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+AEROCAL = [sys.executable, "-m", "flows.command"]
+
+
+def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*AEROCAL, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=280,
+        env={**os.environ, "COLUMNS": "160"},
+    )
+
+
+def digests(out: Path) -> dict[str, str]:
+    """File name → digest of everything published."""
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
+
+
+def copy_of(block: Path, name: str) -> Path:
+    """The same block in a folder of its own; its project file."""
+    folder = block.parent.with_name(name)
+    shutil.copytree(block.parent, folder)
+    return folder / block.name
+
+
+def changed(project: Path, old: str, new: str) -> None:
+    text = project.read_text()
+    assert old in text
+    project.write_text(text.replace(old, new))
+
+
+@pytest.fixture
+def projects(block: Path) -> dict[str, Path]:
+    """One that is done, one that fails a gate, one whose input is wrong, one without datum."""
+    found = {name: copy_of(block, name) for name in ("fine", "gated", "wrong", "floating")}
+    changed(found["gated"], "sigma0 = { min = 0.7, max = 1.3 }", "sigma0 = { max = 0.1 }")
+    changed(found["wrong"].with_name("control.csv"), "point,x", "pint,x")
+    changed(found["floating"], "[inputs.control]", "[unused]")
+    return found
+
+
+def test_one_that_fails_stops_no_other_and_every_end_is_told(projects: dict[str, Path]) -> None:
+    floating = projects.pop("floating")
+    missing = floating.with_name("missing.toml")
+    done = aerocal("batch", *projects.values(), missing, "--workers", "2", "--json")
+    assert done.returncode == 2, done.stderr
+    rows = json.loads(done.stdout)
+    assert [Path(row["project"]).parent.name for row in rows] == ["fine", "gated", "wrong", "floating"]
+    assert [row["status"] for row in rows] == ["done", "gate_failed", "input_error", "input_error"]
+    assert [row["exit_code"] for row in rows] == [0, 4, 2, 2]
+    fine, gated, wrong, _ = rows
+    summary = json.loads((projects["fine"].parent / "results" / "summary.json").read_text())
+    assert (fine["sigma0"], fine["rmse_check_m"]) == (summary["sigma0"], summary["rmse_check_m"])
+    assert gated["gates_failed"] == ["sigma0"]
+    assert "control.csv" in wrong["error"]
+    assert "batch: 4 of 4: " in done.stderr
+    assert "Traceback" not in done.stderr
+    # A mistyped project leaves no folder of results.
+    assert not (floating.parent / "results").exists()
+
+
+def test_projects_of_a_batch_have_the_bytes_of_a_run(block: Path) -> None:
+    others = [copy_of(block, name) for name in ("one", "two")]
+    assert aerocal("run", block, "--server", "none").returncode == 0
+    done = aerocal("batch", *(project.parent for project in others), "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    for project in others:
+        assert digests(project.parent / "results") == digests(block.parent / "results")
+        assert project.parent.name in done.stdout
+
+
+def test_a_batch_goes_on_where_it_stood(block: Path) -> None:
+    assert aerocal("run", block, "--server", "none").returncode == 0
+    other = copy_of(block, "other")
+    shutil.rmtree(other.parent / "results")
+    assert aerocal("batch", block, other, "--workers", "1").returncode == 0
+    reused = [
+        {
+            stage["reused"]
+            for stage in json.loads((p.parent / "results" / "manifest.json").read_text())["stages"]
+        }
+        for p in (block, other)
+    ]
+    assert reused == [{True}, {False}]
+
+
+def test_two_projects_that_would_share_a_folder_are_refused(block: Path) -> None:
+    second = block.with_name("second.toml")
+    second.write_text(block.read_text())
+    done = aerocal("batch", block, second)
+    assert done.returncode == 2
+    assert "would go into the same folder" in done.stderr
+    assert not (block.parent / "results").exists()
+
+
+def test_a_folder_that_cannot_be_written_fails_alone(block: Path) -> None:
+    other = copy_of(block, "other")
+    (other.parent / "results").mkdir()
+    (other.parent / "results" / ".store").write_text("a file where a folder should be")
+    done = aerocal("batch", other, block, "--workers", "1", "--json")
+    assert done.returncode == 1
+    rows = json.loads(done.stdout)
+    assert [row["status"] for row in rows] == ["failed", "done"]
+    assert "cannot be written" in rows[0]["error"]
+
+
+def test_the_name_of_the_output_folder_is_a_name(block: Path) -> None:
+    done = aerocal("batch", block, "--output", "../elsewhere")
+    assert done.returncode == 2
+    assert "is not the name of a folder" in done.stderr
