@@ -1,0 +1,67 @@
+"""Many projects on a real Dask cluster: the bytes of single runs, and the same environment everywhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from tests.flows.conftest import write_block
+from tests.service.dask_cluster import REPOSITORY, DaskCluster, dask_cluster
+
+pytestmark = pytest.mark.service
+
+AEROCAL = [sys.executable, "-m", "flows.command"]
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
+    with dask_cluster(tmp_path_factory.mktemp("cluster")) as running:
+        yield running
+
+
+def aerocal(
+    *arguments: str | Path, more: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*AEROCAL, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY), **(more or {})},
+    )
+
+
+def digests(out: Path) -> dict[str, str]:
+    """File name → digest of everything published."""
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
+
+
+def test_projects_on_a_cluster_have_the_bytes_of_a_run(running: DaskCluster, tmp_path: Path) -> None:
+    alone, *others = (write_block(tmp_path / name) for name in ("alone", "one", "two", "wrong"))
+    others[-1].with_name("control.csv").write_text("nonsense\n")
+    assert aerocal("run", alone, "--server", "none").returncode == 0
+    done = aerocal("batch", *others, "--dask", running.address, "--json")
+    assert done.returncode == 2, done.stderr
+    assert "2 workers" in done.stderr
+    assert [row["status"] for row in json.loads(done.stdout)] == ["done", "done", "input_error"]
+    for project in others[:-1]:
+        assert digests(project.parent / "results") == digests(alone.parent / "results")
+        assert not list((project.parent / "results").glob(".*.tmp"))
+
+
+def test_workers_with_another_environment_are_refused(running: DaskCluster, tmp_path: Path) -> None:
+    project = write_block(tmp_path / "block")
+    project.write_text(project.read_text().replace('"control.csv"', '"${FLIGHTS}/control.csv"'))
+    here = {"FLIGHTS": str(project.parent)}
+    done = aerocal("batch", project, "--dask", running.address, more=here)
+    assert done.returncode == 1
+    assert "has FLIGHTS set to something else than this run" in done.stderr
+    assert not (project.parent / "results" / ".store").exists()
