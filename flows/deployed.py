@@ -36,6 +36,7 @@ from flows.serving.api import configured_api  # noqa: E402
 from flows.serving.calibrations import registry_of_runner  # noqa: E402
 from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
 from flows.serving.inbox import configured_inbox  # noqa: E402
+from flows.serving.results import configured_results  # noqa: E402
 from flows.serving.roots import configured_roots  # noqa: E402
 from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
@@ -84,7 +85,8 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
         roots = configured_roots()
         file = roots.project_file(project)
         out = roots.output_folder(file, output)
-        request = RunRequest(file, out, settings.overrides(), roots=roots.folders)
+        address = configured_results(file, output, roots)
+        request = RunRequest(file, out, settings.overrides(), roots=roots.folders, address=address)
         outcome = carry_out_recorded(story, request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))

@@ -49,17 +49,20 @@ class RunRequest:
     Attributes
     ----------
     project_file : the TOML file.
-    out : the output folder, or an address on object storage; None: ``results`` beside the project file.
+    out : the output folder; None: ``results`` beside the project file, or with an address the folder of this
+        user that stands for it.
     overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
     data : a second folder for relative input paths.
     roots : folders that every input file must lie under (runs of a deployment); empty: anywhere.
+    address : where finished stages and results are kept on object storage, too; None: nowhere.
     """
 
     project_file: Path
-    out: Path | ObjectAddress | None = None
+    out: Path | None = None
     overrides: tuple[str, ...] = ()
     data: Path | None = None
     roots: tuple[Path, ...] = ()
+    address: ObjectAddress | None = None
 
     @classmethod
     def of(
@@ -72,26 +75,31 @@ class RunRequest:
         InputError
             If the output place looks like an address and is none.
         """
-        return cls(project_file, None if out is None else output_place(out), overrides, data)
-
-    @property
-    def place(self) -> Path | ObjectAddress:
-        """Where the results go."""
-        return self.out if self.out is not None else self.project_file.parent / "results"
+        place = None if out is None else output_place(out)
+        if isinstance(place, ObjectAddress):
+            return cls(project_file, None, overrides, data, address=place)
+        return cls(project_file, place, overrides, data)
 
     @property
     def directory(self) -> Path:
-        """The output folder; of results that go to object storage the one on this machine."""
-        return local_folder(self.place) if isinstance(self.place, ObjectAddress) else self.place
+        """The output folder."""
+        if self.out is not None:
+            return self.out
+        return self.project_file.parent / "results" if self.address is None else local_folder(self.address)
+
+    @property
+    def place(self) -> Path | ObjectAddress | None:
+        """What was asked for with `of`: a folder or an address; None: neither."""
+        return self.out if self.out is not None else self.address
 
     def store(self) -> Store:
-        """The store of the output folder, with its remote side where results go to object storage."""
-        if not isinstance(self.place, ObjectAddress):
+        """The store of the output folder, with its remote side if there is an address."""
+        if self.address is None:
             return Store.of(self.directory)
-        # Loaded only for such an address, as the client of the storage is.
+        # Loaded only for an address, as the client of the storage is.
         from tasks.object_storage.workspace import ObjectWorkspace
 
-        return Store.of(self.directory, ObjectWorkspace.at(self.place))
+        return Store.of(self.directory, ObjectWorkspace.at(self.address))
 
     def project(self) -> Project:
         """Read the project file, and take what its cameras want from the registry of calibrations.
@@ -142,7 +150,7 @@ class RunOutcome:
     summary : what stands in its summary.json.
     error : why there is no result, in one line; None if there is one.
     failed_stage : the stage that could not be done; None: none, or it did not come to any.
-    address : where the results are on object storage, if they go there.
+    address : where the results are on object storage, too; None: nowhere.
     """
 
     directory: Path
@@ -154,9 +162,8 @@ class RunOutcome:
     @classmethod
     def of(cls, request: RunRequest, summary: Summary, error: AerocalError | str | None = None) -> RunOutcome:
         """How the run of a request ended."""
-        address = request.place if isinstance(request.place, ObjectAddress) else None
         stage = error.stage if isinstance(error, AerocalError) else None
-        return cls(request.directory, summary, None if error is None else str(error), stage, address)
+        return cls(request.directory, summary, None if error is None else str(error), stage, request.address)
 
     @property
     def place(self) -> Path | ObjectAddress:
@@ -190,7 +197,7 @@ def _without_result(
     """Say in summary.json why there is no result; everything else stays as it is."""
     summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
     # A mistyped project path must not leave a results folder in some unrelated place.
-    if request.out is not None or request.project_file.is_file():
+    if request.place is not None or request.project_file.is_file():
         with writing_into(request.directory), run_lock(request.directory, request.roots):
             write_summary(request.directory, summary)
         _tell_remotely(store, summary)

@@ -243,7 +243,7 @@ def run_and_report(
     """
     state = as_flow(
         str(request.project_file.absolute()),
-        _as_parameter(request.out),
+        _as_parameter(request.place),
         list(request.overrides),
         str(request.data.absolute()) if request.data is not None else None,
         return_state=True,

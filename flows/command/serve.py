@@ -110,6 +110,16 @@ def serve(
             max=36_500,
         ),
     ] = 365,
+    results: Annotated[
+        str | None,
+        typer.Option(
+            "--results",
+            metavar="s3://…",
+            help="Keep results on object storage, too, below this address (endpoint, region and credentials "
+            "from the environment).",
+            show_default="beside the projects only",
+        ),
+    ] = None,
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
     state: Annotated[
         Path | None,
@@ -156,6 +166,7 @@ def serve(
                 recalibration_cron=recalibration_cron,
                 keep_days=keep_days,
                 history_days=history_days,
+                results=results,
                 limit=limit,
                 state=state,
             ),

@@ -12,11 +12,13 @@ from urllib.parse import urlsplit
 
 from flows.serving.calibrations import registry_of_server
 from flows.serving.deliveries import StoryOfDeliveries
+from flows.serving.results import results_of_server
 from flows.serving.roots import Roots, roots_of
 from flows.serving.server_process import ServerAddress
 from flows.serving.state_file import state_folder
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
+from tasks.object_storage.address import ObjectAddress
 
 #: When a registry is looked at, if nothing else is said: Mondays at six.
 WEEKLY = "0 6 * * 1"
@@ -96,6 +98,7 @@ class ServeOptions:
     watch_s : seconds between two looks into the inbox.
     registry : address of the registry of calibrations, password included; None: there is none.
     history_days : how long Prefect's server remembers runs that have ended.
+    results : where runs keep their results on object storage, too; None: nowhere.
     runner : what the runner is told.
     state : folder of state file, logs and Prefect's own files.
     """
@@ -108,6 +111,7 @@ class ServeOptions:
     watch_s: float
     registry: str | None
     history_days: int
+    results: ObjectAddress | None
     runner: RunnerOptions
     state: Path
 
@@ -134,6 +138,7 @@ def options_for(
     recalibration_cron: str | None,
     keep_days: int | None,
     history_days: int,
+    results: str | None,
     limit: int,
     state: Path | None,
 ) -> ServeOptions:
@@ -143,7 +148,9 @@ def options_for(
     ------
     InputError
         If a folder does not exist, both ports are the same, the registry lies outside the folders, or the
-        story, a schedule or the time zone is none.
+        story, a schedule, the time zone or the address of results is none.
+    InstallationError
+        If the object storage of the results does not answer or refuses.
     """
     stories: tuple[StoryOfDeliveries, ...] = get_args(StoryOfDeliveries)
     known = next((one for one in stories if one == story), None)
@@ -170,6 +177,7 @@ def options_for(
         watch_s,
         calibrations,
         history_days,
+        results_of_server(results, confined),
         runner,
         state_folder() if state is None else state.absolute(),
     )

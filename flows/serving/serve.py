@@ -20,6 +20,7 @@ from flows.serving.inbox_news import forget_inbox_news, keep_inbox_news
 from flows.serving.options import ServeOptions
 from flows.serving.overview_process import OverviewProcess
 from flows.serving.reconciliation import reconcile
+from flows.serving.results import RESULTS_VARIABLE
 from flows.serving.roots import ROOTS_VARIABLE, as_variable
 from flows.serving.server_process import (
     CLIENT_WORDS,
@@ -118,6 +119,7 @@ def _with_server(
         **({CLIENT_WORDS: words} if words else {}),
         **({INBOX_VARIABLE: str(options.inbox.resolve())} if options.inbox is not None else {}),
         **({REGISTRY_VARIABLE: options.registry} if options.registry is not None else {}),
+        RESULTS_VARIABLE: "" if options.results is None else str(options.results),
     }
     logs, dashboard = options.state / "logs", options.address.dashboard
     overview = OverviewProcess(options.overview, dashboard, environment, logs / "overview.log", say)

@@ -13,6 +13,8 @@ import pytest
 
 from flows.processes import processes
 from flows.project_run import RunRequest, carry_out
+from flows.serving.results import RESULTS_VARIABLE, configured_results, results_of_server
+from flows.serving.roots import roots_of
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results
@@ -386,7 +388,7 @@ def test_without_bucket_credentials_or_server_nothing_begins(
 def test_wrong_input_is_told_beside_results_that_stay(
     address: ObjectAddress, project: Project, tmp_path: Path
 ) -> None:
-    request = RunRequest(tmp_path / "delivery" / "project.toml", address)
+    request = RunRequest.of(tmp_path / "delivery" / "project.toml", str(address), (), None)
 
     def story(read: Project, store: Store) -> Summary:
         return publish(store, read, [make_tables(store, names=TABLES, project=read, value=5.0)], TABLES)
@@ -413,8 +415,31 @@ def test_wrong_input_stays_wrong_input_where_it_cannot_be_told(
     monkeypatch.setenv("AEROCAL_S3_PATIENCE", "0")
     server.gate.rule = lambda _method, _path: 503
     (tmp_path / "project.toml").write_text("version = 2\n")
-    outcome = carry_out(lambda _project, _store: None, RunRequest(tmp_path / "project.toml", address))  # type: ignore
+    request = RunRequest.of(tmp_path / "project.toml", str(address), (), None)
+    outcome = carry_out(lambda _project, _store: None, request)  # type: ignore
     assert outcome.summary.status == "input_error"
+
+
+def test_a_deployed_run_keeps_its_results_beside_the_project_and_there(
+    address: ObjectAddress, tmp_path: Path, project: Project
+) -> None:
+    roots = roots_of([tmp_path / "delivery"])
+    assert results_of_server(str(address), roots) == address
+    file = tmp_path / "delivery" / "project.toml"
+    place = configured_results(file, "results", roots, {RESULTS_VARIABLE: str(address)})
+    assert place == address.below("delivery", "results")
+    out = roots.output_folder(file, "results")
+
+    def story(read: Project, store: Store) -> Summary:
+        assert read == project
+        return publish(store, read, [make_tables(store, names=TABLES, project=read, value=3.0)], TABLES)
+
+    outcome = carry_out(story, RunRequest(file, out, roots=roots.folders, address=place))
+    assert (outcome.directory, outcome.address) == (out, place)
+    assert value_of(out) == 3.0
+    fetch_results(place, tmp_path / "fetched")
+    assert value_of(tmp_path / "fetched") == 3.0
+    assert not (tmp_path / "workspaces").exists()
 
 
 def test_there_is_nothing_to_fetch_where_nothing_was_published(

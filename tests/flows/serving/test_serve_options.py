@@ -36,6 +36,7 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "recalibration_cron": None,
         "keep_days": None,
         "history_days": 365,
+        "results": None,
         "limit": 1,
         "state": folder / "state",
     }
