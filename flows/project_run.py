@@ -150,7 +150,7 @@ class RunOutcome:
     summary : what stands in its summary.json.
     error : why there is no result, in one line; None if there is one.
     failed_stage : the stage that could not be done; None: none, or it did not come to any.
-    address : where the results are on object storage, too; None: nowhere.
+    address : where the results are on object storage, if that was asked for in place of a folder.
     """
 
     directory: Path
@@ -163,7 +163,8 @@ class RunOutcome:
     def of(cls, request: RunRequest, summary: Summary, error: AerocalError | str | None = None) -> RunOutcome:
         """How the run of a request ended."""
         stage = error.stage if isinstance(error, AerocalError) else None
-        return cls(request.directory, summary, None if error is None else str(error), stage, request.address)
+        address = request.address if request.out is None else None
+        return cls(request.directory, summary, None if error is None else str(error), stage, address)
 
     @property
     def place(self) -> Path | ObjectAddress:

@@ -435,7 +435,7 @@ def test_a_deployed_run_keeps_its_results_beside_the_project_and_there(
         return publish(store, read, [make_tables(store, names=TABLES, project=read, value=3.0)], TABLES)
 
     outcome = carry_out(story, RunRequest(file, out, roots=roots.folders, address=place))
-    assert (outcome.directory, outcome.address) == (out, place)
+    assert outcome.place == outcome.directory == out
     assert value_of(out) == 3.0
     fetch_results(place, tmp_path / "fetched")
     assert value_of(tmp_path / "fetched") == 3.0
