@@ -64,8 +64,8 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
             assert done.returncode == 0, done.stdout + done.stderr
         api = Api(address.api)
         names = {one["name"] for one in api.post("/deployments/filter", {})}
-        assert names == {"manual", "on-delivery", "nightly"}
-        assert len(api.post("/deployments/filter", {})) == 5
+        assert names == {"manual", "on-delivery", "nightly", "recalibration-due", "clean-up"}
+        assert len(api.post("/deployments/filter", {})) == 7
         with running(worker, tmp_path / "worker.log", env={**ours, **confined}, cwd=tmp_path):
             until(lambda: "started!" in (tmp_path / "worker.log").read_text(), 120)
             _announce(api, "block")
