@@ -28,7 +28,7 @@ from flows.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
 from flows.project_run import RunRequest, Story  # noqa: E402
-from flows.recorded_run import carry_out_recorded, note_refusal  # noqa: E402
+from flows.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.registered import identity, show, state_of  # noqa: E402
 from flows.run_artifacts import artifacts_of_outcome, artifacts_of_refusal  # noqa: E402
 from flows.run_state import STATE_NAMES  # noqa: E402
@@ -219,13 +219,18 @@ def recalibration_due(
         registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
         watch = watch_of(registry.contents(), date.today(), limits)
     except InputError as error:
+        tell_recalibration(identity(), "InputError", str(error))
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     except InstallationError as error:
+        tell_recalibration(identity(), "Failed", str(error))
         return Failed(message=str(error))
     for sentence in watch.sentences:
         _log.info(sentence)
     message = " ".join(watch.sentences)
-    return Failed(name=RECALIBRATION_DUE, message=message) if watch.due else Completed(message=message)
+    if not watch.due:
+        return Completed(message=message)
+    tell_recalibration(identity(), RECALIBRATION_DUE, message)
+    return Failed(name=RECALIBRATION_DUE, message=message)
 
 
 def clean_up_run_name() -> str:

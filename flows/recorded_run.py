@@ -15,7 +15,8 @@ from datetime import UTC, datetime
 from flows.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.run_state import state_message, state_name
 from tasks.errors import AerocalError
-from tasks.production.records import Records, configured_records, project_name
+from tasks.notification.notice import notice_of_run
+from tasks.production.records import Records, configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stage_states import stages_since
 from tasks.storage.json_text import JSON
@@ -81,6 +82,21 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
     def write() -> None:
         records.begin(run)
         records.end(identity.id, "InputError", message)
+
+    _noted(write)
+
+
+def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
+    """Put into the outbox that a calibration is due, or that nobody could look; such runs have no record."""
+    records = configured_records()
+    run = {"id": identity.id, "project": "registry", "story": identity.story, "state": state}
+    notice = notice_of_run({**run, "message": message, "directory": ""}, 1, None, utc_now())
+    if records is None or notice is None:
+        return
+
+    def write() -> None:
+        with records.writing() as connection:
+            write_notice(connection, notice)
 
     _noted(write)
 

@@ -19,6 +19,7 @@ from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
+from flows.command.notify import notify
 from flows.command.plan import plan
 from flows.command.registry import registry
 from flows.command.run import run
@@ -66,6 +67,7 @@ app.command()(fetch)
 app.command()(flight_check)
 app.command()(clean)
 app.command()(serve)
+app.command()(notify)
 app.add_typer(registry, name="registry")
 
 

@@ -121,6 +121,15 @@ def serve(
         ),
     ] = None,
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
+    notify_on: Annotated[
+        str,
+        typer.Option(
+            "--notify-on",
+            metavar="KINDS",
+            help="What notices are about: gate, failure, recalibration, success. They go to the addresses in "
+            "AEROCAL_NOTIFY, or in the file that AEROCAL_NOTIFY_FILE names.",
+        ),
+    ] = "gate,failure,recalibration",
     state: Annotated[
         Path | None,
         typer.Option(
@@ -151,6 +160,7 @@ def serve(
     end_with(
         lambda: run_server(
             options_for(
+                notify_on=notify_on,
                 host=host,
                 port=port,
                 public_url=public_url,

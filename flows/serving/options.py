@@ -18,6 +18,7 @@ from flows.serving.server_process import ServerAddress
 from flows.serving.state_file import state_folder
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
+from tasks.notification.notice import NoticeKind, wanted_kinds
 from tasks.object_storage.address import ObjectAddress
 
 #: When a registry is looked at, if nothing else is said: Mondays at six.
@@ -92,6 +93,7 @@ class ServeOptions:
     ----------
     address : where it listens.
     overview : where the production page listens.
+    notify_on : what notices are about.
     database : ``postgresql://…`` of Prefect's records and ours; None: SQLite files in our folder.
     roots : folders that runs may read and write.
     inbox : folder of deliveries; None: there is none.
@@ -105,6 +107,7 @@ class ServeOptions:
 
     address: ServerAddress
     overview: ServerAddress
+    notify_on: frozenset[NoticeKind]
     database: str | None
     roots: Roots
     inbox: Path | None
@@ -127,6 +130,7 @@ def options_for(
     port: int,
     public_url: str | None,
     overview_port: int | None,
+    notify_on: str,
     database: str | None,
     roots: Sequence[Path],
     inbox: Path | None,
@@ -171,6 +175,7 @@ def options_for(
     return ServeOptions(
         ServerAddress(host, port, None if public_url is None else _web_address(public_url)),
         ServerAddress(host, beside),
+        wanted_kinds(notify_on),
         database,
         confined,
         None if inbox is None else inbox.resolve(),

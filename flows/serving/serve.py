@@ -17,6 +17,7 @@ from flows.serving.child import Child
 from flows.serving.deliveries import MANUAL, schedule_deliveries
 from flows.serving.inbox import INBOX_VARIABLE
 from flows.serving.inbox_news import forget_inbox_news, keep_inbox_news
+from flows.serving.notices import NoticeThread
 from flows.serving.options import ServeOptions
 from flows.serving.overview_process import OverviewProcess
 from flows.serving.reconciliation import reconcile
@@ -32,6 +33,8 @@ from flows.serving.server_process import (
 )
 from flows.serving.state_file import STATE_VARIABLE, RunningServer, the_only_server, write_state
 from tasks.errors import AerocalError
+from tasks.notification.addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
+from tasks.notification.notice import Links
 from tasks.production.records import Records
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.settings.registry import REGISTRY_VARIABLE
@@ -85,11 +88,17 @@ def serve(options: ServeOptions, say: Say) -> int:
     options.runner.require_valid()
     options.address.require_free()
     options.overview.require_free("--overview-port")
+    addresses = configured_addresses()
     records = Records.at(options.records)
     records.prepare()
     os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
     prepare_prefect()
+    # Nobody but this process needs to know where notices go.
+    for name in (ADDRESSES_VARIABLE, FILE_VARIABLE):
+        os.environ.pop(name, None)
     environment = server_environment(options.address, options.database, history_days=options.history_days)
+    links = Links(options.address.dashboard, options.overview.dashboard)
+    notices = NoticeThread(records, addresses, options.notify_on, links, say)
     with _noted() as requests, the_only_server(options.state):
         server = start_server(options.address, environment, options.state / "logs" / "server.log")
         try:
@@ -98,7 +107,8 @@ def serve(options: ServeOptions, say: Say) -> int:
                 "server", lambda: is_well(options.address), server, requests.come.is_set, _START_S
             ):
                 return 0
-            return _with_server(options, records, server, requests, say)
+            with notices:
+                return _with_server(options, records, server, requests, say)
         finally:
             server.end_group(_END_S)
             say("The server has ended.")

@@ -22,8 +22,9 @@ from tasks.database.address import DatabaseAddress, Holding, database_address
 from tasks.database.engine import connected_for_reading, connected_for_writing, engine_at
 from tasks.database.errors import in_words
 from tasks.errors import InputError
+from tasks.notification.notice import Notice, notice_of_run
 from tasks.production.run_record import PUBLISHING, RunRecord, StageTime, State
-from tasks.production.tables import METADATA, RUNS, SCHEMA, SCHEMA_VERSION
+from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
 from tasks.storage.json_text import JSON, finite, json_text
@@ -80,7 +81,7 @@ class Records:
 
     def schedule(self, run: RunRecord) -> None:
         """Note a run that will begin; nothing if it is known already."""
-        with self._writing() as connection:
+        with self.writing() as connection:
             if _row_of(connection, run.id) is None:
                 connection.execute(insert(RUNS).values(**_as_row(run)))
 
@@ -88,7 +89,7 @@ class Records:
         """Note that a run begins in this process, for the first time or once more."""
         values = {**_as_row(run), "state": "Running", "begun": _text(datetime.now(UTC)), "ended": None}
         values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1}
-        with self._writing() as connection:
+        with self.writing() as connection:
             known = _row_of(connection, run.id)
             if known is None:
                 connection.execute(insert(RUNS).values(**values))
@@ -103,7 +104,7 @@ class Records:
     def reschedule(self, run_id: str, message: str) -> None:
         """Note that a run which had begun, or was ended by the machine, waits for another beginning."""
         values = {"state": "Scheduled", "message": message, "ended": None}
-        with self._writing() as connection:
+        with self.writing() as connection:
             connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
 
     def end(
@@ -116,7 +117,7 @@ class Records:
         failed_stage: str | None = None,
         summary: Mapping[str, JSON] | None = None,
     ) -> None:
-        """Note how a run has ended; nothing if it has ended already or is not known."""
+        """Note how a run has ended, and what is to be told; nothing if it has ended or is not known."""
         values = {
             "state": state,
             "message": message,
@@ -125,9 +126,14 @@ class Records:
             "failed_stage": failed_stage,
             "summary": None if summary is None else json_text(finite(summary)),
         }
-        with self._writing() as connection:
+        with self.writing() as connection:
             unfinished = (RUNS.c.id == run_id) & RUNS.c.ended.is_(None)
-            connection.execute(update(RUNS).where(unfinished).values(**values))
+            if connection.execute(update(RUNS).where(unfinished).values(**values)).rowcount == 0:
+                return
+            run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
+            notice = notice_of_run(dict(run._mapping), run.attempts, summary, run.ended)
+            if notice is not None:
+                write_notice(connection, notice)
 
     def runs(
         self, states: Collection[str] | None = None, since: datetime | None = None, most: int | None = None
@@ -189,24 +195,25 @@ class Records:
         )
         return tuple(
             LatestRun(row.id, row.state, row.begun, row.ended, row.attempts, row.runs, row.holder is not None)
-            for row in self._rows(chosen)
+            for row in self.rows(chosen)
         )
 
     def holds_results(self, run: RunRecord) -> bool:
         """Whether the output folder of a run still holds what that run has published."""
         chosen = select(RUNS.c.id).where((RUNS.c.directory == run.directory) & RUNS.c.state.in_(PUBLISHING))
-        found = self._rows(chosen.order_by(RUNS.c.ended.desc(), RUNS.c.id).limit(1))
+        found = self.rows(chosen.order_by(RUNS.c.ended.desc(), RUNS.c.id).limit(1))
         return [row.id for row in found] == [run.id]
 
     def prepare(self) -> None:
         """Make the tables where there are none."""
-        with self._writing():
+        with self.writing():
             pass
 
     def _read(self, statement: Any) -> tuple[RunRecord, ...]:
-        return tuple(_as_record(row) for row in self._rows(statement))
+        return tuple(_as_record(row) for row in self.rows(statement))
 
-    def _rows(self, statement: Any) -> tuple[Row[Any], ...]:
+    def rows(self, statement: Any) -> tuple[Row[Any], ...]:
+        """The rows that a statement finds in one state of the database; none where there is none yet."""
         file = self.address.file
         if file is not None and not file.is_file():
             return ()
@@ -217,13 +224,14 @@ class Records:
             return tuple(connection.execute(statement))
 
     @contextmanager
-    def _writing(self) -> Iterator[Connection]:
+    def writing(self) -> Iterator[Connection]:
+        """A transaction that may write; the tables are made where there are none."""
         file = self.address.file
         if file is not None:
             with writing_into(file.parent):
                 file.parent.mkdir(parents=True, exist_ok=True)
         with in_words(self.address), connected_for_writing(self.engine) as connection, connection.begin():
-            if not inspect(connection).has_table(SCHEMA.name):
+            if not set(METADATA.tables) <= set(inspect(connection).get_table_names()):
                 self._make_tables(connection)
             self._require_version(connection)
             yield connection
@@ -231,10 +239,10 @@ class Records:
     def _make_tables(self, connection: Connection) -> None:
         if not self.address.is_file:
             connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
-            if inspect(connection).has_table(SCHEMA.name):
-                return
+        # A table that has come since is made beside the others.
         METADATA.create_all(connection)
-        connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
+        if connection.execute(select(SCHEMA.c.version)).first() is None:
+            connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
 
     def _require_version(self, connection: Connection) -> None:
         versions = [row.version for row in connection.execute(select(SCHEMA.c.version))]
@@ -258,6 +266,13 @@ def project_name(project_file: Path) -> str:
     if project_file.name == "project.toml" and project_file.parent.name:
         return project_file.parent.name
     return project_file.stem
+
+
+def write_notice(connection: Connection, notice: Notice) -> None:
+    """Put a notice into the outbox; nothing if it is known."""
+    if connection.execute(select(NOTICES.c.id).where(NOTICES.c.id == notice.id)).first() is None:
+        values = {"id": notice.id, "written": _text(datetime.now(UTC)), "content": notice.to_text()}
+        connection.execute(insert(NOTICES).values(**values))
 
 
 def _row_of(connection: Connection, run_id: str) -> Row[Any] | None:

@@ -32,3 +32,23 @@ RUNS = Table(
     Column("failed_stage", Text),
     Column("summary", Text),
 )
+
+NOTICES = Table(
+    "aerocal_notices",
+    METADATA,
+    Column("id", Text, primary_key=True),
+    Column("written", Text, nullable=False),
+    Column("content", Text, nullable=False),
+    Column("closed", Text, index=True),
+)
+
+NOTICE_DELIVERIES = Table(
+    "aerocal_notice_deliveries",
+    METADATA,
+    Column("notice", Text, primary_key=True),
+    Column("address", Text, primary_key=True),
+    Column("state", Text, nullable=False),
+    Column("attempts", Integer, nullable=False),
+    Column("due", Text, nullable=False),
+    Column("said", Text, nullable=False),
+)

@@ -1,0 +1,31 @@
+"""``aerocal notify``: a test message to everybody who gets notices."""
+
+from __future__ import annotations
+
+import typer
+
+from flows.command.exit_code import DEFECT, DONE, end_with
+
+
+def notify() -> None:
+    """Send a test message to every address that notices go to, and say what became of it.
+
+    The addresses are secrets: they stand in AEROCAL_NOTIFY, separated by spaces, or one a line in a private
+    file that AEROCAL_NOTIFY_FILE names; none is shown. [bold]aerocal serve[/bold] sends to the same ones.
+
+    [bold]Example[/bold]
+
+      AEROCAL_NOTIFY="jsons://hooks.example.org/aerocal" aerocal notify
+
+    [bold]Exit codes[/bold]  0 all have accepted it · 2 there is no address, or one is wrong · 1 not all have
+    """
+    end_with(_send)
+
+
+def _send() -> int:
+    from tasks.notification.test_message import send_test_message
+
+    sent = send_test_message()
+    for address, outcome in sent.items():
+        typer.echo(f"{str(address).capitalize()}: {outcome.said}.")
+    return DONE if all(outcome.accepted for outcome in sent.values()) else DEFECT

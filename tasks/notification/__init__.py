@@ -1,0 +1,1 @@
+"""Messages to people and programs about runs that have ended: what they say, and how they are delivered."""
