@@ -1,4 +1,4 @@
-"""A run that fails its gate under a real ``aerocal serve`` is told, and its verdict stands in the dashboard."""
+"""A failed gate under a real ``aerocal serve`` is told to a webhook, and stands in the dashboard."""
 
 from __future__ import annotations
 
