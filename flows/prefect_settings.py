@@ -6,6 +6,7 @@ say; nothing is sent to anybody; results are not persisted (the stage store does
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import os
 import sys
@@ -15,9 +16,14 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from flows.serving.server_process import CLIENT_WORDS
 from flows.serving.state_file import find_server, state_folder
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
+
+
+class UnknownCallerError(InstallationError):
+    """The server asks for a password, and this process has none, or another one."""
 
 
 def prepare_prefect(server: str | None = None) -> None:
@@ -86,6 +92,9 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
         return None
     try:
         require_server(found.server.url)
+    except UnknownCallerError as error:
+        remark(f"{where} asks for a password. {error.remedy} This run is not reported to it.")
+        return None
     except InstallationError:
         remark(f"{where} does not answer; this run is not reported to it.")
         return None
@@ -97,10 +106,12 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
 
 
 def require_server(address: str, timeout_s: float = 5.0) -> None:
-    """Ask the server whether it is well, without loading Prefect.
+    """Ask the server whether it is well and takes calls of this process, without loading Prefect.
 
     Raises
     ------
+    UnknownCallerError
+        If it asks for a password that this process does not have.
     InstallationError
         If it does not answer.
     """
@@ -110,8 +121,28 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
     try:
         with urllib.request.urlopen(f"{address}/health", timeout=timeout_s) as answer:
             answer.read()
+        with urllib.request.urlopen(_with_password(f"{address}/version"), timeout=timeout_s) as answer:
+            answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            if error.code == 401:
+                raise UnknownCallerError(
+                    f"The Prefect server {address} asks for a password.",
+                    f"To report runs to it, set {CLIENT_WORDS}=user:password.",
+                ) from error
+        raise InstallationError(
+            f"The Prefect server {address} does not answer as one ({error}).", remedy
+        ) from error
     except (OSError, urllib.error.URLError, ValueError) as error:
         reason = getattr(error, "reason", error)
         raise InstallationError(
             f"The Prefect server {address} does not answer ({reason}).", remedy
         ) from error
+
+
+def _with_password(address: str) -> urllib.request.Request:
+    request = urllib.request.Request(address)
+    words = os.environ.get(CLIENT_WORDS)
+    if words:
+        request.add_header("Authorization", f"Basic {base64.b64encode(words.encode()).decode()}")
+    return request

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,9 @@ from typing import Any
 
 from flows.serving.server_process import CLIENT_WORDS
 from tasks.storage.installation import InstallationError
+
+#: Seconds between the trials of a call that finds the server's database busy.
+_PAUSES_S = (0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -49,8 +53,7 @@ class Api:
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(f"{self.url}{path}", data, headers, method=method)
         try:
-            with urllib.request.urlopen(request, timeout=30) as answer:
-                text = answer.read()
+            text = _answer(request)
         except urllib.error.HTTPError as error:
             with error:
                 if error.code == 404 and method == "GET":
@@ -64,6 +67,21 @@ class Api:
                 f"The server {self.url} does not answer ({error}).", "See its log."
             ) from error
         return json.loads(text) if text else None
+
+
+def _answer(request: urllib.request.Request) -> bytes:
+    """What the server says; one whose database is busy (503: nothing was done) is asked again a few times."""
+    for pause_s in _PAUSES_S:
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return bytes(answer.read())
+        except urllib.error.HTTPError as error:
+            if error.code != 503:
+                raise
+            error.close()
+            time.sleep(pause_s)
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        return bytes(answer.read())
 
 
 def configured_api(environment: Mapping[str, str] = os.environ) -> Api:

@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 from flows.serving.api import Api
 from flows.serving.inbox import Delivery, read_inbox
 from flows.serving.roots import Roots
+from tasks.plain_text import visible
 from tasks.production.records import Records, project_name
 from tasks.production.run_record import DECIDED, RunRecord
 from tasks.storage.installation import InstallationError
@@ -89,8 +90,8 @@ def schedule_deliveries(
         with_outcome("begun"),
         with_outcome("resumed"),
         with_outcome("known"),
-        tuple(folder.name for folder in found.waiting),
-        tuple(f"{folder.name} is not started. {why}" for folder, why in found.refused.items()),
+        tuple(visible(folder.name) for folder in found.waiting),
+        tuple(visible(f"{folder.name} is not started. {why}") for folder, why in found.refused.items()),
     )
 
 

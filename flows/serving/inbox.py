@@ -17,7 +17,9 @@ from pathlib import Path
 
 from flows.serving.roots import Roots
 from tasks.errors import InputError
+from tasks.plain_text import trouble_in
 from tasks.storage.artifact import digest_of_file
+from tasks.storage.delivered_file import read_delivered, trouble_of
 
 #: Name of the marker file.
 MARKER = "DELIVERED"
@@ -25,7 +27,6 @@ MARKER = "DELIVERED"
 INBOX_VARIABLE = "AEROCAL_INBOX"
 
 _LISTED = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
-_MARKER_BYTES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -92,10 +93,10 @@ def read_inbox(folder: Path, roots: Roots, verified: set[str] | None = None) -> 
     verified = set() if verified is None else verified
     complete, waiting, refused = [], [], {}
     for one in folders:
-        if not (one / MARKER).exists():
-            waiting.append(one)
-            continue
         try:
+            if not os.path.lexists(one / MARKER):
+                waiting.append(one)
+                continue
             trouble = _trouble(one, roots)
             key = "" if trouble is not None else _key(one)
             if trouble is None and key not in verified:
@@ -112,21 +113,27 @@ def read_inbox(folder: Path, roots: Roots, verified: set[str] | None = None) -> 
 
 def _trouble(folder: Path, roots: Roots) -> str | None:
     """Why a marked delivery is not started; None: it can be."""
+    unreadable = trouble_in(folder.name)
+    if unreadable is not None:
+        return unreadable
     marker, project = folder / MARKER, folder / "project.toml"
     for file in (marker, project):
         if not roots.hold(file):
             return f"{file.name} lies outside the folders of this server."
     if not project.is_file():
         return "It has no project.toml."
-    if not marker.is_file() or marker.stat().st_size > _MARKER_BYTES:
+    if trouble_of(marker.resolve(), "document") is not None:
         return f"{MARKER} is not a list of files."
     return None
 
 
 def _trouble_of_listed(folder: Path, roots: Roots) -> str | None:
     """Why what the marker file lists is not complete; None: it is."""
-    marker = folder / MARKER
-    for number, line in enumerate(marker.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+    try:
+        text = read_delivered((folder / MARKER).resolve(), "document").decode(errors="replace")
+    except InputError as error:
+        return str(error)
+    for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
         found = _LISTED.fullmatch(line)

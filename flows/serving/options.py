@@ -160,6 +160,12 @@ def options_for(
     known = next((one for one in stories if one == story), None)
     if known is None:
         raise InputError(f"There is no story '{story}'.", did_you_mean(story, stories))
+    if database is not None and urlsplit(database).password is not None:
+        # It would stand in the list of processes, and in the state file.
+        raise InputError(
+            "The address of the database holds a password.",
+            "Put it into the environment: PGPASSWORD=…, and write postgresql://USER@HOST/DATABASE.",
+        )
     if inbox is not None and not inbox.is_dir():
         raise InputError(f"There is no folder {inbox}.", "Correct --inbox, or make the folder.")
     confined = roots_of([*(roots or [Path.cwd()]), *([inbox] if inbox is not None else [])])

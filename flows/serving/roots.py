@@ -26,8 +26,12 @@ class Roots:
     folders: tuple[Path, ...]
 
     def hold(self, path: Path) -> bool:
-        """Whether a path, all links resolved, lies under one of the folders."""
-        resolved = path.resolve()
+        """Whether a path, all links resolved, lies under one of the folders; one that is none does not."""
+        try:
+            resolved = path.resolve()
+        except (OSError, RuntimeError, ValueError):
+            # Links in a circle, too long a name, a null character.
+            return False
         return any(resolved.is_relative_to(folder) for folder in self.folders)
 
     def project_file(self, text: str) -> Path:
@@ -73,12 +77,7 @@ class Roots:
                 "Give one name without slashes; the folder is made beside the project file.",
             )
         folder = project_file.parent / name
-        try:
-            inside = all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock"))
-        except (OSError, RuntimeError):
-            # Too long a name, links in a circle.
-            inside = False
-        if not inside:
+        if not all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock")):
             raise InputError(
                 f"The output folder '{name}' leads out of the folders of this server.", "Remove the link."
             )

@@ -31,7 +31,7 @@ from flows.serving.server_process import (
     start_server,
     wait_until,
 )
-from flows.serving.state_file import STATE_VARIABLE, RunningServer, the_only_server, write_state
+from flows.serving.state_file import STATE_VARIABLE, RunningServer, make_private, the_only_server, write_state
 from tasks.errors import AerocalError
 from tasks.notification.addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
 from tasks.notification.notice import Links
@@ -89,6 +89,7 @@ def serve(options: ServeOptions, say: Say) -> int:
     options.address.require_free()
     options.overview.require_free("--overview-port")
     addresses = configured_addresses()
+    make_private(options.state)
     records = Records.at(options.records)
     records.prepare()
     os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))

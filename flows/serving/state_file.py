@@ -82,6 +82,27 @@ def _is_locked(file: Path) -> bool:
     return False
 
 
+def make_private(folder: Path) -> None:
+    """Make the folder of states, for this user only; one that is there stays as it is.
+
+    Raises
+    ------
+    InstallationError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise _not_writable(folder, error) from error
+
+
+def _not_writable(folder: Path, error: OSError) -> InstallationError:
+    return InstallationError(
+        f"{folder} cannot be written ({error.strerror}).",
+        "Change its permissions, or name another folder with --state.",
+    )
+
+
 @contextmanager
 def the_only_server(folder: Path) -> Iterator[None]:
     """Be the server of this folder while the context lasts; its state file is gone afterwards.
@@ -91,14 +112,11 @@ def the_only_server(folder: Path) -> Iterator[None]:
     InstallationError
         If another one lives, or the folder cannot be written.
     """
+    make_private(folder)
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         handle = os.open(folder / "serve.lock", os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
-        raise InstallationError(
-            f"{folder} cannot be written ({error.strerror}).",
-            "Change its permissions, or name another folder with --state.",
-        ) from error
+        raise _not_writable(folder, error) from error
     try:
         _hold(handle, folder)
         try:

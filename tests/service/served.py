@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flows.serving.api import Api
-from flows.serving.server_process import free_port
+from flows.serving.server_process import SERVER_WORDS, free_port
 from tasks.production.records import Records
 
 T = TypeVar("T")
@@ -41,16 +41,18 @@ class Served:
     ----------
     folder : holds root/, inbox/, state/ and what it printed.
     port, overview : of the server, and of the production page.
+    words : what the server asks for; None: it does not.
     """
 
     folder: Path
     process: subprocess.Popen[bytes]
     port: int
     overview: int
+    words: str | None = None
 
     @property
     def api(self) -> Api:
-        return Api(f"http://127.0.0.1:{self.port}/api")
+        return Api(f"http://127.0.0.1:{self.port}/api", self.words)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -130,7 +132,7 @@ def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
             stderr=printed,
             env={**environment(folder), **variables},
         )
-    server = Served(folder, process, port, overview)
+    server = Served(folder, process, port, overview, variables.get(SERVER_WORDS))
     groups: set[int] = set()
     try:
         until(lambda: "Ready." in server.printed, START_S, process)

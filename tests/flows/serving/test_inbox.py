@@ -121,3 +121,40 @@ def test_an_inbox_that_is_gone_is_said(inbox: Path) -> None:
     shutil.rmtree(inbox)
     with pytest.raises(InputError, match="--inbox"):
         read_inbox(inbox, roots_of([inbox.parent]))
+
+
+def test_one_bad_delivery_never_stands_in_the_way_of_another(inbox: Path) -> None:
+    """Whatever is copied into the inbox, looking through it goes on."""
+    (inbox / "block-1" / MARKER).touch()
+    made = {}
+    for name in (
+        "circle",
+        "project in a circle",
+        "null",
+        "long",
+        "pipe",
+        "huge",
+        "folder",
+        "dangling",
+        "a\x1b[2Jb",
+    ):
+        made[name] = inbox / name
+        shutil.copytree(inbox / "block-2", made[name])
+    (inbox / os.fsdecode(b"no-utf-8-\xff")).mkdir()
+    (made["circle"] / MARKER).symlink_to(made["circle"] / MARKER)
+    (made["project in a circle"] / "project.toml").unlink()
+    (made["project in a circle"] / "project.toml").symlink_to(made["project in a circle"] / "project.toml")
+    (made["null"] / MARKER).write_bytes(b"0" * 64 + b"  a\0b\n")
+    (made["long"] / MARKER).write_text("0" * 64 + "  " + "x" * 5_000 + "\n")
+    os.mkfifo(made["pipe"] / MARKER)
+    (made["huge"] / MARKER).touch()
+    os.truncate(made["huge"] / MARKER, 100_000_000_000)
+    (made["folder"] / MARKER).mkdir()
+    (made["dangling"] / MARKER).symlink_to(made["dangling"] / "nothing")
+    for name in ("project in a circle", "a\x1b[2Jb"):
+        (made[name] / MARKER).touch()
+    (inbox / os.fsdecode(b"no-utf-8-\xff") / MARKER).touch()
+    found = read(inbox)
+    assert [one.folder.name for one in found.complete] == ["block-1"]
+    assert [folder.name for folder in found.waiting] == ["block-2"]
+    assert len(found.refused) == len(made) + 1

@@ -117,6 +117,13 @@ def test_a_link_does_not_lead_to_a_registry_outside(tmp_path: Path) -> None:
         options(tmp_path / "root", registry=str(tmp_path / "root" / "r.sqlite"))
 
 
+def test_a_password_has_no_place_in_the_address_of_the_database(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="PGPASSWORD") as refused:
+        options(tmp_path, database="postgresql://clerk:hushed@127.0.0.1/prefect")
+    assert "hushed" not in str(refused.value)
+    assert options(tmp_path, database="postgresql://clerk@127.0.0.1/prefect").records.endswith("/prefect")
+
+
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
 def test_a_server_that_others_reach_must_ask_who_they_are(host: str) -> None:
     with pytest.raises(InstallationError, match=SERVER_WORDS):
