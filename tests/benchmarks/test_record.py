@@ -93,3 +93,15 @@ def test_larger_blocks_are_measured_by_the_time_the_operational_one_takes_for_an
 
 def test_no_results_are_no_error(tmp_path: Path) -> None:
     assert read_records(tmp_path / "none.jsonl") == []
+
+
+def test_sweeps_are_compared_with_one_process() -> None:
+    console = Console(file=io.StringIO(), width=120)
+    ways = {"sweep-1-process": 6.0, "sweep-2-processes": 4.0}
+    show(
+        [Record(name, *[seconds] * 3, 3, "", "", processor_s=6.5) for name, seconds in ways.items()], console
+    )
+    assert isinstance(console.file, io.StringIO)
+    text = console.file.getvalue()
+    assert "1.50" in text
+    assert "COLMAP" not in text

@@ -17,7 +17,7 @@ from tests.service.served import until
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_S = 60.0
-_LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
+_LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 
 
 @dataclass

@@ -152,7 +152,8 @@ def test_workers_that_cannot_take_part_are_refused_before_anything_is_computed(
     with (other / "tasks" / "tables" / "parquet.py").open("a") as source:
         source.write("# Another version.\n")
     (empty / "flows").mkdir(parents=True)
-    (empty / "flows" / "__init__.py").touch()
+    for name in ("__init__.py", "cluster_worker.py"):
+        (empty / "flows" / name).touch()
     with dask_cluster(tmp_path / "cluster", workers=0) as running:
         with pytest.raises(InstallationError, match="has no workers"):
             attempted(running.address, store, "a")
