@@ -77,7 +77,9 @@ def dask_cluster(
     """
     folder.mkdir(parents=True, exist_ok=True)
     told = folder / "scheduler.json"
-    arguments = ("scheduler", *_LOOPBACK, "--port", "0", "--scheduler-file", str(told))
+    # The time-out is for tests that are killed themselves.
+    place = ("--port", "0", "--scheduler-file", str(told), "--idle-timeout", "600s")
+    arguments = ("scheduler", *_LOOPBACK, *place)
     scheduler = _dask(folder / "scheduler.log", *arguments, environment=environment)
     cluster = DaskCluster(folder, scheduler, "")
     try:
