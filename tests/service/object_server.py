@@ -11,6 +11,7 @@ from __future__ import annotations
 import http.client
 import os
 import signal
+import ssl
 import subprocess
 import sys
 import threading
@@ -19,8 +20,15 @@ import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import IPv4Address
 from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
 
 from flows.serving.server_process import free_port
 
@@ -157,6 +165,7 @@ class ObjectServer:
     process: subprocess.Popen[bytes]
     port: int
     gate: Gate
+    certificate: Path | None = None
 
     def environment(self) -> dict[str, str]:
         """How the programs under test reach it: through the gate."""
@@ -170,8 +179,12 @@ class ObjectServer:
     def make_bucket(self, name: str) -> None:
         where = "<LocationConstraint>eu-central-1</LocationConstraint>"
         body = f"<CreateBucketConfiguration>{where}</CreateBucketConfiguration>".encode()
-        request = urllib.request.Request(f"http://127.0.0.1:{self.port}/{name}", body, method="PUT")
-        urllib.request.urlopen(request, timeout=30).close()
+        _asked(urllib.request.Request(f"{self.url}/{name}", body, method="PUT"), self.certificate)
+
+    @property
+    def url(self) -> str:
+        """The server itself, without the gate."""
+        return f"{'http' if self.certificate is None else 'https'}://127.0.0.1:{self.port}"
 
     @contextmanager
     def stopped(self) -> Iterator[None]:
@@ -184,15 +197,19 @@ class ObjectServer:
 
 
 @contextmanager
-def running_object_server(folder: Path, **environment: str) -> Iterator[ObjectServer]:
-    """A server without any buckets."""
+def running_object_server(
+    folder: Path, certificate: Path | None = None, **environment: str
+) -> Iterator[ObjectServer]:
+    """A server without any buckets; with a certificate, key included, it speaks TLS."""
     port = free_port("127.0.0.1")
     command = [str(Path(sys.executable).with_name("moto_server")), "-H", "127.0.0.1", "-p", str(port)]
+    if certificate is not None:
+        command += ["-s", "-c", str(certificate), "-k", str(certificate)]
     with (folder / "server.log").open("wb") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **environment})
-    server = ObjectServer(process, port, Gate(port))
+    server = ObjectServer(process, port, Gate(port), certificate)
     try:
-        _wait_for(port, process)
+        _wait_for(server)
         server.gate.open()
         yield server
     finally:
@@ -202,13 +219,39 @@ def running_object_server(folder: Path, **environment: str) -> Iterator[ObjectSe
         process.wait()
 
 
-def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+def _asked(request: urllib.request.Request, certificate: Path | None) -> None:
+    context = None if certificate is None else ssl.create_default_context(cafile=str(certificate))
+    urllib.request.urlopen(request, timeout=30, context=context).close()
+
+
+def own_certificate(folder: Path) -> Path:
+    """A file with a certificate for this machine that nobody trusts yet, and its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "object server of the tests")])
+    now = datetime.now(UTC)
+    certificate = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - timedelta(hours=1))
+        .not_valid_after(now + timedelta(hours=1))
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(IPv4Address("127.0.0.1"))]), critical=False
+        )
+        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    forms = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption())
+    file = folder / "server.pem"
+    file.write_bytes(key.private_bytes(*forms) + certificate.public_bytes(serialization.Encoding.PEM))
+    return file
+
+
+def _wait_for(server: ObjectServer) -> None:
     end = time.monotonic() + _START_S
     while True:
-        assert process.poll() is None, "the object server has ended"
+        assert server.process.poll() is None, "the object server has ended"
         assert time.monotonic() < end, "the object server does not answer"
         try:
-            urllib.request.urlopen(f"http://127.0.0.1:{port}/moto-api/", timeout=5).close()
+            _asked(urllib.request.Request(f"{server.url}/moto-api/"), server.certificate)
             return
         except OSError:
             time.sleep(0.1)

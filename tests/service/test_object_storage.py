@@ -29,7 +29,13 @@ from tasks.storage.stage_record import read_records
 from tasks.storage.store import Store, stored
 from tasks.summary import Summary
 from tests.conftest import PROJECT
-from tests.service.object_server import BUCKET, ObjectServer, on_put, running_object_server
+from tests.service.object_server import (
+    BUCKET,
+    ObjectServer,
+    on_put,
+    own_certificate,
+    running_object_server,
+)
 
 pytestmark = [pytest.mark.service, pytest.mark.usefixtures("server")]
 
@@ -383,6 +389,22 @@ def test_without_bucket_credentials_or_server_nothing_begins(
     with pytest.raises(InstallationError, match="could not connect"):
         run(tmp_path / "one", address, project)
     assert not (tmp_path / "one").exists()
+
+
+def test_a_server_with_a_certificate_of_its_own_is_trusted_only_when_told(
+    address: ObjectAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    certificate = own_certificate(tmp_path)
+    with running_object_server(tmp_path, certificate) as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"https://127.0.0.1:{server.port}")
+        server.make_bucket(BUCKET)
+        storage = ObjectWorkspace.at(address).storage
+        with pytest.raises(InstallationError, match="its certificate is not trusted") as refused:
+            storage.require_access()
+        assert "AWS_CA_BUNDLE" in refused.value.remedy
+        monkeypatch.setenv("AWS_CA_BUNDLE", str(certificate))
+        storage.put("x", b"content")
+        assert storage.read("x", 100) == b"content"
 
 
 def test_wrong_input_is_told_beside_results_that_stay(
