@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.published_manifest import PublishedEntry
-from tasks.object_storage.workspace import MOST_JSON_BYTES, ObjectWorkspace
+from tasks.object_storage.workspace import ObjectWorkspace
 from tasks.publish import remove_outdated
 from tasks.storage.artifact import digest_of_file
 from tasks.storage.installation import InstallationError, writing_into
@@ -65,6 +65,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
         raise InputError(
             f"There are no results at {address}.", "Correct the address, or run a project with it as --out."
         )
+    last_run = workspace.storage.document(SUMMARY, _summary_from)
     entries = tuple(manifest.artifacts.values())
     with writing_into(directory), run_lock(directory):
         last = read_manifest(directory)
@@ -74,7 +75,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
             remove_outdated(directory, last, here, tuple(last.artifacts))
         write_summary(directory, manifest.summary)
         write_manifest(directory, here)
-    return FetchedResults(_files(entries), tuple(brought), manifest.summary, _last_run(workspace))
+    return FetchedResults(_files(entries), tuple(brought), manifest.summary, last_run)
 
 
 def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> bool:
@@ -102,9 +103,8 @@ def _files(entries: Sequence[PublishedEntry]) -> tuple[str, ...]:
     return tuple(sorted(entry.file for entry in entries))
 
 
-def _last_run(workspace: ObjectWorkspace) -> Summary | None:
-    content = workspace.storage.read(SUMMARY, MOST_JSON_BYTES)
+def _summary_from(content: bytes) -> Summary | None:
     try:
-        return None if content is None else Summary.model_validate_json(content)
+        return Summary.model_validate_json(content)
     except ValidationError:
         return None

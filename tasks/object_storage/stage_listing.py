@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from tasks.object_storage.storage import StoredObject
+from tasks.storage.stage_key import StageKey
 
 STORE = ".store"
 STAGE_FILE = "stage.json"
@@ -74,6 +75,15 @@ class StageListing(BaseModel):
             return self.files
         found = {file: there.get(f"{file.sha256}/{file.file}") for file in self.files}
         return tuple(file for file in self.files if not _intact(file, found[file], completed))
+
+
+def stage_listing_from(content: bytes, key: StageKey) -> StageListing | None:
+    """Read the list of files of a stage output; None if it is none, or that of another one."""
+    try:
+        listing = StageListing.model_validate_json(content)
+    except ValidationError:
+        return None
+    return listing if (listing.stage, listing.key) == (key.stage, key.digest) else None
 
 
 def _intact(file: ListedFile, found: StoredObject | None, completed: StoredObject) -> bool:

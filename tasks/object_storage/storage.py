@@ -8,6 +8,7 @@ and no deletion.
 from __future__ import annotations
 
 import hashlib
+import logging
 import mimetypes
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 _PIECE_BYTES = 1 << 22
+#: Larger documents than this are not ours.
+_MOST_BYTES = 64 << 20
+_log = logging.getLogger("aerocal")
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,27 @@ class ObjectStorage:
         except FileNotFoundError:
             return None
         return content if len(content) <= most_bytes else None
+
+    def document(self, name: str, parsed: Callable[[bytes], R | None]) -> R | None:
+        """A document that may be replaced at any moment: the old one or the new one; None if there is none.
+
+        The client asks for the size first, then for so many bytes. Of a longer document that took the place
+        in between it gets a part, which cannot be parsed; then it is read again.
+
+        Parameters
+        ----------
+        parsed : what stands in it; None if that is no such document.
+        """
+        before: bytes | None = None
+        while (content := self.read(name, _MOST_BYTES)) is not None:
+            found = parsed(content)
+            if found is not None:
+                return found
+            if content == before:
+                _log.warning("%s/%s is damaged", self.address, name)
+                return None
+            before = content
+        return None
 
     def put(self, name: str, content: bytes) -> None:
         """Put an object there, in the place of the one there may be."""

@@ -15,21 +15,24 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-
-from pydantic import ValidationError
 
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.published_manifest import PublishedManifest, published_manifest_from
-from tasks.object_storage.stage_listing import STAGE_FILE, ListedFile, StageListing, folder_of
+from tasks.object_storage.stage_listing import (
+    STAGE_FILE,
+    ListedFile,
+    StageListing,
+    folder_of,
+    stage_listing_from,
+)
 from tasks.object_storage.storage import ObjectStorage
 from tasks.storage.json_text import JSON, json_text
 from tasks.storage.manifest import MANIFEST
 from tasks.storage.stage_key import StageKey
 from tasks.summary import SUMMARY
 
-#: Larger documents than this are not ours.
-MOST_JSON_BYTES = 64 << 20
 _log = logging.getLogger("aerocal")
 
 
@@ -55,15 +58,10 @@ class ObjectWorkspace:
 
     def take(self, key: StageKey, folder: Path) -> float | None:
         """Download the output of a stage; see `tasks.storage.remote.Remote`."""
-        content = self.storage.read(f"{folder_of(key.stage, key.digest)}/{STAGE_FILE}", MOST_JSON_BYTES)
-        if content is None:
-            return None
-        try:
-            listing = StageListing.model_validate_json(content)
-        except ValidationError:
-            listing = None
-        if listing is None or (listing.stage, listing.key) != (key.stage, key.digest):
-            _log.warning("%s: its list of files in %s is damaged", key.stage, self.storage.address)
+        listing = self.storage.document(
+            f"{folder_of(key.stage, key.digest)}/{STAGE_FILE}", partial(stage_listing_from, key=key)
+        )
+        if listing is None:
             return None
         for file in listing.files:
             if self.storage.download(listing.object_of(file), folder / file.file) != file.sha256:
@@ -90,11 +88,7 @@ class ObjectWorkspace:
 
     def manifest(self) -> PublishedManifest | None:
         """The manifest of the last run with results; None if there is none, or none that can be read."""
-        content = self.storage.read(MANIFEST, MOST_JSON_BYTES)
-        manifest = None if content is None else published_manifest_from(content)
-        if content is not None and manifest is None:
-            _log.warning("%s of %s is damaged", MANIFEST, self.storage.address)
-        return manifest
+        return self.storage.document(MANIFEST, published_manifest_from)
 
     def publish(
         self, manifest: Mapping[str, JSON], summary: Mapping[str, JSON], own: Collection[str]

@@ -1,14 +1,11 @@
-"""Workspaces on object storage against a real S3-compatible server: results, reuse, faults, outages."""
+"""Workspaces on object storage, on a real S3-compatible server: results, reuse, damage, runs at once."""
 
 from __future__ import annotations
 
-import json
-import logging
 import threading
 import time
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from flows.processes import processes
@@ -18,92 +15,28 @@ from flows.serving.roots import roots_of
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results
-from tasks.object_storage.published_manifest import PublishedManifest
 from tasks.object_storage.workspace import ObjectWorkspace
 from tasks.publish import OF_SWEEPS, publish
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
 from tasks.storage.installation import InstallationError
-from tasks.storage.notes import Notes, write_notes
-from tasks.storage.stage_record import read_records
-from tasks.storage.store import Store, stored
+from tasks.storage.store import Store
 from tasks.summary import Summary
-from tests.conftest import PROJECT
 from tests.service.object_server import (
-    BUCKET,
     ObjectServer,
-    on_put,
-    own_certificate,
-    running_object_server,
+)
+from tests.service.stages_on_storage import (
+    BOTH,
+    TABLES,
+    make_notes,
+    make_tables,
+    manifest_at,
+    object_of,
+    run,
+    value_of,
 )
 
 pytestmark = [pytest.mark.service, pytest.mark.usefixtures("server")]
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    folder = tmp_path / "delivery"
-    folder.mkdir()
-    (folder / "image_points.csv").write_text("image,point,x,y\n1,a,10,10\n2,a,20,20\n")
-    (folder / "exposures.csv").write_text(
-        "image,camera,strip,x,y,z,omega,phi,kappa\n1,C,s,0,0,100,0,0,0\n2,C,s,10,0,100,0,0,0\n"
-    )
-    (folder / "project.toml").write_text(PROJECT)
-    return load_project(folder / "project.toml")
-
-
-@stored("make_tables")
-def make_tables(folder: Path, *, names: tuple[str, ...], project: Project, value: float) -> None:
-    assert project.project.name == "small"
-    for name in names:
-        pd.DataFrame({"point": [f"{name}-1"], "value": [value]}).to_parquet(folder / f"{name}.parquet")
-    write_notes(folder, Notes((), {"sigma0": value}))
-
-
-@stored("make_notes")
-def make_notes(folder: Path, *, value: float) -> None:
-    # Another content at every computing, as of two kinds of machines.
-    write_notes(folder, Notes((), {"nanoseconds": time.perf_counter_ns(), "value": value}))
-
-
-TABLES = ("images", "object_points", "residuals")
-
-
-def run(
-    machine: Path,
-    address: ObjectAddress,
-    project: Project,
-    value: float = 1.0,
-    names: tuple[str, ...] = TABLES,
-    own: tuple[str, ...] = TABLES,
-) -> list[str]:
-    """A run of two stages on a machine; the stages that were computed."""
-    store = Store.of(machine, ObjectWorkspace.at(address))
-    store.begin_run()
-    stages = [make_tables(store, names=names, project=project, value=value), make_notes(store, value=value)]
-    publish(store, project, stages, own)
-    return [record.stage for record in read_records(store.folder) if not record.reused]
-
-
-BOTH = ["make_tables", "make_notes"]
-
-
-def manifest_at(address: ObjectAddress) -> PublishedManifest:
-    manifest = ObjectWorkspace.at(address).manifest()
-    assert manifest is not None
-    return manifest
-
-
-def value_of(folder: Path) -> float:
-    """The one value that all tables of a run and its summary hold: anything else is a mixture."""
-    values = {float(pd.read_parquet(folder / f"{name}.parquet")["value"][0]) for name in TABLES}
-    values.add(json.loads((folder / "summary.json").read_text())["sigma0"])
-    assert len(values) == 1
-    return values.pop()
-
-
-def object_of(address: ObjectAddress, name: str) -> str:
-    return manifest_at(address).artifacts[name].object
 
 
 def test_another_machine_takes_finished_stages_up_and_a_run_again_puts_nothing_but_the_pointer(
@@ -232,6 +165,24 @@ def test_two_machines_at_once_leave_the_results_of_one_of_them(
     assert len(seen) > 1, "the reader looked between the runs"
 
 
+def test_a_manifest_that_is_replaced_while_it_is_read_is_the_old_or_the_new_one(
+    server: ObjectServer, address: ObjectAddress, project: Project, tmp_path: Path
+) -> None:
+    run(tmp_path / "one", address, project, names=("images",))
+    replaced: list[bool] = []
+
+    def replace(method: str, path: str) -> None:
+        # The client knows the size and has not asked for the content yet; the new one is longer.
+        if method == "HEAD" and path.endswith("/manifest.json") and not replaced:
+            replaced.append(True)
+            run(tmp_path / "two", address, project)
+
+    server.gate.afterwards = replace
+    manifest = ObjectWorkspace.at(address).manifest()
+    assert manifest is not None
+    assert set(manifest.artifacts) == set(TABLES)
+
+
 def test_machines_that_compute_other_bytes_for_one_key_do_not_spoil_each_other(
     server: ObjectServer, address: ObjectAddress, tmp_path: Path
 ) -> None:
@@ -247,123 +198,6 @@ def test_machines_that_compute_other_bytes_for_one_key_do_not_spoil_each_other(
     assert again.sha256 == made[0].sha256
 
 
-def test_an_outage_with_a_closed_port_is_outlasted_and_told(
-    server: ObjectServer,
-    address: ObjectAddress,
-    project: Project,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    caplog.set_level(logging.INFO, "aerocal")
-    timers: list[threading.Timer] = []
-    close = on_put("/notes.json", lambda: timers.append(server.gate.closed_for(2.5)))
-    server.gate.afterwards = lambda method, path: threading.Thread(target=close, args=(method, path)).start()
-    run(tmp_path / "one", address, project)
-    timers[0].join()
-    assert any("does not answer (could not connect" in message for message in caplog.messages)
-    assert any("answers again" in message for message in caplog.messages)
-    fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == 1.0
-
-
-def test_an_outage_with_a_server_that_is_stopped_is_outlasted(
-    server: ObjectServer,
-    address: ObjectAddress,
-    project: Project,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    caplog.set_level(logging.INFO, "aerocal")
-    run(tmp_path / "one", address, project)
-    with server.stopped():
-        later = threading.Thread(target=run, args=(tmp_path / "one", address, project, 2.0))
-        later.start()
-        time.sleep(2.0)
-        assert later.is_alive()
-    later.join()
-    assert any("does not answer (timeout was reached" in message for message in caplog.messages)
-    fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == 2.0
-
-
-@pytest.mark.parametrize("status", [500, 503])
-def test_server_errors_are_outlasted(
-    server: ObjectServer, address: ObjectAddress, project: Project, tmp_path: Path, status: int
-) -> None:
-    failing = {"PUT", "GET", "HEAD"}
-
-    def first_fails(method: str, _path: str) -> int | None:
-        if method in failing:
-            failing.remove(method)
-            return status
-        return None
-
-    server.gate.rule = first_fails
-    run(tmp_path / "one", address, project)
-    fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == 1.0
-    assert not failing
-
-
-def test_an_answer_that_takes_longer_than_the_timeout_is_asked_for_again(
-    server: ObjectServer,
-    address: ObjectAddress,
-    project: Project,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    slow = [3.0]
-
-    def wait(method: str, path: str) -> None:
-        if method == "GET" and "stage.json" in path and slow:
-            time.sleep(slow.pop())
-
-    run(tmp_path / "one", address, project)
-    server.gate.afterwards = wait
-    assert run(tmp_path / "two", address, project) == []
-    assert any("timeout was reached" in message for message in caplog.messages)
-
-
-def test_an_outage_beyond_the_limit_ends_the_run_and_the_next_one_goes_on(
-    server: ObjectServer,
-    address: ObjectAddress,
-    project: Project,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    run(tmp_path / "one", address, project)
-    monkeypatch.setenv("AEROCAL_S3_PATIENCE", "1.5")
-    server.gate.rule = lambda method, path: (
-        503 if method == "PUT" and path.endswith("residuals.parquet") else None
-    )
-    with pytest.raises(
-        InstallationError, match=r"has not answered for 2 s \(slow down|HTTP status 503\)"
-    ) as ended:
-        run(tmp_path / "one", address, project, 2.0)
-    assert "Run again" in ended.value.remedy
-    fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == value_of(tmp_path / "one") == 1.0
-    server.gate.reset()
-    assert run(tmp_path / "one", address, project, 2.0) == ["make_notes"]
-    fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == 2.0
-
-
-def test_a_storage_that_has_lost_everything_gets_it_all_again(
-    address: ObjectAddress,
-    project: Project,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    run(tmp_path / "one", address, project)
-    with running_object_server(tmp_path) as other:
-        other.make_bucket(BUCKET)
-        monkeypatch.setenv("AWS_ENDPOINT_URL", other.gate.url)
-        assert run(tmp_path / "one", address, project) == []
-        fetch_results(address, tmp_path / "fetched")
-    assert value_of(tmp_path / "fetched") == 1.0
-
-
 def test_worker_processes_keep_their_stages_there(address: ObjectAddress, tmp_path: Path) -> None:
     store = Store.of(tmp_path / "one", ObjectWorkspace.at(address))
     with processes(2) as executor:
@@ -373,38 +207,6 @@ def test_worker_processes_keep_their_stages_there(address: ObjectAddress, tmp_pa
     other = Store.of(tmp_path / "two", ObjectWorkspace.at(address))
     taken = [make_notes(other, value=float(number))["notes"].sha256 for number in range(4)]
     assert taken == made
-
-
-def test_without_bucket_credentials_or_server_nothing_begins(
-    address: ObjectAddress, project: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("AEROCAL_S3_PATIENCE", "0")
-    with pytest.raises(InstallationError, match="no bucket 'no-such-bucket'"):
-        run(tmp_path / "one", ObjectAddress("no-such-bucket", "block"), project)
-    with monkeypatch.context() as changed:
-        changed.setenv("AWS_SECRET_ACCESS_KEY", "")
-        with pytest.raises(InstallationError, match="no credentials"):
-            run(tmp_path / "one", address, project)
-    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
-    with pytest.raises(InstallationError, match="could not connect"):
-        run(tmp_path / "one", address, project)
-    assert not (tmp_path / "one").exists()
-
-
-def test_a_server_with_a_certificate_of_its_own_is_trusted_only_when_told(
-    address: ObjectAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    certificate = own_certificate(tmp_path)
-    with running_object_server(tmp_path, certificate) as server:
-        monkeypatch.setenv("AWS_ENDPOINT_URL", f"https://127.0.0.1:{server.port}")
-        server.make_bucket(BUCKET)
-        storage = ObjectWorkspace.at(address).storage
-        with pytest.raises(InstallationError, match="its certificate is not trusted") as refused:
-            storage.require_access()
-        assert "AWS_CA_BUNDLE" in refused.value.remedy
-        monkeypatch.setenv("AWS_CA_BUNDLE", str(certificate))
-        storage.put("x", b"content")
-        assert storage.read("x", 100) == b"content"
 
 
 def test_wrong_input_is_told_beside_results_that_stay(
@@ -429,17 +231,6 @@ def test_wrong_input_is_told_beside_results_that_stay(
     assert found.last_run.problems == ("The exposures are empty. Deliver them.",)
     assert value_of(tmp_path / "fetched") == 5.0
     assert project == load_project(tmp_path / "delivery" / "project.toml")
-
-
-def test_wrong_input_stays_wrong_input_where_it_cannot_be_told(
-    server: ObjectServer, address: ObjectAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("AEROCAL_S3_PATIENCE", "0")
-    server.gate.rule = lambda _method, _path: 503
-    (tmp_path / "project.toml").write_text("version = 2\n")
-    request = RunRequest.of(tmp_path / "project.toml", str(address), (), None)
-    outcome = carry_out(lambda _project, _store: None, request)  # type: ignore
-    assert outcome.summary.status == "input_error"
 
 
 def test_a_deployed_run_keeps_its_results_beside_the_project_and_there(
