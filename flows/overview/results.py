@@ -50,8 +50,9 @@ def _shown(document: Document) -> Response:
         )
         response.headers["Content-Disposition"] = f'inline; filename="{document.name}"'
     if document.media_type.startswith("image/"):
-        # The dashboard, which shows the map, is the same host on another port.
-        response.headers["Cross-Origin-Resource-Policy"] = "same-site"
+        # The dashboard, on another port, shows the map; a browser takes no two ports of an IP address for the
+        # same site. Other pages could draw it, too, if they knew the run, and never read it.
+        response.headers["Cross-Origin-Resource-Policy"] = "cross-origin"
     response.headers["Cache-Control"] = "no-store"
     return response
 

@@ -1,0 +1,43 @@
+"""What runs without a record put into the outbox, and records from before there was one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine, text
+
+from flows.recorded_run import FlowRunIdentity, tell_recalibration
+from tasks.notification.outbox import Outbox
+from tasks.production.records import Records
+from tasks.production.variable import RECORDS_VARIABLE
+from tests.tasks.notification.runs import ended_run
+
+
+def test_a_calibration_that_is_due_is_told_once_for_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = str(tmp_path / "records.sqlite")
+    identity = FlowRunIdentity("1234", "recalibration-due")
+    monkeypatch.delenv(RECORDS_VARIABLE, raising=False)
+    tell_recalibration(identity, "RecalibrationDue", "Nobody is told without records.")
+    monkeypatch.setenv(RECORDS_VARIABLE, address)
+    for _ in range(2):
+        tell_recalibration(identity, "RecalibrationDue", "UCE-1 expires in 12 days.")
+    (notice,) = Outbox(Records.at(address)).waiting()
+    assert (notice.kind, notice.message) == ("recalibration", "UCE-1 expires in 12 days.")
+    assert notice.subject == "RecalibrationDue: registry (recalibration-due)"
+
+
+def test_records_from_before_there_was_an_outbox_get_one(tmp_path: Path) -> None:
+    records = Records.at(str(tmp_path / "records.sqlite"))
+    run = ended_run(records, "Completed")
+    engine = create_engine(f"sqlite:///{tmp_path / 'records.sqlite'}")
+    with engine.begin() as connection:
+        connection.execute(text("DROP TABLE aerocal_notices"))
+        connection.execute(text("DROP TABLE aerocal_notice_deliveries"))
+    engine.dispose()
+    records.prepare()
+    assert [one.id for one in records.runs()] == [run]
+    ended_run(records, "Failed", number=1)
+    assert [notice.state for notice in Outbox(records).waiting()] == ["Failed"]
