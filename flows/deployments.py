@@ -5,21 +5,21 @@ Loads Prefect when imported, as the flows it serves do.
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import wraps
 from typing import Any
+
+import httpx
 
 from flows.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.deliveries import MANUAL, ON_DELIVERY
 from flows.serving.options import RunnerOptions
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
-from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags, FlowRunFilter  # isort: skip
-from prefect.client.schemas.filters import FlowRunFilterState, FlowRunFilterStateType  # isort: skip
-from prefect.client.schemas.objects import State, StateType  # isort: skip
+from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags  # isort: skip
 from prefect.deployments.runner import RunnerDeployment  # isort: skip
 from prefect.runner import Runner  # isort: skip
 from prefect.schedules import Cron  # isort: skip
-from prefect.states import Cancelled, Scheduled  # isort: skip
 from prefect.types.entrypoint import EntrypointType  # isort: skip
 
 _log = logging.getLogger("aerocal")
@@ -35,20 +35,46 @@ _SCHEDULED = (NIGHTLY, RECALIBRATION_DUE)
 _DAILY = "0 3 * * *"
 #: Seconds between two questions for runs to begin.
 _POLL_S = 2.0
+#: Seconds between two looks of a further runner for deployments.
+_LOOK_S = 20.0
 
 
 class DrainingRunner(Runner):
     """A runner that, asked to end, begins no further run and waits for those that run.
 
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
-    the event loop was doing.
+    the event loop was doing. And while the server is away, this runner goes on asking: Prefect's own ends
+    after three questions without an answer, and its runs with it.
     """
+
+    async def __aenter__(self) -> "DrainingRunner":
+        """Begin, patient from now on."""
+        await super().__aenter__()
+        for asking, question in (
+            (self._scheduled_run_poller, "_get_and_submit_flow_runs"),
+            (self._cancelling_observer, "_check_for_cancelled_flow_runs"),
+        ):
+            vars(asking)[question] = _patient(getattr(asking, question))
+        return self
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have begun."""
         _log.info("asked to end: finishing the runs that have begun, beginning no more")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
+
+
+def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+    """A question to the server that is asked another time if there is no answer."""
+
+    @wraps(question)
+    async def asked(*args: Any, **kwargs: Any) -> None:
+        try:
+            await question(*args, **kwargs)
+        except httpx.HTTPError as error:
+            _log.warning("the server does not answer (%s); asking again", str(error).partition("\n")[0])
+
+    return asked
 
 
 def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
@@ -100,18 +126,49 @@ def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeploymen
 
 
 def serve(options: RunnerOptions) -> None:
-    """Register the deployments, take up what an earlier runner has left, and run until asked to end."""
-    asyncio.run(_serve(options.limit, deployments(options)))
+    """Register the deployments, and carry out their runs until asked to end."""
+    if options.registers:
+        asyncio.run(_serve(options.limit, deployments(options)))
+    else:
+        asyncio.run(_help(options.limit))
+
+
+def _runner(limit: int) -> DrainingRunner:
+    return DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
 
 
 async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
-    runner = DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+    runner = _runner(limit)
     unscheduled = [one.name for one in made if one.name in _SCHEDULED and not one.schedules]
     registered = {await runner.aadd_deployment(one) for one in made}
     async with get_client() as client:
         await _rest(client, registered, unscheduled)
-        await _take_up(client)
     await runner.start()
+
+
+async def _help(limit: int) -> None:
+    """Carry out runs of the deployments that the server's own runner has registered, and may register."""
+    runner = _runner(limit)
+    async with get_client() as client, asyncio.TaskGroup() as tasks:
+        looking = tasks.create_task(_look_for_deployments(client, runner))
+        await runner.start()
+        looking.cancel()
+
+
+async def _look_for_deployments(client: PrefectClient, runner: DrainingRunner) -> None:
+    """Let a runner carry out the runs of projects; looks for new deployments every so often.
+
+    What looks through inbox and registry is left to the runner that has been told of them.
+    """
+
+    async def look() -> None:
+        for one in await client.read_deployments(deployment_filter=_ours()):
+            if one.name in (MANUAL, ON_DELIVERY):
+                runner._deployment_registry.register_deployment(one.id, one.name)
+
+    while True:
+        await _patient(look)()
+        await asyncio.sleep(_LOOK_S)
 
 
 async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequence[str]) -> None:
@@ -124,23 +181,6 @@ async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequen
             continue
         for schedule in await client.read_deployment_schedules(one.id):
             await client.delete_deployment_schedule(one.id, schedule.id)
-
-
-async def _take_up(client: PrefectClient) -> None:
-    """Schedule again the runs that an earlier runner has begun and not ended: it was killed.
-
-    There is one runner for a database, so nobody is working on them; finished stages are reused.
-    """
-    unfinished = [StateType.RUNNING, StateType.PENDING, StateType.CANCELLING]
-    begun = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=unfinished)))
-    for run in await client.read_flow_runs(flow_run_filter=begun, deployment_filter=_ours()):
-        state: State[None]
-        if run.state_type == StateType.CANCELLING:
-            state = Cancelled(message="The runner had ended before.")
-        else:
-            state = Scheduled(name="AwaitingRetry", message="The runner was ended; finished stages are kept.")
-        await client.set_flow_run_state(run.id, state, force=True)
-        _log.warning("run %s was left %s by an earlier runner: %s", run.name, run.state_name, state.name)
 
 
 def _ours() -> DeploymentFilter:

@@ -21,6 +21,9 @@ from flows.serving.state_file import find_server, state_folder
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
 
+#: Seconds between two signs of life of a run.
+HEARTBEAT_S = 30
+
 
 class UnknownCallerError(InstallationError):
     """The server asks for a password, and this process has none, or another one."""
@@ -46,6 +49,11 @@ def prepare_prefect(server: str | None = None) -> None:
     os.environ["DO_NOT_TRACK"] = "1"
     os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
     os.environ["PREFECT_RESULTS_PERSIST_BY_DEFAULT"] = "false"
+    os.environ.setdefault("PREFECT_FLOWS_HEARTBEAT_FREQUENCY", str(HEARTBEAT_S))
+    # A server that is started again, or whose database is, answers within a minute or two; until then a
+    # state is offered to it again and again (after 2, 4, 8, … s).
+    os.environ.setdefault("PREFECT_CLIENT_MAX_RETRIES", "6")
+    os.environ.setdefault("PREFECT_CLIENT_RETRY_EXTRA_CODES", "500")
     # Our progress messages appear in the run's log on the dashboard.
     os.environ.setdefault("PREFECT_LOGGING_EXTRA_LOGGERS", "aerocal")
 

@@ -8,6 +8,7 @@ remarked on and stop no adjustment; what is missing in them is mended from the s
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,10 +20,16 @@ from tasks.notification.notice import notice_of_run
 from tasks.production.records import Records, configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stage_states import stages_since
+from tasks.storage.installation import InstallationError
 from tasks.storage.json_text import JSON
 from tasks.storage.stage_record import utc_now
 
 _log = logging.getLogger("aerocal")
+
+#: How long a database that does not answer is waited for, s: before an adjustment hardly, with its result
+#: until a server that was started again must be back.
+_PATIENCE_BEGINNING_S = 10.0
+_PATIENCE_END_S = 180.0
 
 
 @dataclass(frozen=True)
@@ -52,12 +59,15 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         return carry_out(story, request)
     # As exact as the records of the stages are, none of which may seem older.
     begun = datetime.fromisoformat(utc_now())
-    _noted(lambda: records.begin(_beginning(request, identity)))
+    _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING_S)
     noted = _Noted(records, identity, request, begun)
     try:
         outcome = carry_out(story, request)
     except AerocalError as error:
-        noted.end("Failed", str(error), error.stage)
+        noted.end("Failed", str(error), error.stage, may_pass=True)
+        raise
+    except (OSError, MemoryError) as error:
+        noted.end("Failed", f"The machine stood in the way: {type(error).__name__}: {error}.", may_pass=True)
         raise
     except Exception as error:
         noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
@@ -83,14 +93,14 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
         records.begin(run)
         records.end(identity.id, "InputError", message)
 
-    _noted(write)
+    _noted(write, _PATIENCE_END_S)
 
 
 def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
     """Put into the outbox that a calibration is due, or that nobody could look; such runs have no record."""
     records = configured_records()
     run = {"id": identity.id, "project": "registry", "story": identity.story, "state": state}
-    notice = notice_of_run({**run, "message": message, "directory": ""}, 1, None, utc_now())
+    notice = notice_of_run({**run, "message": message, "directory": ""}, None, utc_now())
     if records is None or notice is None:
         return
 
@@ -98,7 +108,7 @@ def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> N
         with records.writing() as connection:
             write_notice(connection, notice)
 
-    _noted(write)
+    _noted(write, _PATIENCE_END_S)
 
 
 def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
@@ -129,18 +139,35 @@ class _Noted:
         message: str,
         failed_stage: str | None = None,
         summary: dict[str, JSON] | None = None,
+        *,
+        may_pass: bool = False,
     ) -> None:
         """Note how it has ended."""
         stages = stages_since(self.request.directory, self.begun)
         _noted(
             lambda: self.records.end(
-                self.identity.id, state, message, stages=stages, failed_stage=failed_stage, summary=summary
-            )
+                self.identity.id,
+                state,
+                message,
+                may_pass=may_pass,
+                stages=stages,
+                failed_stage=failed_stage,
+                summary=summary,
+            ),
+            _PATIENCE_END_S,
         )
 
 
-def _noted(write: Callable[[], None]) -> None:
-    try:
-        write()
-    except AerocalError as error:
-        _log.warning("the record of runs could not be written: %s", error)
+def _noted(write: Callable[[], None], patience_s: float) -> None:
+    """Write into the records; again and again while their database does not answer."""
+    until = time.monotonic() + patience_s
+    pause_s = 1.0
+    while True:
+        try:
+            return write()
+        except AerocalError as error:
+            if not isinstance(error, InstallationError) or time.monotonic() + pause_s > until:
+                _log.warning("the record of runs could not be written: %s", error)
+                return
+        time.sleep(pause_s)
+        pause_s = min(2 * pause_s, 15.0)

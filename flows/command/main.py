@@ -23,6 +23,7 @@ from flows.command.notify import notify
 from flows.command.plan import plan
 from flows.command.registry import registry
 from flows.command.run import run
+from flows.command.runner import runner
 from flows.command.serve import serve
 from flows.command.simulate import simulate
 from flows.command.sweep import sweep
@@ -68,6 +69,7 @@ app.command()(flight_check)
 app.command()(clean)
 app.command()(serve)
 app.command()(notify)
+app.command()(runner)
 app.add_typer(registry, name="registry")
 
 

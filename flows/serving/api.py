@@ -46,6 +46,14 @@ class Api:
         """Ask for something to be done; the answer. Errors as of `get`."""
         return self._call("POST", path, body)
 
+    def put(self, path: str, body: Mapping[str, Any]) -> None:
+        """Replace something. Errors as of `get`."""
+        self._call("PUT", path, body)
+
+    def delete(self, path: str) -> None:
+        """Remove something. Errors as of `get`."""
+        self._call("DELETE", path, None)
+
     def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
         headers = {"Content-Type": "application/json"}
         if self.words is not None:

@@ -15,12 +15,28 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 #: A log that is larger, bytes, is begun anew; the old one is kept once.
 _LOG_BYTES = 20_000_000
+
+
+class Lifeline:
+    """A pipe that keeps a child going as long as somebody holds its one end.
+
+    It outlasts the child: the next one that is started in its place is bound to it, too.
+    """
+
+    def __init__(self) -> None:
+        self.reading, self.held = os.pipe()
+
+    def release(self) -> None:
+        """Hold it no longer; the child ends if nobody else does."""
+        for handle in (self.reading, self.held):
+            with contextlib.suppress(OSError):
+                os.close(handle)
 
 
 class Child:
@@ -31,7 +47,8 @@ class Child:
     module, arguments : what it carries out.
     environment : all its variables.
     log : file that its output is appended to.
-    holds : the `lifeline` of another child, which then outlives this one even if the parent is killed.
+    lifeline : what it lives on.
+    holds : the lifelines of other children, which then outlive this one even if the parent is killed.
     """
 
     def __init__(
@@ -40,11 +57,11 @@ class Child:
         *arguments: str,
         environment: Mapping[str, str],
         log: Path,
-        holds: int | None = None,
+        lifeline: Lifeline,
+        holds: Sequence[Lifeline] = (),
     ) -> None:
-        reading, self.lifeline = os.pipe()
-        handed_on = (reading,) if holds is None else (reading, holds)
-        command = [sys.executable, "-m", __name__, str(reading), module, *arguments]
+        handed_on = (lifeline.reading, *(other.held for other in holds))
+        command = [sys.executable, "-m", __name__, str(lifeline.reading), module, *arguments]
         with _opened_log(log) as stream:
             self.process = subprocess.Popen(
                 command,
@@ -55,7 +72,6 @@ class Child:
                 pass_fds=handed_on,
                 start_new_session=True,
             )
-        os.close(reading)
         self.log = log
 
     @property
@@ -82,8 +98,6 @@ class Child:
         self.wait(grace_s)
         self._signal_group(signal.SIGKILL)
         self.process.wait()
-        with contextlib.suppress(OSError):
-            os.close(self.lifeline)
 
     def begin_log_anew(self) -> None:
         """Keep a log that has grown large as the old one, and go on in an empty one.

@@ -23,8 +23,6 @@ StoryOfDeliveries: TypeAlias = Literal[
 MANUAL = "manual"
 #: Name of the deployments that runs of deliveries belong to.
 ON_DELIVERY = "on-delivery"
-#: States that say nothing about the delivery: the machine ended the run.
-_UNDECIDED = ("CRASHED",)
 
 
 @dataclass(frozen=True)
@@ -34,25 +32,19 @@ class Scheduled:
     Attributes
     ----------
     begun : folders whose run has been scheduled now.
-    resumed : folders whose run was ended by the machine and has been scheduled again.
     known : folders whose run there was before.
     waiting : folders that are not complete yet.
     refused : sentences on marked folders that cannot be started.
     """
 
     begun: tuple[str, ...]
-    resumed: tuple[str, ...]
     known: tuple[str, ...]
     waiting: tuple[str, ...]
     refused: tuple[str, ...]
 
     def sentences(self) -> tuple[str, ...]:
         """What people should read about it."""
-        parts = (
-            ("Begun", self.begun),
-            ("Resumed", self.resumed),
-            ("Not complete yet", self.waiting),
-        )
+        parts = (("Begun", self.begun), ("Not complete yet", self.waiting))
         told = [f"{what}: {', '.join(names)}." for what, names in parts if names]
         told.append(f"Deliveries with a run already: {len(self.known)}.")
         return (*told, *self.refused)
@@ -88,7 +80,6 @@ def schedule_deliveries(
 
     return Scheduled(
         with_outcome("begun"),
-        with_outcome("resumed"),
         with_outcome("known"),
         tuple(visible(folder.name) for folder in found.waiting),
         tuple(visible(f"{folder.name} is not started. {why}") for folder, why in found.refused.items()),
@@ -97,28 +88,23 @@ def schedule_deliveries(
 
 def _schedule(
     api: Api, records: Records, delivery: Delivery, story: StoryOfDeliveries
-) -> Literal["begun", "resumed", "known"]:
+) -> Literal["begun", "known"]:
     before = records.of_delivery(delivery.key)
-    if before is not None and before.state in DECIDED:
+    if before is not None and (before.state in DECIDED or not before.has_ended):
         return "known"
     project_file = delivery.folder / "project.toml"
-    # The server hands back the run there is when it has seen the key before.
+    # The server hands back the run there is when it has seen the key before. So nothing is lost or doubled if
+    # this process is killed before it can note the run, and one that the server has lost is made anew.
     body = {
         "parameters": {"project": str(project_file)},
         "idempotency_key": f"delivery-{delivery.key}",
         "tags": ["delivery"],
     }
     run = api.post(f"/deployments/{_deployment(api, story)}/create_flow_run", body)
-    if before is None or before.id != run["id"]:
-        records.schedule(_scheduled(run["id"], project_file, story, delivery))
-        return "begun"
-    if run["state_type"] not in _UNDECIDED:
+    if before is not None and before.id == run["id"]:
         return "known"
-    message = "It was ended by the machine; finished stages are kept."
-    state = {"type": "SCHEDULED", "name": "AwaitingRetry", "message": message}
-    api.post(f"/flow_runs/{run['id']}/set_state", {"state": state, "force": True})
-    records.reschedule(run["id"], message)
-    return "resumed"
+    records.schedule(_scheduled(run["id"], project_file, story, delivery))
+    return "begun"
 
 
 def _scheduled(run_id: str, project_file: Path, story: str, delivery: Delivery) -> RunRecord:

@@ -42,6 +42,7 @@ class RunnerOptions:
     recalibration_cron : when the registry of calibrations is looked at; None: there is no registry.
     keep_days : stored results of stages that nobody has used for so long are removed every night, unless a
         manifest names them; None: never.
+    registers : whether it registers the deployments; else it is a further one beside the one that does.
     """
 
     limit: int = 1
@@ -51,6 +52,7 @@ class RunnerOptions:
     story: StoryOfDeliveries = "aerial-triangulation"
     recalibration_cron: str | None = None
     keep_days: int | None = None
+    registers: bool = True
 
     def require_valid(self) -> None:
         """Check what Prefect would only find out in the runner.

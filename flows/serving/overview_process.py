@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from flows.serving.child import Child
+from flows.serving.child import Child, Lifeline
 from flows.serving.server_process import ServerAddress
 
 #: How often it is begun again.
@@ -37,6 +37,7 @@ class OverviewProcess:
         self._arguments = (address.host, str(address.port), dashboard)
         self._environment, self._log, self._say = environment, log, say
         self._restarts_left = RESTARTS
+        self._lifeline = Lifeline()
         self._child: Child | None = self._begun()
 
     def look(self) -> None:
@@ -62,4 +63,10 @@ class OverviewProcess:
             self._child = None
 
     def _begun(self) -> Child:
-        return Child("flows.overview", *self._arguments, environment=self._environment, log=self._log)
+        return Child(
+            "flows.overview",
+            *self._arguments,
+            environment=self._environment,
+            log=self._log,
+            lifeline=self._lifeline,
+        )

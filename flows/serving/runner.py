@@ -9,7 +9,7 @@ from flows.serving.options import options_from
 
 
 def main() -> None:
-    """Register the deployments and carry out their runs until asked to end; then finish those that run."""
+    """Carry out runs of the deployments until asked to end; then finish those that have begun."""
     logging.getLogger("aerocal").setLevel(logging.INFO)
     # Loads Prefect, which nothing but this process and its runs has to.
     from flows import deployments

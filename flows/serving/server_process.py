@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from flows.serving.child import Child
+from flows.serving.child import Child, Lifeline
 from tasks.storage.installation import InstallationError
 
 #: Prefect's own variable of the words (``user:password``) a server asks for.
@@ -152,10 +152,14 @@ def _connection(database: str) -> str:
     return f"postgresql+asyncpg://{found.group(1)}"
 
 
-def start_server(address: ServerAddress, environment: Mapping[str, str], log: Path) -> Child:
+def start_server(
+    address: ServerAddress, environment: Mapping[str, str], log: Path, lifeline: Lifeline
+) -> Child:
     """Start the server; it is not well yet."""
     where = ("--host", address.host, "--port", str(address.port))
-    return Child("flows.serving.server", "server", "start", *where, environment=environment, log=log)
+    return Child(
+        "flows.serving.server", "server", "start", *where, environment=environment, log=log, lifeline=lifeline
+    )
 
 
 def wait_until(

@@ -126,15 +126,13 @@ def notice_from(text: str) -> Notice:
     return Notice(**{**content, **lists})
 
 
-def notice_of_run(
-    run: Mapping[str, object], attempt: int, summary: Mapping[str, JSON] | None, ended: str
-) -> Notice | None:
+def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None, ended: str) -> Notice | None:
     """The notice of a run that has ended; None if its state is nothing to tell about (cancelled).
 
     Parameters
     ----------
     run : id, project, story, state, message and directory.
-    attempt : how often it was begun.
+    ended : when; a run that is begun anew ends another time, and that is told, too.
     """
     texts = {name: str(run[name]) for name in ("project", "story", "state", "message", "directory")}
     kind = _KINDS.get(texts["state"])
@@ -143,7 +141,7 @@ def notice_of_run(
     figures = summary or {}
     problems, gates, sigma0 = (figures.get(name) for name in ("problems", "gates", "sigma0"))
     return Notice(
-        id=f"{run['id']}:{attempt}",
+        id=f"{run['id']}:{ended}",
         kind=kind,
         run=str(run["id"]),
         ended=ended,

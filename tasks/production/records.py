@@ -1,7 +1,7 @@
 """The database of production: which run of which project stands where.
 
 Prefect's own records may be tidied up, lost or begun anew; what was done with a delivery is remembered here.
-A run that has ended is never changed again, except that it may begin once more under the same number.
+A run that is decided is never changed again, except that it may begin once more under the same number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from tasks.database.engine import connected_for_reading, connected_for_writing, 
 from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.notification.notice import Notice, notice_of_run
-from tasks.production.run_record import PUBLISHING, RunRecord, StageTime, State
+from tasks.production.attempts import PAUSES_S, next_beginning, with_prospect
+from tasks.production.run_record import DECIDED, ENDED, PUBLISHING, RunRecord, StageTime, State
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
@@ -33,6 +34,7 @@ from tasks.storage.json_text import JSON, finite, json_text
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F72756E
+_TIMES = ("scheduled", "begun", "ended", "again_at")
 #: Numbers of runs that are asked for in one statement.
 _BATCH = 500
 
@@ -80,32 +82,57 @@ class Records:
         return cls(found, engine_at(found))
 
     def schedule(self, run: RunRecord) -> None:
-        """Note a run that will begin; nothing if it is known already."""
+        """Note a run that will begin; of one that is known already, only the delivery it is for."""
         with self.writing() as connection:
-            if _row_of(connection, run.id) is None:
+            known = _row_of(connection, run.id)
+            if known is None:
                 connection.execute(insert(RUNS).values(**_as_row(run)))
+            elif known.delivery is None and run.delivery is not None:
+                # It was begun before whoever scheduled it came to note it.
+                _update(connection, run.id, {"delivery": run.delivery})
 
     def begin(self, run: RunRecord) -> None:
         """Note that a run begins in this process, for the first time or once more."""
         values = {**_as_row(run), "state": "Running", "begun": _text(datetime.now(UTC)), "ended": None}
-        values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1}
+        values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1, "again_at": None}
         with self.writing() as connection:
             known = _row_of(connection, run.id)
             if known is None:
                 connection.execute(insert(RUNS).values(**values))
                 return
+            # After an end that was to stay, somebody has asked for it anew.
+            asked_anew = known.state in ENDED and known.again_at is None
             values |= {
-                "attempts": known.attempts + 1,
+                "attempts": 1 if asked_anew else known.attempts,
                 "delivery": known.delivery,
                 "scheduled": known.scheduled,
             }
-            connection.execute(update(RUNS).where(RUNS.c.id == run.id).values(**values))
+            _update(connection, run.id, values)
 
     def reschedule(self, run_id: str, message: str) -> None:
-        """Note that a run which had begun, or was ended by the machine, waits for another beginning."""
-        values = {"state": "Scheduled", "message": message, "ended": None}
+        """Note that a run which had begun waits for another beginning that somebody has asked for."""
+        values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         with self.writing() as connection:
-            connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
+            _update(connection, run_id, values)
+
+    def begin_again(self, run: RunRecord, message: str) -> bool:
+        """Note that a run which is due is to be begun once more; False if it is not due any more.
+
+        Of several that find the same run due, one gets True.
+        """
+        values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
+        due = (RUNS.c.id == run.id) & RUNS.c.again_at.is_not(None) & (RUNS.c.attempts == run.attempts)
+        with self.writing() as connection:
+            done = connection.execute(update(RUNS).where(due).values(**values, attempts=run.attempts + 1))
+            return done.rowcount == 1
+
+    def give_up(self, run_id: str) -> None:
+        """Note that a run which has ended is not begun again by itself."""
+        with self.writing() as connection:
+            known = _row_of(connection, run_id)
+            if known is not None and known.again_at is not None:
+                _update(connection, run_id, {"again_at": None})
+                _tell(connection, run_id, None)
 
     def end(
         self,
@@ -113,27 +140,42 @@ class Records:
         state: State,
         message: str,
         *,
+        may_pass: bool = False,
         stages: Sequence[StageTime] = (),
         failed_stage: str | None = None,
         summary: Mapping[str, JSON] | None = None,
     ) -> None:
-        """Note how a run has ended, and what is to be told; nothing if it has ended or is not known."""
+        """Note how a run has ended, as it knows itself, and what is to be told; nothing if it is decided.
+
+        It holds even if the run was given up for lost before: it was only out of sight.
+
+        Parameters
+        ----------
+        may_pass : whether the reason lies with the machine and may be gone another time.
+        """
         values = {
-            "state": state,
-            "message": message,
-            "ended": _text(datetime.now(UTC)),
             "stages": _stages_text(stages),
             "failed_stage": failed_stage,
             "summary": None if summary is None else json_text(finite(summary)),
         }
         with self.writing() as connection:
-            unfinished = (RUNS.c.id == run_id) & RUNS.c.ended.is_(None)
-            if connection.execute(update(RUNS).where(unfinished).values(**values)).rowcount == 0:
-                return
-            run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
-            notice = notice_of_run(dict(run._mapping), run.attempts, summary, run.ended)
-            if notice is not None:
-                write_notice(connection, notice)
+            known = _row_of(connection, run_id)
+            if known is not None and known.state not in DECIDED:
+                _update(connection, run_id, {**_ending(known, state, message, may_pass), **values})
+                _tell(connection, run_id, summary)
+
+    def lose(self, run_id: str, state: State, message: str, *, may_pass: bool = True) -> None:
+        """Note how a run has ended that could not note it itself; nothing if it has ended or is not known.
+
+        Parameters
+        ----------
+        may_pass : as of `end`; of the states, only some are begun again (`tasks.production.attempts`).
+        """
+        with self.writing() as connection:
+            known = _row_of(connection, run_id)
+            if known is not None and known.ended is None:
+                _update(connection, run_id, _ending(known, state, message, may_pass))
+                _tell(connection, run_id, None)
 
     def runs(
         self, states: Collection[str] | None = None, since: datetime | None = None, most: int | None = None
@@ -152,6 +194,10 @@ class Records:
         if since is not None:
             chosen = chosen.where(RUNS.c.scheduled >= _text(since))
         return self._read(chosen)
+
+    def due(self, now: datetime) -> tuple[RunRecord, ...]:
+        """The runs that are to be begun once more by themselves, the longest due first."""
+        return self._read(select(RUNS).where(RUNS.c.again_at <= _text(now)).order_by(RUNS.c.again_at))
 
     def run(self, run_id: str) -> RunRecord | None:
         """A run by its number; None if it is not known."""
@@ -276,11 +322,35 @@ def write_notice(connection: Connection, notice: Notice) -> None:
 
 
 def _row_of(connection: Connection, run_id: str) -> Row[Any] | None:
-    return connection.execute(select(RUNS).where(RUNS.c.id == run_id)).first()
+    """The row of a run, kept from other writers until the end of the transaction."""
+    return connection.execute(select(RUNS).where(RUNS.c.id == run_id).with_for_update()).first()
+
+
+def _update(connection: Connection, run_id: str, values: Mapping[str, object]) -> None:
+    connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
+
+
+def _ending(known: Row[Any], state: State, message: str, may_pass: bool) -> dict[str, object]:
+    """What is noted of every end."""
+    now = datetime.now(UTC)
+    ended = {"state": state, "ended": _text(now)}
+    if not may_pass or state not in PAUSES_S:
+        return {**ended, "message": message, "again_at": None}
+    again_at = next_beginning(state, known.attempts, now)
+    told = with_prospect(message, known.attempts, again_at)
+    return {**ended, "message": told, "again_at": None if again_at is None else _text(again_at)}
+
+
+def _tell(connection: Connection, run_id: str, summary: Mapping[str, JSON] | None) -> None:
+    """Put into the outbox how a run has ended, unless it is begun again by itself."""
+    run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
+    notice = None if run.again_at is not None else notice_of_run(dict(run._mapping), summary, run.ended)
+    if notice is not None:
+        write_notice(connection, notice)
 
 
 def _as_row(run: RunRecord) -> dict[str, object]:
-    times = {name: _text(value) for name in ("scheduled", "begun", "ended") if (value := getattr(run, name))}
+    times = {name: _text(value) for name in _TIMES if (value := getattr(run, name))}
     plain = {column.name: getattr(run, column.name) for column in RUNS.columns}
     summary = None if run.summary is None else json_text(finite(run.summary))
     return {**plain, "stages": _stages_text(run.stages), "summary": summary, **times}
@@ -288,7 +358,7 @@ def _as_row(run: RunRecord) -> dict[str, object]:
 
 def _as_record(row: Row[Any]) -> RunRecord:
     content = dict(row._mapping)
-    for name in ("scheduled", "begun", "ended"):
+    for name in _TIMES:
         content[name] = None if content[name] is None else datetime.fromisoformat(content[name])
     content["stages"] = tuple(StageTime(**stage) for stage in json.loads(content["stages"]))
     content["summary"] = None if content["summary"] is None else json.loads(content["summary"])

@@ -65,7 +65,8 @@ class RunRecord:
     scheduled, begun, ended : UTC; None: not yet.
     delivery : key of the delivery it is for; None: started by hand.
     host, process : where it runs or ran; None: nowhere yet.
-    attempts : how often it was begun.
+    attempts : how often it was begun, or is to be, since somebody or a delivery asked for it.
+    again_at : when it is begun once more by itself, UTC; None: it is not, or has not ended.
     stages : those that have ended, in the order in which they did.
     failed_stage : the one that could not be done; None: none, or it is not known.
     summary : content of summary.json (docs/artifacts.md), without timings; empty until the end.
@@ -84,7 +85,8 @@ class RunRecord:
     delivery: str | None = None
     host: str | None = None
     process: int | None = None
-    attempts: int = 0
+    attempts: int = 1
+    again_at: datetime | None = None
     stages: tuple[StageTime, ...] = ()
     failed_stage: str | None = None
     summary: Mapping[str, JSON] | None = None
@@ -92,4 +94,4 @@ class RunRecord:
     @property
     def has_ended(self) -> bool:
         """Whether nothing more happens by itself."""
-        return self.state in ENDED
+        return self.state in ENDED and self.again_at is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Column, Integer, MetaData, Table, Text
 
 #: Version of these tables; another one is refused.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 METADATA = MetaData()
 
@@ -28,6 +28,7 @@ RUNS = Table(
     Column("host", Text),
     Column("process", Integer),
     Column("attempts", Integer, nullable=False),
+    Column("again_at", Text, index=True),
     Column("stages", Text, nullable=False),
     Column("failed_stage", Text),
     Column("summary", Text),

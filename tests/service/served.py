@@ -62,6 +62,13 @@ class Served:
     def records(self) -> Records:
         return Records.at(str(self.folder / "state" / "records.sqlite"))
 
+    def group_of(self, module: str) -> int:
+        """The process group of the child that carries out a module."""
+        for group in self.groups():
+            if module in Path(f"/proc/{group}/cmdline").read_text().split("\0"):
+                return group
+        raise AssertionError(f"no child carries out {module}")
+
     @property
     def printed(self) -> str:
         return (self.folder / "printed").read_text()
@@ -110,6 +117,30 @@ def alive(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def engines_of(group: int) -> list[int]:
+    """The processes of a group that carry out runs."""
+    listed = subprocess.run(["ps", "-eo", "pid,pgid,args"], capture_output=True, text=True, check=True).stdout
+    parts = [line.split(None, 2) for line in listed.splitlines()[1:]]
+    return [int(pid) for pid, of, args in parts if int(of) == group and "prefect.engine" in args]
+
+
+@contextmanager
+def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A second runner for a server; killed afterwards."""
+    command = [sys.executable, "-m", "flows.command", "runner", "--root", str(server.folder), *options]
+    printed = server.folder / "printed-runner"
+    with printed.open("wb") as stream:
+        process = subprocess.Popen(command, stdout=stream, stderr=stream, env=server.environment)
+    log = server.folder / "state" / "logs" / "runner-2.log"
+    try:
+        until(lambda: "Ready." in printed.read_text() and log.is_file(), START_S, process)
+        yield process
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            process.wait(60)
 
 
 @contextmanager

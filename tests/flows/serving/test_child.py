@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from flows.serving import child
-from flows.serving.child import Child
+from flows.serving.child import Child, Lifeline
 
 _TALKER = """
 import sys, time
@@ -26,7 +26,8 @@ def test_a_log_that_has_grown_large_is_begun_anew_while_the_child_goes_on(
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     monkeypatch.setattr(child, "_LOG_BYTES", 10_000)
     log = tmp_path / "logs" / "talker.log"
-    talker = Child("talker", environment=environment, log=log)
+    lifeline = Lifeline()
+    talker = Child("talker", environment=environment, log=log, lifeline=lifeline)
     try:
         while log.stat().st_size <= 10_000:
             assert not talker.ended
@@ -39,3 +40,4 @@ def test_a_log_that_has_grown_large_is_begun_anew_while_the_child_goes_on(
         assert set(log.read_text()) == {"x", "\n"}
     finally:
         talker.end_group(5.0)
+        lifeline.release()

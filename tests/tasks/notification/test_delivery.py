@@ -53,7 +53,8 @@ def test_a_failed_gate_arrives_at_a_webhook_once(records: Records, courier: Call
     assert message["title"] == "GateFailed: block-7 (aerial-triangulation)"
     assert message["type"] == "warning"
     notice = message["notice"]
-    assert (notice["id"], notice["kind"], notice["state"]) == (f"{run}:1", "gate", "GateFailed")
+    assert (notice["kind"], notice["state"]) == ("gate", "GateFailed")
+    assert notice["id"] == f"{run}:{notice['ended']}"
     assert notice["gates"][0]["limit"] == 1.2
     assert notice["problems"] == ["Too large."]
     assert notice["links"] == {
@@ -164,7 +165,25 @@ def test_another_attempt_of_a_run_is_another_notice(
         for _ in range(2):
             ended_run(records, "Crashed")
             courier(web.address).deliver()
-        assert [one["notice"]["id"][-2:] for one in web.accepted] == [":1", ":2"]
+        assert len({one["notice"]["id"] for one in web.accepted}) == 2
+
+
+def test_an_end_after_which_the_run_is_begun_again_is_told_when_it_is_the_last(
+    records: Records, courier: Callable[..., Courier]
+) -> None:
+    run = ended_run(records, "Crashed")
+    with web_receiver() as web:
+        courier(web.address).deliver()
+        told = len(web.accepted)
+        found = records.run(run)
+        assert found is not None
+        records.begin(found)
+        records.lose(run, "Crashed", "killed.")
+        courier(web.address).deliver()
+        assert len(web.accepted) == told
+        records.give_up(run)
+        courier(web.address).deliver()
+        assert len(web.accepted) == told + 1
 
 
 def test_a_letter_has_one_subject_whatever_the_project_is_called(

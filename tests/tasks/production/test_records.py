@@ -25,6 +25,12 @@ RUN = RunRecord(
 HOSTILE = "'; DROP TABLE aerocal_runs; -- <script>alert(1)</script> \u202e ω"
 
 
+def found(records: Records) -> RunRecord:
+    run = records.run("one")
+    assert run is not None
+    return run
+
+
 def test_records_that_do_not_exist_are_empty_and_reading_makes_none(records: Records) -> None:
     assert records.runs() == ()
     assert records.run("one") is None
@@ -55,26 +61,88 @@ def test_a_run_is_remembered_from_delivery_to_end(records: Records) -> None:
     assert ended.ended >= begun.begun
 
 
-def test_an_end_is_final_until_the_run_begins_again(records: Records) -> None:
+def test_a_decided_end_is_final_until_somebody_begins_the_run_again(records: Records) -> None:
     records.begin(RUN)
     records.end("one", "Completed", "done")
-    records.end("one", "Crashed", "too late")
-    found = records.run("one")
-    assert found is not None
-    assert (found.state, found.message) == ("Completed", "done")
+    records.lose("one", "Crashed", "too late")
+    records.end("one", "Failed", "too late", may_pass=True)
+    assert found(records).state == "Completed"
+    assert found(records).message == "done"
+    assert found(records).again_at is None
     records.begin(RUN)
-    again = records.run("one")
-    assert again is not None
-    assert (again.state, again.ended, again.attempts) == ("Running", None, 2)
+    assert (found(records).state, found(records).ended, found(records).attempts) == ("Running", None, 1)
 
 
-def test_a_run_that_was_ended_by_the_machine_waits_again(records: Records) -> None:
+def test_a_run_that_was_only_out_of_sight_notes_its_end_all_the_same(records: Records) -> None:
+    records.begin(RUN)
+    records.lose("one", "Crashed", "no sign of life")
+    records.end("one", "GateFailed", "sigma0")
+    assert (found(records).state, found(records).message, found(records).again_at) == (
+        "GateFailed",
+        "sigma0",
+        None,
+    )
+
+
+def test_a_run_that_the_machine_has_ended_is_due_and_begun_again_once(records: Records) -> None:
     records.begin(replace(RUN, delivery="key"))
-    records.end("one", "Crashed", "killed")
-    records.reschedule("one", "Finished stages are kept.")
-    found = records.of_delivery("key")
-    assert found is not None
-    assert (found.state, found.ended, found.message) == ("Scheduled", None, "Finished stages are kept.")
+    records.lose("one", "Crashed", "killed.")
+    (due,) = records.due(datetime.now(UTC))
+    assert due.id == "one"
+    assert not due.has_ended
+    assert due.message.startswith("killed. It is begun again after ")
+    assert records.begin_again(due, "Finished stages are kept.")
+    assert not records.begin_again(due, "Finished stages are kept."), "somebody else has"
+    waiting = records.of_delivery("key")
+    assert waiting is not None
+    assert (waiting.state, waiting.ended, waiting.attempts) == ("Scheduled", None, 2)
+    assert records.due(datetime.now(UTC)) == ()
+
+
+def test_a_run_that_ends_the_machine_every_time_is_given_up(records: Records) -> None:
+    records.schedule(RUN)
+    later = datetime.now(UTC) + timedelta(days=1)
+    for attempt in range(1, 5):
+        # Killed before it could note that it had begun (every second time).
+        if attempt % 2:
+            records.begin(RUN)
+        records.lose("one", "Crashed", "out of memory.")
+        (due,) = records.due(later)
+        assert due.attempts == attempt
+        assert records.begin_again(due, "once more")
+    records.begin(RUN)
+    records.lose("one", "Crashed", "out of memory.")
+    assert records.due(later) == ()
+    assert found(records).has_ended
+    assert found(records).message == ("out of memory. It was begun 5 times and is not begun again by itself.")
+    records.begin(RUN)
+    assert found(records).attempts == 1, "somebody has asked for it anew"
+
+
+def test_what_may_pass_is_tried_again_and_what_may_not_is_not(records: Records) -> None:
+    later = datetime.now(UTC) + timedelta(days=1)
+    records.begin(RUN)
+    records.end("one", "Failed", "A defect.")
+    assert (found(records).again_at, found(records).message) == (None, "A defect.")
+    records.begin(RUN)
+    records.end("one", "Failed", "No space left.", may_pass=True)
+    assert [run.id for run in records.due(later)] == ["one"]
+    assert records.due(datetime.now(UTC)) == (), "somebody has to make room first"
+    records.give_up("one")
+    assert records.due(later) == ()
+    for state in ("Cancelled", "TimedOut"):
+        records.begin(RUN)
+        records.lose("one", state, "as asked")  # type: ignore[arg-type]
+        assert records.due(later) == ()
+        assert found(records).message == "as asked"
+
+
+def test_a_run_that_began_before_its_delivery_was_noted_belongs_to_it(records: Records) -> None:
+    records.begin(RUN)
+    records.schedule(replace(RUN, delivery="key"))
+    known = records.of_delivery("key")
+    assert known is not None
+    assert (known.id, known.state) == ("one", "Running")
 
 
 def test_scheduling_a_known_run_changes_nothing(records: Records) -> None:

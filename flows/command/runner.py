@@ -1,0 +1,104 @@
+"""``aerocal runner``: a further runner for the runs of a server."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def runner(
+    server: Annotated[
+        str | None,
+        typer.Option(
+            "--server",
+            metavar="URL",
+            help="Server whose runs are carried out.",
+            show_default="PREFECT_API_URL, else this user's aerocal serve",
+        ),
+    ] = None,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            "--database",
+            metavar="URL",
+            help="The --database of that server; the password in PGPASSWORD.",
+            show_default="that of this user's aerocal serve",
+            envvar="AEROCAL_DATABASE",
+        ),
+    ] = None,
+    root: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--root",
+            metavar="DIR",
+            help="Folder that runs may read and write, the inbox of the server included. Repeatable.",
+            show_default="the current folder",
+        ),
+    ] = None,
+    registry: Annotated[
+        str | None,
+        typer.Option(
+            "--registry",
+            metavar="URL",
+            help="Registry of calibrations that runs use; the same as the server's.",
+            show_default="AEROCAL_REGISTRY, else none",
+        ),
+    ] = None,
+    results: Annotated[
+        str | None,
+        typer.Option(
+            "--results",
+            metavar="URL",
+            help="Prefix on object storage for results; the same as the server's.",
+            show_default="beside each project",
+        ),
+    ] = None,
+    limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state",
+            metavar="DIR",
+            help="Folder of log and Prefect's files.",
+            show_default="in this user's folder of states",
+            envvar="AEROCAL_STATE",
+        ),
+    ] = None,
+) -> None:
+    """Carry out runs of a server beside its own runner, on this machine or another.
+
+    The folders of projects must have the same paths as on the server's machine. SIGTERM or the interrupt
+    key ends it when the runs that have begun are finished; a second one ends them, too.
+
+    [bold]Examples[/bold]
+
+      aerocal runner --root /data/projects --root /data/inbox --limit 2
+
+      aerocal runner --server http://10.0.0.5:4200 --database postgresql://me@10.0.0.5/aerocal --root /data
+
+    [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
+    """
+
+    def carry_out() -> int:
+        from flows.serving.calibrations import registry_of_server
+        from flows.serving.further_runner import run_further_runner, serving
+        from flows.serving.options import RunnerOptions
+        from flows.serving.results import results_of_server
+        from flows.serving.roots import roots_of
+        from flows.serving.runner_process import RunnerPlace
+        from flows.serving.state_file import state_folder
+
+        folder = state_folder() if state is None else state.absolute()
+        work = serving(server, database, folder)
+        roots = roots_of(root or [Path.cwd()])
+        calibrations = registry_of_server(registry, roots)
+        remote = results_of_server(results, roots)
+        place = RunnerPlace(roots, work.records, None, calibrations, remote, folder, work.overview)
+        options = RunnerOptions(limit, registers=False)
+        return run_further_runner(work, options, place, folder, lambda sentence: typer.echo(sentence))
+
+    end_with(carry_out)

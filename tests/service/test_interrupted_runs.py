@@ -1,0 +1,178 @@
+"""Killed engines, runners, servers and commands: every run ends, nothing is done twice or left open."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flows.serving.heartbeats import NAME
+from tasks.production.run_record import RunRecord
+from tasks.storage.run_lock import run_lock
+from tests.flows.conftest import write_block
+from tests.service.served import Served, further_runner, served, until
+
+pytestmark = [pytest.mark.service, pytest.mark.timeout(900)]
+
+MANUAL = "aerial-triangulation/manual"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    folder = tmp_path_factory.mktemp("interrupted")
+    write_block(folder / "root" / "block")
+    with served(folder, "--limit", "2") as running:
+        yield running
+
+
+def recorded(server: Served, run: str) -> RunRecord:
+    found = server.records.run(run)
+    assert found is not None
+    return found
+
+
+def computed_once(results: Path) -> bool:
+    return len(list((results / ".store" / "bundle_adjustment").iterdir())) == 1
+
+
+def begun(server: Served, output: str) -> str:
+    """A run that has noted its beginning and waits for the lock of its output folder."""
+    run = server.start(MANUAL, {"project": "block", "output": output})
+    until(lambda: (one := server.records.run(run)) is not None and one.state == "Running", 120)
+    return run
+
+
+def test_a_killed_engine_is_followed_by_another_that_takes_up_its_run(server: Served) -> None:
+    results = server.folder / "root" / "block" / "engine"
+    with run_lock(results):
+        run = begun(server, "engine")
+        os.kill(recorded(server, run).process or 0, signal.SIGKILL)
+        until(lambda: recorded(server, run).attempts == 2, 60)
+    until(lambda: recorded(server, run).state == "Completed", 120)
+    until(lambda: server.run(run)["state_name"] == "Completed", 30)
+    assert computed_once(results)
+
+
+def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Served) -> None:
+    results = server.folder / "root" / "block" / "runner"
+    group = server.group_of("flows.serving.runner")
+    with run_lock(results):
+        run = begun(server, "runner")
+        engine = recorded(server, run).process or 0
+        os.kill(group, signal.SIGKILL)
+        until(lambda: not Path(f"/proc/{engine}").exists(), 30)
+        until(lambda: recorded(server, run).attempts == 2, 60)
+    assert "The runner has ended by itself; it is started again in 1 s." in server.printed
+    until(lambda: recorded(server, run).state == "Completed", 180)
+    until(lambda: server.run(run)["state_name"] == "Completed", 30)
+    assert computed_once(results)
+
+
+def test_a_run_that_finishes_while_the_server_is_away_is_not_begun_again(server: Served) -> None:
+    results = server.folder / "root" / "block" / "server"
+    with run_lock(results):
+        run = begun(server, "server")
+        os.kill(server.group_of("flows.serving.server"), signal.SIGKILL)
+        until(lambda: "The server has ended by itself" in server.printed, 10)
+    until(lambda: recorded(server, run).state == "Completed", 120)
+    until(lambda: _state(server, run) == "Completed", 200)
+    assert recorded(server, run).attempts == 1
+    assert computed_once(results)
+
+
+def _state(server: Served, run: str) -> Any:
+    try:
+        return server.run(run)["state_name"]
+    except Exception:
+        return None
+
+
+def test_a_killed_command_does_not_stay_running(server: Served) -> None:
+    block = server.folder / "root" / "block" / "project.toml"
+    out = server.folder / "hand"
+    command = [sys.executable, "-m", "flows.command", "run", str(block), "--out", str(out)]
+    with run_lock(out):
+        hand = subprocess.Popen(command, env=server.environment, stderr=subprocess.DEVNULL)
+        until(lambda: any(run.directory == str(out) for run in server.records.runs()), 60, hand)
+        hand.kill()
+        hand.wait()
+        (run,) = (run for run in server.records.runs() if run.directory == str(out))
+        until(lambda: _state(server, run.id) == "Crashed", 30)
+    until(lambda: recorded(server, run.id).has_ended, 30)
+    assert recorded(server, run.id).state == "Crashed"
+
+
+def test_two_runners_share_the_runs_and_begin_none_twice(server: Served) -> None:
+    with further_runner(server, "--limit", "2") as second:
+        log = server.folder / "state" / "logs" / "runner-2.log"
+        runs = [server.start(MANUAL, {"project": f"missing-{number}"}) for number in range(6)]
+        assert {server.ended(run)["state_name"] for run in runs} == {"InputError"}
+        assert {server.run(run)["run_count"] for run in runs} == {1}
+        second.send_signal(signal.SIGTERM)
+        assert second.wait(60) == 0
+    ours = (server.folder / "state" / "logs" / "runner.log").read_text()
+    beginnings = [re.findall(r"Beginning flow run 'missing-(\d)", text) for text in (ours, log.read_text())]
+    assert sorted(beginnings[0] + beginnings[1]) == list("012345")
+    assert beginnings[1], "the second one has done its share"
+
+
+def test_the_automation_for_silent_runs_is_there_once(server: Served) -> None:
+    found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [NAME]}}})
+    assert [one["actions"][0]["state"] for one in found] == ["CRASHED"]
+
+
+def test_one_delivery_delivered_three_times_with_a_redeploy_between_is_computed_once(tmp_path: Path) -> None:
+    delivery = tmp_path / "inbox" / "block-7"
+    kept = tmp_path / "delivered"
+    write_block(kept)
+
+    def deliver() -> None:
+        shutil.copytree(kept, delivery, dirs_exist_ok=True)
+        (delivery / "DELIVERED").touch()
+
+    def runs(server: Served, number: int) -> list[RunRecord]:
+        return (
+            until(
+                lambda: found if len(found := server.records.runs(states=("Completed",))) == number else None,
+                150,
+            )
+            or []
+        )
+
+    with served(tmp_path) as first:
+        deliver()
+        runs(first, 1)
+        manifest = json.loads((delivery / "results" / "manifest.json").read_text())
+        before = _identities(delivery / "results", manifest)
+        deliver()
+        runs(first, 2)
+        # Nobody carries it out before the server is stopped.
+        os.kill(first.group_of("flows.serving.runner"), signal.SIGSTOP)
+        deliver()
+        until(lambda: len(first.runs(flow_runs={"tags": {"all_": ["delivery"]}})) == 3, 60)
+        os.kill(first.group_of("flows.serving.runner"), signal.SIGCONT)
+        first.process.kill()
+        first.process.wait()
+    with served(tmp_path, "--limit", "2", "--cron", "30 1 * * *") as second:
+        done = runs(second, 3)
+        assert len(second.runs(flow_runs={"tags": {"all_": ["delivery"]}})) == 3
+    by_time = sorted(done, key=lambda run: run.scheduled)
+    reused = [{stage.reused for stage in run.stages} for run in by_time]
+    assert reused == [{False}, {True}, {True}]
+    assert _identities(delivery / "results", manifest) == before
+    assert computed_once(delivery / "results")
+
+
+def _identities(results: Path, manifest: Any) -> dict[str, tuple[int, int]]:
+    """Inode and time of every published file."""
+    files = [results / entry["file"] for entry in manifest["artifacts"].values()]
+    return {file.name: (file.stat().st_ino, file.stat().st_mtime_ns) for file in files}
