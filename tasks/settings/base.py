@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.storage.artifact import digest_of_file
-from tasks.storage.delivered_file import trouble_of
+from tasks.storage.delivered_file import read_delivered, trouble_of
 from tasks.storage.json_text import JSON
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
@@ -162,8 +162,8 @@ class PathContext:
 def variables_in(file: Path) -> frozenset[str]:
     """Names of the variables ``${NAME}`` that a project file may use; none if it cannot be read."""
     try:
-        return frozenset(_VARIABLE.findall(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+        return frozenset(_VARIABLE.findall(read_delivered(file.resolve(), "document").decode("utf-8")))
+    except (InputError, ValueError):
         return frozenset()
 
 

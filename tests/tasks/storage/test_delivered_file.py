@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import resource
 import subprocess
@@ -238,3 +239,29 @@ def test_a_calibration_of_results_is_limited_through_the_project_too(tmp_path: P
         special("sparse", tmp_path / f"{name}.parquet")
     with pytest.raises(ValueError, match="more than the 4,000 MB"):
         CalibrationInput.model_validate(str(tmp_path))
+
+
+@pytest.mark.parametrize("folder", ["tasks/formats", "tasks/settings"])
+def test_no_reader_opens_a_file_by_itself(folder: str) -> None:
+    """A format that is added reads through `read_delivered`, and so has all of the above."""
+    sources = sorted((REPOSITORY / folder).glob("*.py"))
+    # These write pages of documentation from templates of ours, and read presets that come along.
+    ours = {
+        "document.py",
+        "simulation_document.py",
+        "additional_parameters_document.py",
+        "load_simulation.py",
+    }
+    found = [
+        f"{source.name}:{node.lineno}"
+        for source in sources
+        if source.name not in ours
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and (
+            (isinstance(node.func, ast.Attribute) and node.func.attr in ("open", "read_text", "read_bytes"))
+            or (isinstance(node.func, ast.Name) and node.func.id == "open")
+        )
+    ]
+    assert len(sources) > 5
+    assert found == []
