@@ -22,9 +22,7 @@ from tasks.settings.project import Project
 from tasks.storage.installation import InstallationError
 from tasks.storage.store import Store
 from tasks.summary import Summary
-from tests.service.object_server import (
-    ObjectServer,
-)
+from tests.service.object_server import ObjectServer
 from tests.service.stages_on_storage import (
     BOTH,
     TABLES,
