@@ -13,7 +13,7 @@ import pytest
 
 from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.project_run import RunRequest, carry_out
-from flows.scenario_sweep import carry_out_sweep
+from flows.scenario_sweep import sweep_of
 from flows.system_calibration import system_calibration
 from tasks.registry.registry import Registry
 from tasks.registry.time_series_page import write_time_series
@@ -65,7 +65,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert outcome.error is None, outcome.error
     sweep = f"\n[sweep]\ncontrol = {{ '{PAYLOADS[0]}' = 'all' }}\n[sweep.variants]\n'{PAYLOADS[1]}' = {{}}\n"
     project.write_text(project.read_text(encoding="utf-8") + sweep, encoding="utf-8")
-    outcome = carry_out_sweep(RunRequest(project, folder / "sweep"))
+    request = RunRequest(project, folder / "sweep")
+    outcome = carry_out(sweep_of(request), request)
     assert outcome.error is None, outcome.error
     together = folder / "together"
     together.mkdir()
