@@ -4,18 +4,25 @@ Since SQLAlchemy 2.1 a bulk INSERT refuses values of hybrid properties that do n
 2.0 left them alone. Prefect 3.8 hands such a value (the state of a flow run, stored by other means) to the
 INSERT of every scheduled run, so no schedule would ever begin anything. Here those properties are told to
 leave the values alone again, in the server's process only.
+
+The dashboard's pages ask a provider of usage statistics for settings even where statistics are off. A
+Content-Security-Policy lets them speak to their own server and nobody else.
 """
 
 from __future__ import annotations
 
+import os
 import runpy
 from collections.abc import MutableMapping
+from functools import wraps
 from typing import Any, cast
+from urllib.parse import urlsplit
 
 
 def main() -> None:
     """Carry out a command of Prefect's command line, with the arguments of this process."""
     leave_hybrid_values_alone()
+    keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""))
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
 
 
@@ -33,6 +40,56 @@ def leave_hybrid_values_alone() -> None:
 
 def _leave_alone(_table: type, _values: MutableMapping[str, object], _value: object) -> None:
     """What becomes of the value of a property in a bulk INSERT: nothing."""
+
+
+def keep_pages_to_this_server(api: str) -> None:
+    """Have every page of the dashboard speak to this server only.
+
+    Parameters
+    ----------
+    api : address of the API as browsers know it; "" if it is that of the page.
+    """
+    from prefect.server.api import server
+    from starlette.middleware import Middleware
+
+    create_app = server.create_app
+    policy = connections_policy(api)
+
+    @wraps(create_app)
+    def create_quiet_app(*args: Any, **kwargs: Any) -> Any:
+        app = create_app(*args, **kwargs)
+        app.user_middleware.insert(0, Middleware(_PagePolicy, policy=policy))
+        return app
+
+    server.create_app = create_quiet_app
+
+
+def connections_policy(api: str) -> str:
+    """What the pages may connect to, as a Content-Security-Policy."""
+    parts = urlsplit(api)
+    places = ["'self'"]
+    if parts.netloc:
+        socket = {"http": "ws", "https": "wss"}[parts.scheme]
+        places += [f"{parts.scheme}://{parts.netloc}", f"{socket}://{parts.netloc}"]
+    return f"connect-src {' '.join(places)}; object-src 'none'; base-uri 'self'; frame-ancestors 'self'"
+
+
+class _PagePolicy:
+    """Adds the policy to every HTML answer."""
+
+    def __init__(self, app: Any, policy: str) -> None:
+        self.app = app
+        self.policy = policy.encode()
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        async def send_with_policy(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                headers = message.setdefault("headers", [])
+                if any(name == b"content-type" and value.startswith(b"text/html") for name, value in headers):
+                    headers.append((b"content-security-policy", self.policy))
+            await send(message)
+
+        await self.app(scope, receive, send_with_policy if scope["type"] == "http" else send)
 
 
 if __name__ == "__main__":

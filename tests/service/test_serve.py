@@ -9,6 +9,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Iterator
 from contextlib import closing
 from datetime import date
@@ -254,6 +255,14 @@ def test_the_server_is_private(server: Served) -> None:
     listening = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     addresses = {line[1].split(":")[0] for line in listening if int(line[1].split(":")[1], 16) == server.port}
     assert addresses == {"0100007F"}
+
+
+def test_pages_of_the_dashboard_speak_to_their_own_server_only(server: Served) -> None:
+    for page in ("/", "/v2/", "/v2/dashboard"):
+        address, asked_for = f"http://127.0.0.1:{server.port}{page}", {"Accept": "text/html"}
+        with urllib.request.urlopen(urllib.request.Request(address, headers=asked_for), timeout=30) as answer:
+            policy = answer.headers["Content-Security-Policy"]
+        assert policy.startswith(f"connect-src 'self' http://127.0.0.1:{server.port} ws://"), page
 
 
 def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(server: Served) -> None:
