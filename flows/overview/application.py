@@ -34,7 +34,7 @@ _PLOT: Any = {
     "displaylogo": False,
     "responsive": True,
     "plotlyServerURL": "",
-    "modeBarButtonsToRemove": ["lasso2d", "select2d"],
+    "modeBarButtons": [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
 }
 
 
@@ -91,8 +91,7 @@ def _answer(app: Dash, sources: Sources) -> None:
     """What the page asks its server for."""
 
     @app.callback(
-        Output(GRID, "rowData"),
-        Output(GRID, "rowTransaction"),
+        Output("news", "data"),
         Output("no-projects", "children"),
         Output("revision", "data"),
         Output("cards", "children"),
@@ -110,7 +109,7 @@ def _answer(app: Dash, sources: Sources) -> None:
             view, watch = sources.server(), sources.calibrations().watch
         except AerocalError as error:
             trouble = html.Div(str(error), className="silent")
-            return (*(no_update,) * 6, trouble, now.isoformat(), no_update)
+            return (*(no_update,) * 5, trouble, now.isoformat(), no_update)
         rows = sources.board.rows()
         said = [
             html.Span("server answers")
@@ -120,8 +119,7 @@ def _answer(app: Dash, sources: Sources) -> None:
         ]
         due = None if watch is None else len(watch.due)
         return (
-            [row_data(row) for row in changes.added] if changes.whole else no_update,
-            _transaction(changes),
+            _news(changes),
             no_projects(*_places(sources)) if not rows else None,
             no_update if changes.is_empty and ticks else revision_data(changes),
             cards(tally_of(rows), due, now),
@@ -217,15 +215,12 @@ def _detail(sources: Sources, run_id: str) -> Any:
     return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
 
 
-def _transaction(changes: Changes) -> Any:
-    if changes.whole or changes.is_empty:
+def _news(changes: Changes) -> Any:
+    """What the grid does not show yet; the browser knows best what it has and what it has not."""
+    if changes.is_empty:
         return no_update
-    return {
-        "add": [row_data(row) for row in changes.added],
-        "update": [row_data(row) for row in changes.updated],
-        "remove": [{"key": key} for key in changes.removed],
-        "async": False,
-    }
+    rows = [row_data(row) for row in (*changes.added, *changes.updated)]
+    return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed)}
 
 
 def _plot(figure: dict[str, Any] | None, without: str, name: str | dict[str, str]) -> Any:
@@ -257,6 +252,7 @@ def _act_in_the_browser(app: Dash) -> None:
             ClientsideFunction("overview", function), *places
         )
 
+    by("news", Output("taken", "children"), Input("news", "data"))
     by("search", Output("search", "className"), Input("search", "value"))
     by("exported", Output("export", "className"), Input("export", "n_clicks"))
     by("only", Output("cards", "className"), Input({"card": ALL, "states": ALL}, "n_clicks"))

@@ -37,6 +37,8 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
             dcc.Interval(id="slow", interval=_SLOW_MS),
             dcc.Store(id="revision", data=revision_data(changes)),
             dcc.Store(id="refreshed"),
+            dcc.Store(id="news"),
+            html.Div(id="taken", hidden=True),
             html.Header(
                 [
                     html.H1("aerocal production"),

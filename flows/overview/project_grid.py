@@ -26,12 +26,17 @@ STAGE_LABELS: Mapping[str, str] = {
     "georeferencing_page": "check page",
     "report": "report",
     "certificate": "certificate",
+    "sub_block": "sub-blocks",
+    "control_roles": "control roles",
+    "sweep_table": "sweep table",
+    "sweep_page": "sweep page",
 }
 #: Stories as the grid calls them.
 STORY_LABELS: Mapping[str, str] = {
     "aerial-triangulation": "triangulation",
     "system-calibration": "calibration",
     "direct-georeferencing-check": "direct check",
+    "scenario-sweep": "sweep",
 }
 Column = dict[str, Any]
 _THEME = (
@@ -88,7 +93,7 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         {"field": "state", "headerName": "State", "pinned": "left", "width": 126,
          "cellRenderer": "StateCell", "tooltipField": "message", "cellClass": "state",
          "filterParams": {"maxNumConditions": 8}},
-        {"headerName": "Results", "colId": "links", "width": 158, "sortable": False, "filter": False,
+        {"headerName": "Results", "colId": "links", "width": 172, "sortable": False, "filter": False,
          "cellRenderer": "LinksCell", "cellRendererParams": {"dashboard": dashboard}},
         {"field": "story", "headerName": "Story", "width": 104},
         *(_stage_column(stage, stage in used) for stage in STAGES),

@@ -23,6 +23,7 @@ DOCUMENTS: Mapping[str, str] = {
     "report": "report.html",
     "certificate": "certificate.html",
     "georeferencing_page": "georeferencing_check.html",
+    "sweep_page": "sweep.html",
 }
 
 

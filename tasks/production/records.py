@@ -24,7 +24,7 @@ from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.notification.notice import Notice, notice_of_run
 from tasks.production.attempts import PAUSES_S, next_beginning, with_prospect
-from tasks.production.run_record import DECIDED, ENDED, PUBLISHING, RunRecord, StageTime, State
+from tasks.production.run_record import DECIDED, ENDED, PUBLISHING, SWEEP, RunRecord, StageTime, State
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
@@ -37,6 +37,8 @@ _CREATION_LOCK = 0x6165726F72756E
 _TIMES = ("scheduled", "begun", "ended", "again_at")
 #: Numbers of runs that are asked for in one statement.
 _BATCH = 500
+# A sweep beside an adjustment replaces none of its files, and the other way round.
+_IS_SWEEP = RUNS.c.story == SWEEP
 
 
 @dataclass(frozen=True)
@@ -230,23 +232,23 @@ class Records:
         published = select(
             RUNS.c.id,
             func.row_number()
-            .over(partition_by=RUNS.c.directory, order_by=(RUNS.c.ended.desc(), RUNS.c.id))
+            .over(partition_by=(RUNS.c.directory, _IS_SWEEP), order_by=(RUNS.c.ended.desc(), RUNS.c.id))
             .label("place"),
         ).where(RUNS.c.state.in_(PUBLISHING))
-        holder = published.subquery()
-        chosen = (
-            select(ranked, holder.c.id.label("holder"))
-            .outerjoin_from(ranked, holder, (ranked.c.id == holder.c.id) & (holder.c.place == 1))
-            .where(ranked.c.place == 1)
-        )
+        placed = published.subquery()
+        # Two questions: a join of both takes a database long that has no index on either.
+        holders = {row.id for row in self.rows(select(placed.c.id).where(placed.c.place == 1))}
         return tuple(
-            LatestRun(row.id, row.state, row.begun, row.ended, row.attempts, row.runs, row.holder is not None)
-            for row in self.rows(chosen)
+            LatestRun(row.id, row.state, row.begun, row.ended, row.attempts, row.runs, row.id in holders)
+            for row in self.rows(select(ranked).where(ranked.c.place == 1))
         )
 
     def holds_results(self, run: RunRecord) -> bool:
         """Whether the output folder of a run still holds what that run has published."""
-        chosen = select(RUNS.c.id).where((RUNS.c.directory == run.directory) & RUNS.c.state.in_(PUBLISHING))
+        of_its_kind = _IS_SWEEP if run.story == SWEEP else ~_IS_SWEEP
+        chosen = select(RUNS.c.id).where(
+            (RUNS.c.directory == run.directory) & RUNS.c.state.in_(PUBLISHING) & of_its_kind
+        )
         found = self.rows(chosen.order_by(RUNS.c.ended.desc(), RUNS.c.id).limit(1))
         return [row.id for row in found] == [run.id]
 

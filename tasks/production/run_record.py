@@ -30,6 +30,8 @@ ENDED: frozenset[str] = frozenset(
 #: or somebody is to blame, and the delivery still waits for its run.
 DECIDED: frozenset[str] = frozenset(("Completed", "GateFailed", "InputError", "NotComputable"))
 
+#: The story that publishes files of its own beside those of the others.
+SWEEP = "scenario-sweep"
 #: Ends after which the output folder holds the results of the run.
 PUBLISHING: tuple[State, ...] = ("Completed", "GateFailed")
 

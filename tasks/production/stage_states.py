@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tasks.production.run_record import RunRecord, StageTime
+from tasks.production.run_record import SWEEP, RunRecord, StageTime
 from tasks.storage.stage_record import read_records
 from tasks.storage.store import Store
 
@@ -30,13 +30,22 @@ STAGES_OF: Mapping[str, tuple[str, ...]] = {
         "certificate",
     ),
     "direct-georeferencing-check": (*_PREPARATION, "bundle_adjustment", *_CHECK, "report"),
+    SWEEP: (*_PREPARATION, "sub_block", "control_roles", "bundle_adjustment", "sweep_table", "sweep_page"),
 }
 #: All of them, in an order that suits every story.
-STAGES: tuple[str, ...] = STAGES_OF["system-calibration"]
+STAGES: tuple[str, ...] = (
+    *_PREPARATION,
+    "sub_block",
+    "control_roles",
+    *STAGES_OF["system-calibration"][len(_PREPARATION) :],
+    "sweep_table",
+    "sweep_page",
+)
 #: Those that a story may do without, as the project file wants it.
 _OPTIONAL: Mapping[str, frozenset[str]] = {
     "system-calibration": frozenset(("calibrated_cameras", "two_step")),
     "direct-georeferencing-check": frozenset(("bundle_adjustment", "report")),
+    SWEEP: frozenset(("sub_block", "control_roles")),
 }
 
 

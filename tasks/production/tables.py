@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import Column, Integer, MetaData, Table, Text
+from sqlalchemy import Column, Index, Integer, MetaData, Table, Text
 
 #: Version of these tables; another one is refused.
 SCHEMA_VERSION = 2
@@ -53,3 +53,14 @@ NOTICE_DELIVERIES = Table(
     Column("due", Text, nullable=False),
     Column("said", Text, nullable=False),
 )
+# What `Records.latest` reads, without the long rows themselves. A server keeps long values apart from its
+# tables, and takes no such long keys.
+Index(
+    "aerocal_runs_latest",
+    *(RUNS.c[name] for name in ("project_file", "project", "story", "scheduled", "id")),
+    *(RUNS.c[name] for name in ("state", "begun", "ended", "attempts")),
+).ddl_if(dialect="sqlite")
+Index(
+    "aerocal_runs_published",
+    *(RUNS.c[name] for name in ("directory", "story", "state", "ended", "id")),
+).ddl_if(dialect="sqlite")

@@ -17,7 +17,7 @@ var dagcomponents = (window.dashAgGridComponentFunctions = window.dashAgGridComp
   const STAGES = { done: "✓", reused: "↺", failed: "✗", running: "▶", waiting: "–" };
   const LABELS = {
     "report.html": "report", "certificate.html": "cert.",
-    "georeferencing_check.html": "check",
+    "georeferencing_check.html": "check", "sweep.html": "sweep",
   };
   const RUN = /^[0-9a-f-]{36}$/;
 

@@ -10,6 +10,23 @@ window.aerocal = {
 
 window.dash_clientside = Object.assign({}, window.dash_clientside, {
   overview: {
+    /* Answers may come twice or late: what is there already is replaced, never added again. */
+    news: function (news) {
+      if (news) window.dash_ag_grid.getApiAsync("projects").then((grid) => {
+        if (news.whole) {
+          grid.setGridOption("rowData", news.rows);
+          return;
+        }
+        const known = (row) => Boolean(grid.getRowNode(row.key));
+        grid.applyTransaction({
+          add: news.rows.filter((row) => !known(row)),
+          update: news.rows.filter(known),
+          remove: news.removed.map((key) => ({ key: key })).filter(known),
+        });
+      });
+      return window.dash_clientside.no_update;
+    },
+
     search: function (text) {
       window.dash_ag_grid.getApiAsync("projects").then((grid) => grid.setGridOption("quickFilterText", text || ""));
       return window.dash_clientside.no_update;

@@ -47,7 +47,7 @@ def asked(client: FlaskClient, output: str, inputs: list[Any], state: list[Any])
 
 
 def refreshed(client: FlaskClient, revision: Any, ticks: int = 1) -> Any:
-    return asked(client, "projects.rowTransaction", [ticks], [revision])
+    return asked(client, "news.data", [ticks], [revision])
 
 
 def texts(part: Any) -> str:
@@ -193,17 +193,17 @@ def test_the_page_asks_for_what_is_new_only(sources: Sources, browse: Browse, re
         ended(records, run(f"block-{number}"))
     client = browse(sources)
     first = refreshed(client, {"board": "", "number": 0})
-    assert len(first["projects"]["rowData"]) == 3
+    assert first["news"]["data"]["whole"]
+    assert len(first["news"]["data"]["rows"]) == 3
     assert first["no-projects"]["children"] is None
     again = refreshed(client, first["revision"]["data"])
-    assert "projects" not in again
+    assert "news" not in again
     assert "revision" not in again
     ended(records, run("block-1", hours=1), "GateFailed", figures=summary(1.4))
     news = refreshed(client, first["revision"]["data"])
-    transaction = news["projects"]["rowTransaction"]
-    assert [row["state"] for row in transaction["update"]] == ["GateFailed"]
-    assert (transaction["add"], transaction["remove"]) == ([], [])
-    assert "rowData" not in news["projects"]
+    told = news["news"]["data"]
+    assert [row["state"] for row in told["rows"]] == ["GateFailed"]
+    assert (told["whole"], told["removed"]) == (False, [])
 
 
 def test_an_empty_page_says_how_to_begin(sources: Sources, browse: Browse) -> None:

@@ -55,6 +55,14 @@ def test_results_belong_to_the_run_that_wrote_the_folder_last(records: Records) 
     }
 
 
+def test_a_sweep_leaves_the_results_of_an_adjustment_beside_it(records: Records) -> None:
+    ended(records, run(hours=0))
+    ended(records, run(hours=1, story="scenario-sweep"), done=stages("sweep_table", "sweep_page"))
+    found = {row.story: row.documents for row in Board(records).changes(None).added}
+    assert found == {"aerial-triangulation": ("report.html",), "scenario-sweep": ("sweep.html",)}
+    assert all(records.holds_results(run) for run in records.runs())
+
+
 def test_only_what_changed_is_told(records: Records) -> None:
     for number in range(5):
         ended(records, run(f"block-{number}"))

@@ -1,0 +1,74 @@
+"""The stages that the production page expects are those that the stories come to, in that order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.direct_georeferencing_check import direct_georeferencing_check
+from flows.overview.project_grid import STAGE_LABELS
+from flows.project_run import RunRequest
+from flows.recorded_run import FlowRunIdentity, carry_out_recorded
+from tasks.production.board import Board
+from tasks.production.project_row import ProjectRow
+from tasks.production.records import configured_records
+from tasks.production.stage_states import STAGES, STAGES_OF
+from tests.flows.conftest import write_block
+
+RECORDS = "AEROCAL_RECORDS"
+
+
+@pytest.fixture
+def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(RECORDS, str(tmp_path / "records.sqlite"))
+    write_block(tmp_path / "block")
+    return tmp_path / "block" / "project.toml"
+
+
+def recorded(story: Callable[..., object], name: str, file: Path, *overrides: str) -> ProjectRow:
+    carry_out_recorded(story, RunRequest(file, overrides=overrides), FlowRunIdentity(name, name))  # type: ignore[arg-type]
+    records = configured_records()
+    assert records is not None
+    return next(row for row in Board(records).changes(None).added if row.run == name)
+
+
+@pytest.mark.parametrize(
+    ("story", "name", "overrides"),
+    [
+        (aerial_triangulation, "aerial-triangulation", ()),
+        (
+            direct_georeferencing_check,
+            "direct-georeferencing-check",
+            ("direct_georeferencing.calibration=adjustment",),
+        ),
+    ],
+)
+def test_a_story_comes_to_the_stages_it_is_known_for(
+    block: Path, story: Callable[..., object], name: str, overrides: tuple[str, ...]
+) -> None:
+    row = recorded(story, name, block, *overrides)
+    assert tuple(row.stages) == STAGES_OF[name]
+    assert set(row.stages.values()) == {"done"}
+    assert {Path(file).name for file in (block.parent / "results").iterdir()} >= set(row.documents)
+    assert row.documents
+
+
+def test_a_run_that_is_refused_before_its_first_stage_has_none_of_the_run_before(block: Path) -> None:
+    recorded(aerial_triangulation, "aerial-triangulation", block)
+    begun = datetime.now(UTC)
+    row = recorded(direct_georeferencing_check, "refused", block, "project.crs=EPSG:1")
+    assert row.state == "InputError"
+    assert row.ended is not None
+    assert row.ended >= begun
+    assert not {"done", "reused"} & set(row.stages.values())
+
+
+def test_every_stage_has_a_column_with_a_name() -> None:
+    assert set(STAGE_LABELS) == set(STAGES)
+    assert {stage for stages in STAGES_OF.values() for stage in stages} == set(STAGES)
+    for stages in STAGES_OF.values():
+        assert [stage for stage in STAGES if stage in stages] == list(stages)
