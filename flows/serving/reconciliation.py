@@ -31,6 +31,11 @@ _TO_BE_ADOPTED_S = 3600.0
 _TO_CANCEL_S = 120.0
 #: Runs this old are not looked at any more.
 _LOOKING_BACK = timedelta(days=3)
+#: Types of the server's states in which a run that had begun waits, and what is to be said about it.
+_WAITING: Mapping[str, str] = {
+    "SCHEDULED": "",
+    "PAUSED": "Suspended: it goes on when somebody resumes it in the dashboard.",
+}
 _ENDED_HERE = "Its process was ended from outside."
 
 
@@ -81,8 +86,8 @@ def _reconcile(api: Api, records: Records, run: RunRecord, found: FlowRun | None
         return True
     ending = found.end
     if ending is None:
-        if found.type == "SCHEDULED" and run.state == "Running" and not lives_here(run):
-            records.reschedule(run.id, found.message)
+        if found.type in _WAITING and run.state == "Running" and not lives_here(run):
+            records.reschedule(run.id, _WAITING[found.type] or found.message)
         ending = _death(api, records, run, found)
     elif ending == "Crashed" and lives_here(run):
         # It was out of sight only (the server was away for longer than its heartbeats may stay out).

@@ -20,6 +20,7 @@ import pytest
 from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunRequest, carry_out
 from flows.serving.state_file import find_server
+from tasks.production.run_record import RunRecord
 from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
 from tasks.storage.installation import InstallationError
@@ -153,6 +154,27 @@ def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
         until(lambda: not engines(), 30)
         # The run could not note it any more; the server's watch does.
         until(lambda: (found := server.records.run(run)) is not None and found.state == "Cancelled", 30)
+
+
+def test_a_suspended_run_lets_its_process_go_and_goes_on_when_it_is_resumed(server: Served) -> None:
+    def recorded() -> RunRecord | None:
+        return server.records.run(run)
+
+    with run_lock(server.folder / "root" / "block" / "suspended"):
+        run = server.start(MANUAL, {"project": "block", "output": "suspended"})
+        server.in_state(run, "RUNNING")
+        until(lambda: (found := recorded()) is not None and found.state == "Running", 60)
+        details = {"pause_reschedule": True, "pause_timeout": "2100-01-01T00:00:00Z"}
+        state = {"type": "PAUSED", "name": "Suspended", "state_details": details}
+        server.api.post(f"/flow_runs/{run}/set_state", {"state": state})
+    until(lambda: (found := recorded()) is not None and found.message.startswith("Suspended"), 90)
+    assert server.run(run)["state_name"] == "Suspended"
+    assert not (server.folder / "root" / "block" / "suspended" / "manifest.json").exists()
+    server.api.post(f"/flow_runs/{run}/resume", {})
+    assert server.ended(run)["state_name"] == "Completed"
+    found = recorded()
+    assert found is not None
+    assert found.state == "Completed"
 
 
 def test_no_more_runs_than_the_limit_at_a_time_and_one_project_is_computed_once(server: Served) -> None:
