@@ -9,7 +9,7 @@ DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
 AUDIT_VENV := $(VENV)-audit
 AUDIT_STAMP := $(AUDIT_VENV)/.installed
 
-.PHONY: venv test slow-test service-deps service-test lint deploy-lint audit demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint audit demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -21,7 +21,7 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	touch $@
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not slow and not service" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m "not slow and not service and not fault" --numprocesses auto --dist loadfile
 
 # Debian's packages that the service tests need; as root.
 service-deps:
@@ -34,6 +34,13 @@ service-test: $(STAMP)
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow
+
+# Many projects through an inbox, and faults while they are computed; as root, with PostgreSQL and libfaketime.
+fault-deps: service-deps
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends faketime
+
+fault-test: $(STAMP)
+	$(BIN)/python -m pytest -m fault -s tests/faults
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
@@ -23,6 +24,21 @@ class PostgresqlServer:
     """A running server; every test begins with an empty database."""
 
     port: int
+    user: str | None
+    data: Path
+    starting: list[str]
+
+    def kill(self) -> None:
+        """End the server at once, as if its machine had lost power."""
+        master = int((self.data / "postmaster.pid").read_text().splitlines()[0])
+        os.kill(master, signal.SIGKILL)
+
+    def start(self) -> None:
+        """Start it on the data that are there."""
+        subprocess.run(
+            self.starting, check=True, user=self.user, cwd="/",
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
 
     def url(self, database: str = "postgres", password: str = PASSWORD) -> str:
         return f"postgresql://tester:{password}@127.0.0.1:{self.port}/{database}"
@@ -70,7 +86,7 @@ def running_server() -> Iterator[PostgresqlServer]:
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         subprocess.run([*map(str, start)], check=True, user=user, cwd="/", **quiet)  # type: ignore[call-overload]
         try:
-            yield PostgresqlServer(port)
+            yield PostgresqlServer(port, user, data, [str(part) for part in start])
         finally:
             subprocess.run([*map(str, stop)], check=True, user=user, cwd="/", **quiet)  # type: ignore[call-overload]
     finally:

@@ -422,3 +422,17 @@ def test_help_says_which_calibrations_there_are() -> None:
         "4 gate failed",
     ):
         assert words in text
+
+
+def test_a_changed_setting_of_the_check_repeats_the_check_and_its_page_only(tmp_path: Path) -> None:
+    def computed(*overrides: str) -> list[str]:
+        assert run(project, tmp_path / "out", OWN, *overrides).error is None
+        stages = json.loads((tmp_path / "out" / "manifest.json").read_text())["stages"]
+        return [stage["stage"] for stage in stages if not stage["reused"]]
+
+    project = simulated(tmp_path / "flight")
+    everything = computed()
+    assert {"import_image_points", "bundle_adjustment"} < set(everything)
+    assert computed() == []
+    again = computed("direct_georeferencing.critical_value=5")
+    assert again == ["direct_georeferencing", "georeferencing_page", "report"]
