@@ -150,7 +150,9 @@ def test_a_full_disk(running: Production, figures: dict[str, dict[str, object]])
         for file in (made / expected.name).iterdir():
             shutil.copy(file, delivery / file.name)
         started = time.monotonic()
-        with (delivery / "ballast").open("wb") as ballast:
+        # Hidden, so that it is no part of what is delivered.
+        (delivery / ".ballast").mkdir()
+        with (delivery / ".ballast" / "file").open("wb") as ballast:
             ballast.write(bytes(shutil.disk_usage(delivery).free - 200_000))
         (delivery / "DELIVERED").touch()
         failed = until(
@@ -164,10 +166,11 @@ def test_a_full_disk(running: Production, figures: dict[str, dict[str, object]])
         assert failed is not None
         assert "no space left" in failed.message
         assert not failed.has_ended
-        os.truncate(delivery / "ballast", 0)
+        os.truncate(delivery / ".ballast" / "file", 0)
         subprocess.run(["mount", "-o", "remount,size=200m", str(delivery)], check=True)
         recovering = time.monotonic()
         runs = running.all_ended([expected.name], 400)
+        assert runs[expected.name].attempts == 2, "the same run, begun again"
         figures["disk full"] = {
             "outcome": runs[expected.name].state,
             "attempts": [runs[expected.name].attempts],
