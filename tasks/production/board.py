@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from tasks.production.project_row import ProjectRow, project_row
+from tasks.production.project_row import key_of as project_key
 from tasks.production.records import LatestRun, Records
 from tasks.production.run_record import RunRecord, StageTime
 from tasks.production.stage_states import stages_so_far
@@ -128,7 +129,13 @@ class Board:
         in_work = (record for record in again if record.id in found and record.id not in fresh)
         for record in (*fresh.values(), *in_work):
             keys.add(self._take(record, found[record.id], number))
-        gone = {key for key, one in self._kept.items() if one.record.id not in found}
+        # A run that waits may not know its project file yet; when it begins it has another key.
+        gone = {
+            key
+            for key, one in self._kept.items()
+            if one.record.id not in found
+            or (one.record.id in fresh and project_key(fresh[one.record.id]) != key)
+        }
         for key in gone:
             del self._kept[key]
             self._removed[key] = number

@@ -98,6 +98,17 @@ def test_runs_that_are_gone_are_taken_off(records: Records) -> None:
     assert board.rows() == ()
 
 
+def test_a_run_that_learns_its_project_file_when_it_begins_keeps_one_row(records: Records) -> None:
+    waiting = run(project_file="block-7", directory="")
+    records.schedule(waiting)
+    board = Board(records)
+    first = board.changes(None)
+    records.begin(replace(waiting, project_file="/data/block-7/project.toml"))
+    second = board.changes(first.revision)
+    assert second.removed == (only(first.added).key,)
+    assert only(board.rows()).state == "Running"
+
+
 def test_stages_of_a_run_in_work_are_read_from_its_folder(records: Records, tmp_path: Path) -> None:
     one = run(directory=str(tmp_path))
     records.begin(one)
