@@ -59,9 +59,12 @@ class Seen:
 
     def projects(self) -> list[str]:
         """The projects from top to bottom."""
-        rows = self.page.locator(".ag-pinned-left-cols-container .ag-row")
-        found = {int(row.get_attribute("row-index") or -1): row for row in rows.all()}
-        return [found[index].locator("[col-id=project]").inner_text() for index in sorted(found)]
+        # Read at once: rows come and go while the grid filters.
+        rows = self.page.locator(".ag-pinned-left-cols-container .ag-row").evaluate_all(
+            "rows => rows.map(row => [Number(row.getAttribute('row-index')), "
+            "row.querySelector('[col-id=project]').innerText])"
+        )
+        return [project for _, project in sorted(rows)]
 
 
 @pytest.fixture(scope="module")
