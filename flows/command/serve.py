@@ -21,6 +21,14 @@ def serve(
             help="Address under which browsers reach the dashboard, behind a proxy or from other machines.",
         ),
     ] = None,
+    public_overview_url: Annotated[
+        str | None,
+        typer.Option(
+            "--public-overview-url",
+            metavar="URL",
+            help="The same for the production page; links in the dashboard and in notices lead there.",
+        ),
+    ] = None,
     overview_port: Annotated[
         int | None,
         typer.Option(
@@ -164,6 +172,7 @@ def serve(
                 host=host,
                 port=port,
                 public_url=public_url,
+                public_overview_url=public_overview_url,
                 overview_port=overview_port,
                 database=database,
                 roots=root or [],

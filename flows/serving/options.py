@@ -132,6 +132,7 @@ def options_for(
     port: int,
     public_url: str | None,
     overview_port: int | None,
+    public_overview_url: str | None,
     notify_on: str,
     database: str | None,
     roots: Sequence[Path],
@@ -181,8 +182,8 @@ def options_for(
     if beside == port:
         raise InputError(f"Port {port} cannot serve both pages.", "Choose another one with --overview-port.")
     return ServeOptions(
-        ServerAddress(host, port, None if public_url is None else _web_address(public_url)),
-        ServerAddress(host, beside),
+        ServerAddress(host, port, _web_address("--public-url", public_url)),
+        ServerAddress(host, beside, _web_address("--public-overview-url", public_overview_url)),
         wanted_kinds(notify_on),
         database,
         confined,
@@ -196,10 +197,13 @@ def options_for(
     )
 
 
-def _web_address(text: str) -> str:
+def _web_address(option: str, text: str | None) -> str | None:
+    """The address of a page that an option gives; None: it is not given."""
+    if text is None:
+        return None
     parts = urlsplit(text)
     if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment:
         raise InputError(
-            "--public-url is not the address of a web page.", "Write e.g. https://aerocal.example.org."
+            f"{option} is not the address of a web page.", "Write e.g. https://aerocal.example.org."
         )
     return text.rstrip("/")

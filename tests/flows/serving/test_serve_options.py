@@ -24,6 +24,7 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "host": "127.0.0.1",
         "port": 4200,
         "public_url": None,
+        "public_overview_url": None,
         "overview_port": None,
         "database": None,
         "roots": [folder],
@@ -148,11 +149,15 @@ def test_browsers_are_told_an_address_they_can_open(tmp_path: Path) -> None:
     assert made["PREFECT_SERVER_UI_API_URL"] == "https://aerocal.example.org/api"
     assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == "https://aerocal.example.org"
     assert given.api == "http://0.0.0.0:4200/api"
+    page = options(tmp_path, host="0.0.0.0", public_overview_url="https://production.example.org/").overview
+    assert (page.dashboard, page.host) == ("https://production.example.org", "0.0.0.0")
     everywhere = server_environment(ServerAddress("0.0.0.0", 4200), None, words)
     assert everywhere["PREFECT_SERVER_UI_API_URL"] == f"http://{socket.gethostname()}:4200/api"
     for text in ("aerocal.example.org", "ftp://example.org", "https://", "javascript:alert(1)"):
         with pytest.raises(InputError, match="--public-url"):
             options(tmp_path, public_url=text)
+        with pytest.raises(InputError, match="--public-overview-url"):
+            options(tmp_path, public_overview_url=text)
 
 
 def test_the_dashboard_is_told_where_the_server_is() -> None:
