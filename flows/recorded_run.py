@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 from flows.project_run import RunOutcome, RunRequest, Story, carry_out
@@ -106,7 +106,8 @@ def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> N
 
     def write() -> None:
         with records.writing() as connection:
-            write_notice(connection, notice)
+            # Without a record nobody knows whether the run has been told before; so it is told once.
+            write_notice(connection, replace(notice, id=f"{identity.id}:{state}"))
 
     _noted(write, _PATIENCE_END_S)
 

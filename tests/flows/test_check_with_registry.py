@@ -23,6 +23,7 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 from tasks.simulate import simulate_project
 from tasks.storage.artifact import digest_of_file
+from tasks.storage.stage_record import read_records
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 from tests.tasks.registry.records import add, approve, changed, record
@@ -135,9 +136,7 @@ def test_another_approved_calibration_repeats_the_check_and_the_same_one_does_no
     def checked() -> dict[str, bool]:
         outcome = check(flight, tmp_path / "out", FROM_REGISTRY, FLOWN)
         assert outcome.error is None, outcome.error
-        records = (tmp_path / "out" / ".store").rglob("*.jsonl")
-        lines = [json.loads(line) for file in records for line in file.read_text().splitlines()]
-        return {line["stage"]: line["reused"] for line in lines}
+        return {one.stage: one.reused for one in read_records(tmp_path / "out" / ".store")}
 
     assert not checked()["direct_georeferencing"]
     assert checked()["direct_georeferencing"]
