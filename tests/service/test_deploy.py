@@ -106,6 +106,8 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
     assert command[0] == "serve"
     secrets = {SERVER_WORDS: "ann:words", "PREFECT_API_AUTH_STRING": "ann:words", "PGPASSWORD": PASSWORD}
     variables = {**environment(tmp_path), **secrets, "PATH": PATH, "PYTHONPATH": str(REPOSITORY)}
+    # The port after a free one need not be free.
+    command.append(f"--overview-port={free_port('127.0.0.1')}")
     program_of_ours = [sys.executable, "-m", "flows.command", *command]
     with running(program_of_ours, tmp_path / "printed", env=variables, cwd=tmp_path) as process:
         until(lambda: "Ready." in (tmp_path / "printed").read_text(), 240, process)
