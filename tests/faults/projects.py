@@ -85,8 +85,8 @@ class Simulated:
     seconds: float
 
 
-def simulated(folder: Path, number: int, first_seed: int = 1) -> list[Simulated]:
-    """Write so many projects, one of ten faulty (at least one, in turn), and adjust each by hand."""
+def simulated(folder: Path, number: int, first_seed: int = 1, *, faulty: bool = True) -> list[Simulated]:
+    """Write so many projects, adjust each by hand; one of seven is `faulty` (at least one, in turn)."""
     kinds = list(FAULTS)
     every = max(1, min(7, number // 2))
     made = []
@@ -95,7 +95,8 @@ def simulated(folder: Path, number: int, first_seed: int = 1) -> list[Simulated]
         preset = PRESETS[index % len(PRESETS)]
         simulate_project(load_simulation(preset, (), first_seed + index), place)
         shutil.rmtree(place / "truth", ignore_errors=True)
-        fault = kinds[(index // every) % len(kinds)] if index % every == every - 1 else None
+        is_faulty = faulty and index % every == every - 1
+        fault = kinds[(index // every) % len(kinds)] if is_faulty else None
         if fault is not None:
             FAULTS[fault](place)
         made.append(_expected(place, folder / "by-hand" / place.name, fault))

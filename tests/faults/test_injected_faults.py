@@ -144,7 +144,7 @@ def _small_disk(place: Path) -> Iterator[Path]:
 
 def test_a_full_disk(running: Production, figures: dict[str, dict[str, object]]) -> None:
     made = running.folder / "made-disk-full"
-    (expected,) = simulated(made, 1, 4)
+    (expected,) = simulated(made, 1, 4, faulty=False)
     delivery = running.inbox / expected.name
     with _small_disk(delivery):
         for file in (made / expected.name).iterdir():
