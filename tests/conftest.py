@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
+import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +24,9 @@ os.environ["DO_NOT_TRACK"] = "1"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
 for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
     os.environ.pop(name, None)
+# A shell has what it starts in the background ignore the interrupt key, and so would the programs under test.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: A small valid project.
 PROJECT = """
@@ -78,6 +85,24 @@ def postgresql() -> Iterator[PostgresqlServer]:
     """A PostgreSQL server, once for all tests that need one."""
     with running_server() as server:
         yield server
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts programs as `subprocess.Popen` does; none, nor what it has started, outlives the test."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start_one(*command: str | Path, **options: Any) -> subprocess.Popen[str]:
+        process = subprocess.Popen([*map(str, command)], text=True, start_new_session=True, **options)
+        started.append(process)
+        return process
+
+    yield start_one
+    for process in started:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        # Closes the pipes and takes the exit code, of which the next test would complain otherwise.
+        process.communicate()
 
 
 @pytest.fixture

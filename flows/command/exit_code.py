@@ -7,13 +7,13 @@ from typing import NoReturn
 
 import typer
 
+from flows.command.interruption import INTERRUPTED, TERMINATED, TerminationError
+
 DONE = 0
 DEFECT = 1
 INPUT_ERROR = 2
 NOT_COMPUTABLE = 3
 GATE_FAILED = 4
-INTERRUPTED = 130
-TERMINATED = 143
 
 OF_STATUS = {
     "done": DONE,
@@ -21,10 +21,6 @@ OF_STATUS = {
     "input_error": INPUT_ERROR,
     "not_computable": NOT_COMPUTABLE,
 }
-
-
-class TerminationError(BaseException):
-    """The process was asked to end (SIGTERM). Not an Exception: nothing may swallow it."""
 
 
 def end_with(action: Callable[[], int]) -> NoReturn:

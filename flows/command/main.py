@@ -1,11 +1,6 @@
-"""The command ``aerocal``."""
+"""The commands of ``aerocal``, one file each."""
 
 from __future__ import annotations
-
-import signal
-import sys
-from types import FrameType
-from typing import NoReturn
 
 import typer
 
@@ -15,7 +10,6 @@ from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.clean import clean
 from flows.command.doctor import doctor
-from flows.command.exit_code import TERMINATED, TerminationError
 from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
@@ -71,17 +65,3 @@ app.command()(serve)
 app.command()(notify)
 app.command()(runner)
 app.add_typer(registry, name="registry")
-
-
-def main() -> None:
-    """Run the command line; ends the process with the exit code of the contract."""
-    signal.signal(signal.SIGTERM, _terminate)
-    try:
-        app()
-    except TerminationError:
-        sys.exit(TERMINATED)
-
-
-def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
-    # An exception, so that half-written folders are removed on the way out.
-    raise TerminationError

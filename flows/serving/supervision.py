@@ -39,12 +39,15 @@ class Requests:
 def requests_to_end() -> Iterator[Requests]:
     """Note requests to end while the context lasts, in place of ending at once."""
     requests = Requests()
+    # Nobody else is to end the process over them (`flows.command.interruption`).
+    wakeup = signal.set_wakeup_fd(-1)
     before = {which: signal.signal(which, requests.note) for which in (signal.SIGTERM, signal.SIGINT)}
     try:
         yield requests
     finally:
         for which, handler in before.items():
             signal.signal(which, handler)
+        signal.set_wakeup_fd(wakeup)
 
 
 class Supervised:

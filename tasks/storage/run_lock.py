@@ -14,6 +14,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +24,8 @@ from tasks.storage.installation import InstallationError, writing_into
 
 _log = logging.getLogger("aerocal")
 
+#: How often it is looked whether a lock is free, s.
+_LOOK_S = 0.2
 
 #: By output folder, the lock that this process holds.
 _HELD: dict[Path, int] = {}
@@ -53,7 +56,9 @@ def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
             _log.warning(
                 "another run (process %s) is writing into %s; waiting until it ends", holder, directory
             )
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            # Not in the system call: a signal that comes just before it would be heard of only after it.
+            while not _locked(handle):
+                time.sleep(_LOOK_S)
         _take(handle, directory)
         yield
 

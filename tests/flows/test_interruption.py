@@ -1,0 +1,201 @@
+"""The interrupt key and SIGTERM end a command within 10 s, whatever it is doing, and leave nothing behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tasks.storage.run_lock import run_lock
+
+Start = Callable[..., subprocess.Popen[str]]
+
+#: What the contract promises, s.
+LIMIT_S = 10.0
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
+
+#: The signal is taken by another thread while the main thread stands in a system call without end.
+BLOCKED = """
+def command():
+    held = os.open(sys.argv[1], os.O_RDWR | os.O_CREAT)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    def take():
+        time.sleep(0.3)
+        signal.pthread_kill(threading.get_ident(), number)
+    threading.Thread(target=take, daemon=True).start()
+    fcntl.flock(os.open(sys.argv[1], os.O_RDWR), fcntl.LOCK_EX)
+"""
+
+#: The exception is raised where Python drops exceptions, and the command goes on.
+DROPPED = """
+class Dropping:
+    def __del__(self):
+        os.kill(os.getpid(), number)
+        time.sleep(0.0)
+def command():
+    Dropping()
+    while True:
+        time.sleep(1.0)
+"""
+
+#: What has to be left first does not end.
+CLEANING = """
+def command():
+    try:
+        os.kill(os.getpid(), number)
+        time.sleep(1.0)
+    finally:
+        threading.Event().wait()
+"""
+
+#: The command comes to its own end, good or bad, although it was asked to stop.
+SWALLOWED = """
+def command():
+    try:
+        os.kill(os.getpid(), number)
+        time.sleep(1.0)
+    except BaseException:
+        sys.exit(4)
+"""
+
+#: The signal comes when the command has ended and the interpreter waits for threads.
+ENDED = """
+def command():
+    def last():
+        time.sleep(0.5)
+        os.kill(os.getpid(), number)
+        time.sleep(60)
+    threading.Thread(target=last).start()
+    print("shown")
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "sent"),
+    [
+        *((program, sent) for program in (BLOCKED, SWALLOWED, ENDED) for sent in CODES),
+        # These take the 8 s that cleaning up may take.
+        (DROPPED, signal.SIGINT),
+        (CLEANING, signal.SIGTERM),
+    ],
+)
+def test_nothing_keeps_a_command_from_ending(
+    start: Start, tmp_path: Path, program: str, sent: signal.Signals
+) -> None:
+    imports = "import fcntl, os, signal, sys, threading, time\nfrom flows.command.interruption import *\n"
+    text = f"{imports}number = {int(sent)}\n{textwrap.dedent(program)}\nend_on_signals(command)\n"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = start(sys.executable, "-c", text, tmp_path / "lock", **pipes)
+    shown, complained = process.communicate(timeout=60)
+    assert process.returncode == CODES[sent]
+    assert shown == ("shown\n" if program is ENDED else "")
+    assert ("without cleaning up" in complained) == (program in (DROPPED, CLEANING))
+    assert ("Traceback" in complained) == (program is DROPPED)
+
+
+def test_a_command_in_the_background_of_a_shell_ignores_the_interrupt_key(start: Start) -> None:
+    program = (
+        "import os, signal\nfrom flows.command.interruption import *\n"
+        "def command(): os.kill(os.getpid(), signal.SIGINT); raise SystemExit(3)\n"
+        "signal.signal(signal.SIGINT, signal.SIG_IGN)\nend_on_signals(command)"
+    )
+    assert start(sys.executable, "-c", program).wait(60) == 3
+
+
+def run(start: Start, block: Path, out: Path, *arguments: str, **options: object) -> subprocess.Popen[str]:
+    command = (sys.executable, "-m", "flows.command", "run", block, "--out", out, *arguments)
+    return start(*command, stdout=subprocess.DEVNULL, **options)
+
+
+@pytest.mark.parametrize("sent", CODES)
+@pytest.mark.parametrize("server", ["none", pytest.param("", marks=pytest.mark.prefect)])
+def test_a_run_that_waits_for_another_one_can_be_stopped(
+    start: Start,
+    block: Path,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    sent: signal.Signals,
+    server: str,
+) -> None:
+    address = server or request.getfixturevalue("server_address")
+    with run_lock(tmp_path / "out"):
+        process = run(start, block, tmp_path / "out", "--server", address, stderr=subprocess.PIPE)
+        assert process.stderr is not None
+        assert any("another run" in line for line in process.stderr)
+        process.send_signal(sent)
+        complained = process.communicate(timeout=60)[1]
+    assert process.returncode == CODES[sent]
+    assert "will be reused" in complained
+    assert "Traceback" not in complained
+
+
+@pytest.fixture
+def server_address(prefect_server: None) -> str:  # noqa: ARG001
+    """Address of the server of the tests."""
+    from prefect.settings import PREFECT_API_URL
+
+    return str(PREFECT_API_URL.value())
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("waits", [True, False], ids=["waiting", "computing"])
+@pytest.mark.parametrize("server", ["none", pytest.param("", marks=pytest.mark.prefect)])
+def test_at_any_moment(
+    start: Start, block: Path, tmp_path: Path, request: pytest.FixtureRequest, waits: bool, server: str
+) -> None:
+    address = server or request.getfixturevalue("server_address")
+    started = time.monotonic()
+    assert run(start, block, tmp_path / "whole", "--server", address).wait(300) == 0
+    whole = time.monotonic() - started
+    expected = digests(tmp_path / "whole")
+    draw = random.Random(22)
+    longest = 0.0
+    for trial in range(50):
+        sent = draw.choice(list(CODES))
+        out = tmp_path / f"out-{trial}"
+        with run_lock(out) if waits else nullcontext():
+            with (tmp_path / "complained").open("w+") as stderr:
+                process = run(start, block, out, "--server", address, stderr=stderr)
+                time.sleep(draw.uniform(0.0, whole))
+                left = process.poll() is None
+                process.send_signal(sent)
+                asked = time.monotonic()
+                process.wait(60)
+                longest = max(longest, time.monotonic() - asked)
+                stderr.seek(0)
+                complained = stderr.read()
+            if left:
+                # Before the first line of ours the signal itself ends it; a shell shows the same code.
+                assert process.returncode in (CODES[sent], -sent), complained
+                assert "without cleaning up" not in complained
+            assert not list(of_session(process.pid))
+        assert run(start, block, out, "--server", "none").wait(300) == 0
+        assert digests(out) == expected
+    print(f"longest end: {longest:.1f} s; a whole run: {whole:.1f} s")
+    assert longest < LIMIT_S
+
+
+def of_session(leader: int) -> Iterator[psutil.Process]:
+    """Everything that is left of what a program has started."""
+    for process in psutil.process_iter():
+        with suppress(ProcessLookupError, psutil.NoSuchProcess):
+            if os.getsid(process.pid) == leader and process.status() != psutil.STATUS_ZOMBIE:
+                yield process
+
+
+def digests(out: Path) -> dict[str, str]:
+    """File name → digest of everything published."""
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
