@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.command_line import aerocal
+
 AEROCAL = [sys.executable, "-m", "flows.command"]
-
-
-def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*AEROCAL, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=280,
-        env={**os.environ, "COLUMNS": "160"},
-    )
 
 
 def digests(out: Path) -> dict[str, str]:

@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-AEROCAL = [sys.executable, "-m", "flows.command"]
-
-
-def aerocal(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*AEROCAL, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-        env={**os.environ, "COLUMNS": "200", **environment},
-    )
+from tests.command_line import aerocal
 
 
 def one_line_error(done: subprocess.CompletedProcess[str]) -> str:

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +17,7 @@ from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.project_run import RunOutcome, RunRequest, carry_out
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
+from tests.command_line import aerocal
 from tests.tasks.report.page_reader import Page
 
 CONTROL = (
@@ -370,17 +368,6 @@ def test_a_check_leaves_the_adjustment_where_it_is_and_an_adjustment_removes_the
     carry_out(aerial_triangulation, RunRequest(project))
     assert not (out / "y_parallaxes.parquet").exists()
     assert not (out / "georeferencing_check.html").exists()
-
-
-def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "flows.command", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=280,
-        env={**os.environ, "COLUMNS": "200"},
-    )
 
 
 def test_the_command_shows_the_check_and_fails_with_its_gates(tmp_path: Path) -> None:

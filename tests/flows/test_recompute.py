@@ -12,6 +12,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from tests.command_line import aerocal
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 STAGES = [
     "import_exposures",
@@ -24,19 +26,19 @@ STAGES = [
 
 
 @pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    """A copy of our packages that a test may edit."""
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of our packages that a test may edit; its kernels are interpreted, as compiling takes longer."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     folder = tmp_path / "application"
     for package in ("flows", "tasks", "adjust"):
         shutil.copytree(REPOSITORY / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
 
 
-def computed(block: Path, *settings: str, tree: Path = REPOSITORY) -> list[str]:
-    """Run the project and name the stages that were computed, in their order."""
-    arguments = [argument for setting in settings for argument in ("--set", setting)]
-    done = subprocess.run(
-        [sys.executable, "-m", "flows.command", "run", str(block), *arguments],
+def aerocal_of(tree: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Carry out a command of a copy of our packages."""
+    return subprocess.run(
+        [sys.executable, "-m", "flows.command", *arguments],
         cwd=tree,
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
@@ -44,6 +46,12 @@ def computed(block: Path, *settings: str, tree: Path = REPOSITORY) -> list[str]:
         check=False,
         timeout=280,
     )
+
+
+def computed(block: Path, *settings: str, tree: Path = REPOSITORY) -> list[str]:
+    """Run the project and name the stages that were computed, in their order."""
+    arguments = ["run", str(block), *(argument for setting in settings for argument in ("--set", setting))]
+    done = aerocal(*arguments) if tree == REPOSITORY else aerocal_of(tree, *arguments)
     assert done.returncode in (0, 4), done.stderr
     manifest = json.loads((block.parent / "results" / "manifest.json").read_text())
     assert [entry["stage"] for entry in manifest["stages"]] == STAGES
@@ -116,10 +124,12 @@ def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_on
     assert "<h1>renamed</h1>" in (block.parent / "results" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_change_in_what_a_kernel_calls_gives_the_new_result(
     block: Path, tree: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # One cache of machine code for both, so that stale code would be found if there were any.
+    # Compiled, with one cache of machine code for both: stale code would be found if there were any.
+    monkeypatch.delenv("NUMBA_DISABLE_JIT")
     monkeypatch.setenv("AEROCAL_KERNEL_CACHE", str(tmp_path / "kernels"))
     computed(block, tree=tree)
     before = mean_height_m(block)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import signal
@@ -17,6 +16,7 @@ import pandas as pd
 import pytest
 
 from tasks.report.table import NONE
+from tests.command_line import aerocal
 from tests.tasks.report.page_reader import Page
 
 AEROCAL = [sys.executable, "-m", "flows.command"]
@@ -59,17 +59,6 @@ loose = { "inputs.control.sigma_m" = 0.2 }
 SMALLER = ("--set", 'sweep.blocks={low=["low"], both=["low", "high"]}')
 SMALLER += ("--set", 'sweep.control={"84/0"="all", "5/79"={count=5}}')
 SMALLER += ("--set", "sweep.workers=1")
-
-
-def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*AEROCAL, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=280,
-        env={**os.environ, "COLUMNS": "200"},
-    )
 
 
 def sweep(field: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:

@@ -2,29 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from tests.command_line import aerocal
+
 ON_THE_EARTH = ("project.crs=EPSG:25832", "project.latitude_deg=48.9", "project.longitude_deg=8.9")
 AXES = ["x_m", "y_m", "z_m"]
 ANGLES = ["omega_deg", "phi_deg", "kappa_deg"]
-
-
-def aerocal(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "flows.command", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=280,
-        env={**os.environ, "COLUMNS": "200"},
-    )
 
 
 def _adjusted(folder: Path, preset: str, *changes: str) -> None:
