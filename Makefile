@@ -1,6 +1,8 @@
 # Everything a clean clone needs: Python 3.11, make and a package index that pip knows.
 PYTHON ?= python3.11
 VENV   ?= .venv
+# More options for pytest.
+OPTIONS ?=
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.installed-bench
@@ -20,8 +22,9 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
+# In random order; its seed is printed. In the order of the files: make test OPTIONS="-p no:randomly".
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not slow and not service and not fault" --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest -m "not slow and not service and not fault" --numprocesses auto --dist loadfile $(OPTIONS)
 
 # Debian's packages that the service tests need; as root.
 service-deps:
@@ -30,17 +33,17 @@ service-deps:
 
 # A missing service is a failure here, never a skip.
 service-test: $(STAMP)
-	$(BIN)/python -m pytest -m service
+	$(BIN)/python -m pytest -m service $(OPTIONS)
 
 slow-test: $(STAMP)
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow $(OPTIONS)
 
 # Many projects through an inbox, and faults while they are computed; as root, with PostgreSQL and libfaketime.
 fault-deps: service-deps
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends faketime
 
 fault-test: $(STAMP)
-	$(BIN)/python -m pytest -m fault -s tests/faults
+	$(BIN)/python -m pytest -m fault -s tests/faults $(OPTIONS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -8,7 +8,6 @@ import random
 import signal
 import subprocess
 import sys
-import textwrap
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
@@ -81,27 +80,31 @@ def command():
 """
 
 
-@pytest.mark.parametrize(
-    ("program", "sent"),
-    [
-        *((program, sent) for program in (BLOCKED, SWALLOWED, ENDED) for sent in CODES),
-        # These take the 8 s that cleaning up may take.
-        (DROPPED, signal.SIGINT),
-        (CLEANING, signal.SIGTERM),
-    ],
-)
-def test_nothing_keeps_a_command_from_ending(
-    start: Start, tmp_path: Path, program: str, sent: signal.Signals
-) -> None:
+ENDS = [
+    *((program, sent) for program in (BLOCKED, SWALLOWED, ENDED) for sent in CODES),
+    (DROPPED, signal.SIGINT),
+    (CLEANING, signal.SIGTERM),
+]
+
+
+def test_nothing_keeps_a_command_from_ending(start: Start, tmp_path: Path) -> None:
     imports = "import fcntl, os, signal, sys, threading, time\nfrom flows.command.interruption import *\n"
-    text = f"{imports}number = {int(sent)}\n{textwrap.dedent(program)}\nend_on_signals(command)\n"
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = start(sys.executable, "-c", text, tmp_path / "lock", **pipes)
-    shown, complained = process.communicate(timeout=60)
-    assert process.returncode == CODES[sent]
-    assert shown == ("shown\n" if program is ENDED else "")
-    assert ("without cleaning up" in complained) == (program in (DROPPED, CLEANING))
-    assert ("Traceback" in complained) == (program is DROPPED)
+    # At the same time, because the last two take the 8 s that cleaning up may take.
+    processes = [
+        start(
+            *(sys.executable, "-c", f"{imports}number = {int(sent)}\n{program}\nend_on_signals(command)"),
+            tmp_path / f"lock-{number}",
+            **pipes,
+        )
+        for number, (program, sent) in enumerate(ENDS)
+    ]
+    for process, (program, sent) in zip(processes, ENDS, strict=True):
+        shown, complained = process.communicate(timeout=60)
+        assert process.returncode == CODES[sent], program
+        assert shown == ("shown\n" if program is ENDED else ""), program
+        assert ("without cleaning up" in complained) == (program in (DROPPED, CLEANING)), program
+        assert ("Traceback" in complained) == (program is DROPPED), program
 
 
 def test_a_command_in_the_background_of_a_shell_ignores_the_interrupt_key(start: Start) -> None:
