@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
 
 from tests.postgresql_server import PostgresqlServer, running_server
@@ -27,6 +28,10 @@ for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
 # A shell has what it starts in the background ignore the interrupt key, and so would the programs under test.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The same examples in every run, and no test that fails because the machine has other work.
+hypothesis.settings.register_profile("aerocal", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("aerocal")
 
 #: A small valid project.
 PROJECT = """

@@ -7,8 +7,6 @@ from typing import NoReturn
 
 import typer
 
-from flows.command.interruption import INTERRUPTED, TERMINATED, TerminationError
-
 DONE = 0
 DEFECT = 1
 INPUT_ERROR = 2
@@ -34,12 +32,6 @@ def end_with(action: Callable[[], int]) -> NoReturn:
         complain(str(error))
         kinds = ((InputError, INPUT_ERROR), (NotComputableError, NOT_COMPUTABLE))
         code = next((code for kind, code in kinds if isinstance(error, kind)), DEFECT)
-    except KeyboardInterrupt:
-        typer.echo("Interrupted; finished stages are kept and will be reused.", err=True)
-        code = INTERRUPTED
-    except TerminationError:
-        typer.echo("Terminated; finished stages are kept and will be reused.", err=True)
-        code = TERMINATED
     raise typer.Exit(code)
 
 

@@ -38,7 +38,9 @@ _WAKE_S = 0.1
 #: Ignored by default and used by nobody here.
 _WAKING = signal.SIGURG
 
-_AT_ONCE = b"Ended without cleaning up, which took too long; finished stages are kept and will be reused.\n"
+_KEPT = b"finished stages are kept and will be reused.\n"
+_ENDED = {int(signal.SIGINT): b"Interrupted; " + _KEPT, int(signal.SIGTERM): b"Terminated; " + _KEPT}
+_AT_ONCE = b"Ended without cleaning up, which took too long; " + _KEPT
 
 
 class TerminationError(BaseException):
@@ -63,25 +65,26 @@ def end_on_signals(command: Callable[[], object]) -> NoReturn:
         command()
     except SystemExit as end:
         code = end.code
-    except (KeyboardInterrupt, TerminationError):
-        pass
-    # What is left to do (threads of libraries that empty their queues) is worth no waiting and no traceback.
-    _on_each_signal(_end_at_once)
+    except BaseException:
+        # Libraries make other exceptions of ours (pydantic, in the middle of a serialization).
+        if not asked:
+            raise
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):
+            stream.flush()
+    # What is left is worth no waiting (libraries empty their queues): from here on a signal ends the process
+    # by itself, and a shell shows the same exit codes.
+    _on_each_signal(signal.SIG_DFL)
+    if asked:
+        os.write(2, _ENDED[asked[0]])
     sys.exit(_EXIT_CODES[asked[0]] if asked else code)
 
 
-def _on_each_signal(handler: Callable[[int, FrameType | None], object]) -> None:
+def _on_each_signal(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
     for number in _EXIT_CODES:
         # A shell has commands in the background ignore the interrupt key.
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
-
-
-def _end_at_once(number: int, _frame: FrameType | None) -> NoReturn:
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(Exception):
-            stream.flush()
-    os._exit(_EXIT_CODES[number])
 
 
 def _start_watch() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.command import exit_code
+from flows.command import exit_code, interruption
 from tasks.publish import PUBLISHED
 from tasks.storage.manifest import Manifest
 from tasks.summary import Counts, Summary
@@ -74,5 +74,5 @@ def test_the_exit_codes_are_those_of_the_command_line() -> None:
     rows = re.findall(r"^\| (\d+) \| (?:`(\w+)`)? ?\|", part("Exit codes"), re.M)
     listed = {int(code): status for code, status in rows}
     assert {status: code for code, status in listed.items() if status} == exit_code.OF_STATUS
-    others = {exit_code.DEFECT, exit_code.INTERRUPTED, exit_code.TERMINATED}
+    others = {exit_code.DEFECT, interruption.INTERRUPTED, interruption.TERMINATED}
     assert set(listed) == others | set(exit_code.OF_STATUS.values())
