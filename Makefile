@@ -11,6 +11,9 @@ DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
 AUDIT_VENV := $(VENV)-audit
 AUDIT_STAMP := $(AUDIT_VENV)/.installed
 
+# Everything is compiled once for all the processes that a target starts, whatever the machine's default is.
+export PYTHONDONTWRITEBYTECODE =
+
 .PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint audit demo bench bench-large clean
 
 venv: $(STAMP)
