@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import hypothesis
 import pytest
@@ -63,6 +63,9 @@ angles = { order = "omega-phi-kappa", unit = "deg", reference = "grid" }
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
+#: The fixture `start`.
+Start: TypeAlias = Callable[..., subprocess.Popen[str]]
+
 
 @pytest.fixture(scope="session")
 def test_data() -> Path:
@@ -93,7 +96,7 @@ def postgresql() -> Iterator[PostgresqlServer]:
 
 
 @pytest.fixture
-def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+def start() -> Iterator[Start]:
     """Starts programs as `subprocess.Popen` does; none, nor what it has started, outlives the test."""
     started: list[subprocess.Popen[str]] = []
 

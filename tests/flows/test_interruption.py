@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
@@ -19,8 +19,7 @@ import pytest
 
 from tasks.storage.run_lock import run_lock
 from tests.command_line import aerocal
-
-Start = Callable[..., subprocess.Popen[str]]
+from tests.conftest import Start
 
 #: What the contract promises, s.
 LIMIT_S = 10.0

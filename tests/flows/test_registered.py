@@ -7,7 +7,6 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ import pytest
 
 from flows.aerial_triangulation import aerial_triangulation as story
 from flows.project_run import RunRequest, carry_out
+from tests.conftest import Start
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import State
@@ -155,7 +155,7 @@ def server_address() -> str:
 
 
 @pytest.fixture
-def start_run(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., subprocess.Popen[str]]:
+def start_run(start: Start) -> Start:
     """Starts a run that is reported to the server of the tests."""
 
     def start_one(block: Path, *arguments: str | Path) -> subprocess.Popen[str]:
@@ -165,9 +165,7 @@ def start_run(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., subp
     return start_one
 
 
-def test_the_command_line_reports_to_a_server(
-    block: Path, start_run: Callable[..., subprocess.Popen[str]]
-) -> None:
+def test_the_command_line_reports_to_a_server(block: Path, start_run: Start) -> None:
     process = start_run(block, "--set", "gates.sigma0.max=0.71", "--json")
     shown, log = process.communicate(timeout=200)
     assert process.returncode == 4, log
@@ -175,9 +173,7 @@ def test_the_command_line_reports_to_a_server(
     assert "Finished in state GateFailed('Gates not passed: sigma0" in log
 
 
-def test_wrong_input_is_one_line_under_a_server_too(
-    block: Path, start_run: Callable[..., subprocess.Popen[str]]
-) -> None:
+def test_wrong_input_is_one_line_under_a_server_too(block: Path, start_run: Start) -> None:
     with (block.parent / "image_points.csv").open("a") as stream:
         stream.write("1_0011,p1,10,10\n")
     process = start_run(block)

@@ -17,6 +17,7 @@ import pytest
 
 from tasks.report.table import NONE
 from tests.command_line import aerocal
+from tests.conftest import Start
 from tests.tasks.report.page_reader import Page
 
 AEROCAL = [sys.executable, "-m", "flows.command"]
@@ -180,16 +181,18 @@ def test_two_workers_write_the_same_bytes_as_one(field: Path, swept: Path, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_a_killed_sweep_goes_on_where_it_stood_and_leaves_no_worker(field: Path, tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on_where_it_stood_and_leaves_no_worker(
+    start: Start, field: Path, tmp_path: Path
+) -> None:
     command = [*AEROCAL, "sweep", str(field), "--out", str(tmp_path / "out"), *SMALLER]
     command += ["--set", "sweep.workers=2"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if "sweep: 2 of 8" in line:
-                break
-        workers = _children(process.pid)
-        process.send_signal(signal.SIGKILL)
+    process = start(*command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "sweep: 2 of 8" in line:
+            break
+    workers = _children(process.pid)
+    process.send_signal(signal.SIGKILL)
     assert len(workers) >= 2
     deadline = time.monotonic() + 20.0
     while any(_is_running(worker) for worker in workers) and time.monotonic() < deadline:

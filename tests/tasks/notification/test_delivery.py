@@ -20,6 +20,7 @@ from tasks.notification.delivery import Courier
 from tasks.notification.notice import USUAL, Links
 from tasks.notification.outbox import Outbox, Patience
 from tasks.production.records import Records
+from tests.conftest import Start
 from tests.tasks.notification.receivers import mail_receiver, web_receiver
 from tests.tasks.notification.runs import ended_run
 
@@ -217,22 +218,19 @@ _KILLED = """
 
 
 def test_a_notice_outlives_the_process_that_was_to_deliver_it(
-    records: Records, courier: Callable[..., Courier], tmp_path: Path
+    start: Start, records: Records, courier: Callable[..., Courier], tmp_path: Path
 ) -> None:
     port = free_port("127.0.0.1")
     url = f"json://127.0.0.1:{port}"
     program = textwrap.dedent(_KILLED.format(records=str(tmp_path / "records.sqlite")))
     for number in range(2):
         ended_run(records, number=number)
-    process = subprocess.Popen(
-        [sys.executable, "-c", program], env={**os.environ, "AEROCAL_NOTIFY": url}, stdout=subprocess.PIPE
-    )
-    try:
-        assert process.stdout is not None
-        assert b"sent again later" in process.stdout.readline()
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
+    environment = {**os.environ, "AEROCAL_NOTIFY": url}
+    process = start(sys.executable, "-c", program, env=environment, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert "sent again later" in process.stdout.readline()
+    process.send_signal(signal.SIGKILL)
+    process.wait()
     with web_receiver(port=port) as web:
         deadline = time.monotonic() + 60
         while courier(url).deliver() and time.monotonic() < deadline:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -17,6 +16,7 @@ from tasks.production.records import Records, configured_records, project_name
 from tasks.production.run_record import RunRecord, StageTime
 from tasks.production.tables import SCHEMA
 from tasks.production.variable import RECORDS_VARIABLE
+from tests.conftest import Start
 
 NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
 RUN = RunRecord(
@@ -168,7 +168,7 @@ def test_any_text_comes_back_as_it_was(records: Records) -> None:
     assert len(records.runs()) == 1
 
 
-def test_processes_that_begin_at_once_make_the_tables_once(records: Records) -> None:
+def test_processes_that_begin_at_once_make_the_tables_once(records: Records, start: Start) -> None:
     script = (
         "import sys\n"
         "from datetime import UTC, datetime\n"
@@ -182,7 +182,7 @@ def test_processes_that_begin_at_once_make_the_tables_once(records: Records) -> 
     address = records.address
     place = str(address.file) if address.is_file else address.url.render_as_string(hide_password=False)
     place = place.replace("postgresql+pg8000", "postgresql")
-    children = [subprocess.Popen([sys.executable, "-c", script, place, str(n)]) for n in range(4)]
+    children = [start(sys.executable, "-c", script, place, str(n)) for n in range(4)]
     assert [child.wait(100) for child in children] == [0, 0, 0, 0]
     assert len(records.runs()) == 20
 
