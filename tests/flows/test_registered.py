@@ -35,7 +35,7 @@ def digests(out: Path) -> dict[str, str]:
 
 def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path: Path) -> None:
     from prefect.client.orchestration import get_client
-    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName, TaskRunFilter
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, TaskRunFilter
 
     state = as_flow(block, tmp_path / "flow")
     assert (state.type.value, state.name) == ("COMPLETED", "Completed")
@@ -44,9 +44,10 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
     assert digests(tmp_path / "flow") == digests(tmp_path / "plain")
     for file in digests(tmp_path / "flow"):
         assert (tmp_path / "flow" / file).read_bytes() == (tmp_path / "plain" / file).read_bytes()
+    own = FlowRunFilter(id=FlowRunFilterId(any_=[state.state_details.flow_run_id]))
     with get_client(sync_client=True) as client:
-        named = FlowRunFilter(name=FlowRunFilterName(any_=["block/project.toml"]))
-        runs = client.read_task_runs(flow_run_filter=named, task_run_filter=TaskRunFilter())
+        runs = client.read_task_runs(flow_run_filter=own, task_run_filter=TaskRunFilter())
+        assert client.read_flow_run(state.state_details.flow_run_id).name == "block/project.toml"
     assert sorted({run.name.rsplit("-", 1)[0] for run in runs}) == [
         "adjust_bundle",
         "approximate_block",
