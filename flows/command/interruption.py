@@ -70,14 +70,20 @@ def end_on_signals(command: Callable[[], object]) -> NoReturn:
         if not asked:
             raise
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError):
+        # Closed by whoever started the command, or by whoever read it.
+        with contextlib.suppress(AttributeError, OSError, ValueError):
             stream.flush()
     # What is left is worth no waiting (libraries empty their queues): from here on a signal ends the process
     # by itself, and a shell shows the same exit codes.
     _on_each_signal(signal.SIG_DFL)
     if asked:
-        os.write(2, _ENDED[asked[0]])
+        _say(_ENDED[asked[0]])
     sys.exit(_EXIT_CODES[asked[0]] if asked else code)
+
+
+def _say(sentence: bytes) -> None:
+    with contextlib.suppress(OSError):
+        os.write(2, sentence)
 
 
 def _on_each_signal(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
@@ -107,5 +113,5 @@ def _watch(reading: int) -> NoReturn:
     while time.monotonic() < until:
         time.sleep(_WAKE_S)
         signal.pthread_kill(main_thread, _WAKING)
-    os.write(2, _AT_ONCE)
+    _say(_AT_ONCE)
     os._exit(_EXIT_CODES[number])
