@@ -34,9 +34,9 @@ service-deps:
 	apt-get update -q
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils systemd
 
-# A missing service is a failure here, never a skip.
+# A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
 service-test: $(STAMP)
-	$(BIN)/python -m pytest -m service $(OPTIONS)
+	$(BIN)/python -m pytest -m service -p no:randomly $(OPTIONS)
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow $(OPTIONS)
@@ -46,7 +46,7 @@ fault-deps: service-deps
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends faketime
 
 fault-test: $(STAMP)
-	$(BIN)/python -m pytest -m fault -s tests/faults $(OPTIONS)
+	$(BIN)/python -m pytest -m fault -p no:randomly -s tests/faults $(OPTIONS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

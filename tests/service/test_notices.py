@@ -12,6 +12,7 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import sync_playwright
 
+from flows.serving.server_process import free_port
 from tests.flows.conftest import write_block
 from tests.service.served import Served, served, until
 from tests.tasks.notification.receivers import WebReceiver, web_receiver
@@ -82,6 +83,13 @@ def test_the_addresses_are_nowhere_but_in_the_process_that_sends(server: Served)
     assert token.decode() not in server.printed
 
 
-def test_the_server_ends_with_a_receiver_that_is_away(server: Served) -> None:
-    server.process.send_signal(signal.SIGTERM)
-    assert server.process.wait(90) == 0
+def test_the_server_ends_with_a_receiver_that_is_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_block(tmp_path / "root" / "block")
+    monkeypatch.setenv("AEROCAL_NOTIFY", f"json://127.0.0.1:{free_port('127.0.0.1')}")
+    with served(tmp_path) as server:
+        run = server.start(MANUAL, {"project": "block", "settings": {"sigma0_limit": 0.71}})
+        assert server.ended(run)["state_name"] == "GateFailed"
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(90) == 0

@@ -287,18 +287,19 @@ def test_pages_of_the_dashboard_speak_to_their_own_server_only(server: Served) -
         assert policy.startswith(f"connect-src 'self' http://127.0.0.1:{server.port} ws://"), page
 
 
-def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(server: Served) -> None:
-    """The last one with this server: it is gone afterwards."""
-    groups = server.groups()
-    waiting = server.start(MANUAL, {"project": "block", "output": "held"})
-    with run_lock(server.folder / "root" / "block" / "held"):
-        server.in_state(waiting, "RUNNING")
-        server.process.send_signal(signal.SIGTERM)
-        until(lambda: "a second request ends them now" in server.printed, 20)
-        later = server.start(MANUAL, {"project": "block", "output": "later"})
-        with pytest.raises(subprocess.TimeoutExpired):
-            server.process.wait(6)
-    assert server.process.wait(120) == 0
+def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: Path) -> None:
+    write_block(tmp_path / "root" / "block")
+    with served(tmp_path) as server:
+        groups = server.groups()
+        waiting = server.start(MANUAL, {"project": "block", "output": "held"})
+        with run_lock(server.folder / "root" / "block" / "held"):
+            server.in_state(waiting, "RUNNING")
+            server.process.send_signal(signal.SIGTERM)
+            until(lambda: "a second request ends them now" in server.printed, 20)
+            later = server.start(MANUAL, {"project": "block", "output": "later"})
+            with pytest.raises(subprocess.TimeoutExpired):
+                server.process.wait(6)
+        assert server.process.wait(120) == 0
     states = recorded_states(server.folder)
     assert states[waiting] == "COMPLETED"
     assert not {"RUNNING", "PENDING", "CANCELLING"} & set(states.values())
