@@ -14,7 +14,12 @@ from flows.project_run import RunRequest, carry_out
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 FREE = ("boresight", "lever_arm")
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("test_data")]
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def _environment(test_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
 
 
 def test_the_focal_length_is_refused_because_one_height_cannot_tell_it_from_the_shift() -> None:
