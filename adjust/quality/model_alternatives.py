@@ -29,7 +29,7 @@ from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayou
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
 from adjust.solve.full_vectors import FullVectors, solve_full
-from adjust.solve.normal_equations import System, add_border_columns, whiten
+from adjust.solve.normal_equations import System, whiten
 
 #: Part of a column's own squares CᵀC that must be left beside the unknowns: less is rounding, and the
 #: alternative cannot be told from what is estimated.
@@ -225,13 +225,15 @@ def _with_columns(
 
 def _add_products(load: FullVectors, layout: ParameterLayout, white: Linearization, columns: Floats) -> None:
     """Add Aᵀ C of a whitened group."""
-    of_border = np.zeros((*white.misclosure.shape, layout.border))
     for term in white.terms:
         if term.block == _ALTERNATIVE:
             continue
-        if term.block in (EXTERIOR_ORIENTATION, OBJECT_POINT):
-            into = load.of_exposures if term.block == EXTERIOR_ORIENTATION else load.of_points
-            np.add.at(into, term.index, np.swapaxes(term.jacobian, 1, 2) @ columns)
+        products = np.swapaxes(term.jacobian, 1, 2) @ columns
+        if term.block == EXTERIOR_ORIENTATION:
+            np.add.at(load.of_exposures, term.index, products)
+        elif term.block == OBJECT_POINT:
+            np.add.at(load.of_points, term.index, products)
         else:
-            add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
-    load.of_border[:] += np.einsum("nmg,nmk->gk", of_border, columns)
+            places = layout.columns[term.block][term.index]
+            free = places >= 0
+            np.add.at(load.of_border, places[free], products[free])
