@@ -64,6 +64,12 @@ class GroupResult:
         return int((self.status == ObservationStatus.REJECTED).any(axis=1).sum())
 
     @property
+    def taking_part(self) -> ObservationGroup:
+        """The observations that took part, weighted as in the adjustment."""
+        took_part = np.isin(self.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED))
+        return self.group.without(np.asarray(~took_part.any(axis=1)))
+
+    @property
     def external(self) -> Floats:
         """External reliability δ̄ (n, m): what an undetected error of the detectable size does to the results.
 

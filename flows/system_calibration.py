@@ -60,9 +60,10 @@ def system_calibration(project: Project, store: Store) -> Summary:
     block = prepare_block(project, store)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)
-    described = described_calibration(one, two, store, block)
-    stages = (*block.stages, one.adjusted, *two.outputs, described)
+    stages = (*block.stages, one.adjusted, *two.outputs)
     stages = (*stages, checked_block(one.project, store, stages))
+    described = described_calibration(one, two, store, stages)
+    stages = (*stages, described)
     pages = (page_of_check(one.project, store, stages), report_of(one.project, store, stages))
     certificates = tuple(
         write_certificate(
@@ -170,25 +171,21 @@ def _delivered(project: Project, adjusted: ExposuresInput, store: Store) -> Arti
     return read["exposures"]
 
 
-def described_calibration(one: OneStep, two: SecondStep, store: Store, block: PreparedBlock) -> Outputs:
-    """The records of the calibration: verdicts, covariances, and how the two methods compare."""
-    means = two.outputs[0]["orientation_difference_means"] if two.outputs else None
+def described_calibration(
+    one: OneStep, two: SecondStep, store: Store, stages: tuple[Outputs, ...]
+) -> Outputs:
+    """The records of the calibration: covariances, and the verdict from the evidence of all stages."""
     return describe_calibration(
         store,
-        images=block.approximate["images"],
-        cameras=block.exposures["cameras"],
-        image_points=block.image_points["image_points"],
-        object_points=one.adjusted["object_points"],
-        control_residuals=one.adjusted["control_residuals"],
-        parameters=one.adjusted["parameters"],
-        correlations=one.adjusted["correlations"],
+        stages=stages,
         adjusted=one.adjusted["notes"],
-        means=means,
+        means=two.outputs[0]["orientation_difference_means"] if two.outputs else None,
         releases=one.releases,
         remarks=two.remarks,
         settings=one.project.calibration,
         given=one.project.cameras,
         inputs=one.project.inputs,
+        gates=one.project.gates,
         crs=one.project.project.crs,
         name=one.project.project.name,
         flown=one.project.project.flown,

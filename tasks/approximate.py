@@ -113,9 +113,12 @@ def approximate_block(
     points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
     differences = control_differences(surveyed, frame, points_table, _intersections(found))
     expected = expected_intersections(given, checks, found.height)
-    problems += found.suspicions
-    problems += check_control(differences, surveyed_table, map_frame, frame, expected)
-    problems += check_flight_direction(given)
+    suspicions = [
+        *found.suspicions,
+        *check_control(differences, surveyed_table, map_frame, frame, expected),
+        *check_flight_direction(given),
+    ]
+    problems += suspicions
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
     _write_images(folder, given, found, unoriented, read_table(exposures))
@@ -136,7 +139,7 @@ def approximate_block(
         map_frame,
     )
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
-    write_notes(folder, Notes(tuple(problems), figures))
+    write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
 
 
 def oriented_images(

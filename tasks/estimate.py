@@ -15,6 +15,7 @@ from adjust.calibration.elimination import Elimination
 from adjust.calibration.elimination_rules import PRESETS
 from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection, columns_of
 from adjust.errors import AdjustmentError, DatumDefectError
+from adjust.model_tests import examined_model
 from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS
@@ -36,6 +37,9 @@ from tasks.block.block_input import (
     control_points as control_observations,
 )
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.model_alternatives import model_alternatives
+from tasks.block.model_findings import model_findings
+from tasks.block.model_test_tables import ExaminedModel, write_model_alternatives
 from tasks.block.parameter_tables import write_parameters
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import block_grids, with_given_corrections
@@ -153,16 +157,27 @@ def adjust_bundle(
         own_figures = self_calibration_figures(selection, offered, adjustment)
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, adjustment.confidence, eliminated)
+    tested = _examined_model(adjusted, given, observations, camera_table, _options(adjustment))
+    alternatives = write_model_alternatives(folder, tested)
+    findings = model_findings(alternatives)
     write_residual_grid(folder, block.cameras, grids.grids, grids.fields, adjustment.confidence)
     write_residual_autocorrelation(folder, block.cameras, grids)
     figures = adjustment_figures(adjusted, adjustment, parameters) | {
         "self_calibration": own_figures,
+        "model_findings": [item.to_json() for item in findings],
+        **tested.figures(),
         "residual_grid": residual_grid_figures(block.cameras, grids, adjustment.confidence),
     }
     of_images = residual_grid_sentences(block.cameras, grids, adjustment.confidence)
     slips = lever_arm_suspicions(*arms, block, result)
-    said = (*slips, *adjustment_problems(adjusted, adjustment), *problems, *of_images)
-    write_notes(folder, Notes(said, figures))
+    said = (
+        *slips,
+        *(item.sentence for item in findings),
+        *adjustment_problems(adjusted, adjustment),
+        *problems,
+        *of_images,
+    )
+    write_notes(folder, Notes(said, figures, slips))
 
 
 def _observations(
@@ -190,6 +205,21 @@ def _observations(
     others += priors(block, settings)
     prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
     return Observations(rays, tuple(others if prior is None else [*others, prior])), rows
+
+
+def _examined_model(
+    adjusted: AdjustedBlock,
+    given: GivenOrientations,
+    observations: Observations,
+    cameras: pd.DataFrame,
+    options: AdjustmentOptions,
+) -> ExaminedModel:
+    """The alternatives of the model, tested at the adjusted values."""
+    alternatives = model_alternatives(adjusted.block, given, observations, cameras)
+    models = [item.model for item in alternatives]
+    return ExaminedModel(
+        adjusted, alternatives, examined_model(adjusted.block, adjusted.result, models, options)
+    )
 
 
 def _options(settings: AdjustmentSettings) -> AdjustmentOptions:

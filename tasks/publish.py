@@ -32,6 +32,8 @@ PUBLISHED = (
     "parameters",
     "correlations",
     "self_calibration",
+    "model_alternatives",
+    "model_alternative_effects",
     "control_residuals",
     "check_points",
     "residual_grid",

@@ -17,8 +17,8 @@ from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.storage.json_text import JSON
 
 _AXES = ("x", "y", "z")
-#: Figures of a direct-georeferencing check, by their gates.
-_DIRECT = "direct_georeferencing"
+#: The figure that a direct-georeferencing check leaves, and its parts by their gates.
+DIRECT = "direct_georeferencing"
 _DIRECT_FIGURES = {
     "direct_georeferencing_rmse_m": "rmse_m",
     "direct_georeferencing_max_m": "max_m",
@@ -90,14 +90,14 @@ def _of_calibration(figures: Mapping[str, JSON]) -> Iterator[GateResult]:
 
 def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:
     """Whether the run has the part a gate is of; one without any known part has them all."""
-    parts = {_DIRECT: _DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
-    return parts[_DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not any(parts.values())
+    parts = {DIRECT: DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
+    return parts[DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not any(parts.values())
 
 
 def _figure(name: str, figures: Mapping[str, JSON]) -> JSON:
     if name not in _DIRECT_FIGURES:
         return figures.get(name)
-    direct = figures.get(_DIRECT)
+    direct = figures.get(DIRECT)
     return direct.get(_DIRECT_FIGURES[name]) if isinstance(direct, Mapping) else None
 
 

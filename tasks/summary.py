@@ -97,9 +97,7 @@ class Summary(BaseModel):
 
 def summary_of(notes: Sequence[Notes], gates: Gates, timings_s: Mapping[str, float]) -> Summary:
     """Put the notes of all stages together (a later stage's figure counts) and test the gates."""
-    figures: dict[str, JSON] = {}
-    for note in notes:
-        figures = _merged(figures, note.figures)
+    figures = merged_figures(notes)
     results, untested = tested_gates(gates, figures)
     problems = [*untested, *(sentence for note in notes for sentence in note.problems)]
     content: dict[str, object] = {
@@ -110,6 +108,14 @@ def summary_of(notes: Sequence[Notes], gates: Gates, timings_s: Mapping[str, flo
         "problems": tuple(dict.fromkeys(problems)),
     }
     return Summary.model_validate(content)
+
+
+def merged_figures(notes: Sequence[Notes]) -> dict[str, JSON]:
+    """The figures of all stages; a later stage's counts."""
+    figures: dict[str, JSON] = {}
+    for note in notes:
+        figures = _merged(figures, note.figures)
+    return figures
 
 
 def failed_summary(

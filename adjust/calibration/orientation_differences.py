@@ -3,7 +3,7 @@
     θ_i = Log(R_INS,iᵀ R_AT,i Tᵀ)            roll, pitch, yaw of the misalignment that image i shows
     o_i = A_i − X0_i                          observed minus adjusted position
     l_i = R_INS,iᵀ o_i                        the same in body axes: lever arm
-    s_i = R_enu,iᵀ o_i                        the same along east, north, up: shift
+    s_i = R_enu,iᵀ (o_i − R_INS,i l_given)    what the given lever arm leaves, along east, north, up: shift
 
 θ is a rotation vector; up to 0.3° it differs from the angles roll, pitch, yaw by less than 0.001°, and
 `misalignment_angles` turns a mean of it into them exactly. The signs are those of docs/conventions.md:
@@ -102,6 +102,7 @@ def orientation_differences(
     place: Floats,
     height: Floats,
     pair_covariance: Floats | None = None,
+    given_lever_arm: Floats | None = None,
 ) -> OrientationDifferences:
     """Misalignment and offset that each image shows.
 
@@ -110,6 +111,7 @@ def orientation_differences(
     strip, flight, place, height : (n,) see `OrientationDifferences`.
     pair_covariance : (n, 6, 6) of the differences as they stand: small rotation in body axes (rad), then
         position in the local frame (m); adjusted and observed together. None: not known.
+    given_lever_arm : (3,) known beforehand, metres, body axes; None: none. The shift is what it leaves.
 
     Raises
     ------
@@ -124,12 +126,13 @@ def orientation_differences(
     misalignment = rotation.log(body_from_local @ pairs.local_from_camera @ camera_from_body)
     if not (np.isfinite(offset).all() and np.isfinite(misalignment).all()):
         raise InconsistentBlockError("An adjusted or observed orientation is not complete.")
+    by_lever_arm = pairs.local_from_body @ (np.zeros(3) if given_lever_arm is None else given_lever_arm)
     enu_from_local = np.swapaxes(pairs.local_from_enu, 1, 2)
     forward = np.einsum("nij,nj->ni", enu_from_local, pairs.local_from_body[:, :, 0])
     return OrientationDifferences(
         misalignment=misalignment,
         lever_arm=np.einsum("nij,nj->ni", body_from_local, offset),
-        shift=np.einsum("nij,nj->ni", enu_from_local, offset),
+        shift=np.einsum("nij,nj->ni", enu_from_local, offset - by_lever_arm),
         strip=strip,
         flight=flight,
         place=place,

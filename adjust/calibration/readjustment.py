@@ -14,11 +14,10 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
-from adjust.observations.base import ObservationGroup
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import converge
 from adjust.solve.normal_equations import Observations, System
 
@@ -57,7 +56,7 @@ class Readjustment:
     @classmethod
     def of(cls, block: Block, result: AdjustmentResult, options: AdjustmentOptions) -> Self:
         """What took part in an adjustment of a block."""
-        rays, *others = (_taking_part(group) for group in result.groups)
+        rays, *others = (group.taking_part for group in result.groups)
         assert isinstance(rays, ImagePoints)  # the first group of every result
         observations = Observations(rays, tuple(others))
         system = System.of(block, observations, options.threads, options.free_network)
@@ -83,10 +82,3 @@ class Readjustment:
         r = system.redundancy + self.defect
         sigma0 = float(np.sqrt(estimate.weighted_squares / r)) if r > 0 else float("nan")
         return Readjusted(estimate.state, sigma0, -rays.misclosure(estimate.state))
-
-
-def _taking_part(group: GroupResult) -> ObservationGroup:
-    """The observations of a group that took part, weighted as in the adjustment."""
-    took_part = np.isin(group.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED))
-    left_out = np.asarray(~took_part.any(axis=1))
-    return group.group.without(left_out)

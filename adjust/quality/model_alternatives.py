@@ -4,9 +4,10 @@ An alternative adds C b to the computed observations: a lever arm that was not g
 length in one flight, a shift of the control. With whitened columns C, whitened misclosures w at the adjusted
 values, the design matrix A and Q = (AᵀA)⁻¹
 
-    s = Cᵀ w,    M = Cᵀ C − Cᵀ A Q Aᵀ C,    b̂ = M⁻¹ s,    T = sᵀ M⁻¹ s
+    s = Cᵀ (w − A Q Aᵀ w),    M = Cᵀ C − Cᵀ A Q Aᵀ C,    b̂ = M⁻¹ s,    T = sᵀ M⁻¹ s
 
-T is distributed as χ² with as many degrees of freedom as there are columns if the model is complete, and b̂ is
+Aᵀ w is zero at the minimum; the little that the iteration leaves of it counts where M is small. T is
+distributed as χ² with as many degrees of freedom as there are columns if the model is complete, and b̂ is
 what a full adjustment with b free would find, exactly so for linear equations (Rao 1948; Teunissen 2006,
 ch. 4 and 5). Nothing is adjusted again: every column costs one solution with the factors that are there.
 
@@ -22,29 +23,23 @@ from typing import Protocol
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup, Term
-from adjust.observations.control_point import ControlPoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
-from adjust.solve.full_vectors import FullVectors, solve_full
+from adjust.solve.full_vectors import SparseVectors, inverse_products
 from adjust.solve.normal_equations import System, whiten
 
-#: Part of a column's own squares CᵀC that must be left beside the unknowns: less is rounding, and the
-#: alternative cannot be told from what is estimated.
-INDISTINGUISHABLE = 1e-9
-
-_ALTERNATIVE = "alternative"
+#: Part of a column's own squares CᵀC that must be left beside the unknowns: less is rounding and what linear
+#: equations leave out, and the alternative cannot be told from what is estimated.
+INDISTINGUISHABLE = 1e-6
+#: The same beside other alternatives: what is left says nothing of its own.
+_LEFT_OVER = 1e-4
 
 
 class ModelAlternative(Protocol):
     """Something that the model may lack, with one unknown size b."""
-
-    @property
-    def name(self) -> str:
-        """What it is, unique among those tested together."""
-        ...
 
     def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
         """Derivatives (n, m) of the computed observations of a group with respect to b; None: all zero."""
@@ -57,14 +52,12 @@ class ParameterAlternative:
 
     Attributes
     ----------
-    name : what it is.
-    family, entity, component : which parameter: name of its family, indices in it.
+    family, entity, component : which parameter: name of its family, indices in it; None: of all entities.
     images : (n,) images of the block for which it differs; None: all of them.
     """
 
-    name: str
     family: str
-    entity: int
+    entity: int | None
     component: int
     images: Bools | None = None
 
@@ -75,7 +68,9 @@ class ParameterAlternative:
         for term in equations.terms:
             if term.block != self.family:
                 continue
-            touched = term.index == self.entity
+            touched = (
+                np.ones(len(term.index), dtype=bool) if self.entity is None else term.index == self.entity
+            )
             if self.images is not None:
                 touched &= self.images[group.image] & (group.image >= 0)
             column += np.where(touched[:, None], term.jacobian[:, :, self.component], 0.0)
@@ -84,27 +79,21 @@ class ParameterAlternative:
 
 
 @dataclass(frozen=True, eq=False)
-class ControlAlternative:
-    """The datum of all control points, moved in one way.
+class ObservationAlternative:
+    """All observations of one group, changed in one way: what no parameter of the model describes.
 
     Attributes
     ----------
-    name : what it is.
-    displacement : (points, 3) of every object point of the block for b = 1, local axes, metres.
+    group : name of the group.
+    change : (n, m) what b = 1 adds to the computed observations.
     """
 
-    name: str
-    displacement: Floats
+    group: str
+    change: Floats
 
-    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
-        """What the displacements of its points do to the computed control."""
-        if not isinstance(group, ControlPoints):
-            return None
-        column = np.zeros_like(equations.misclosure)
-        for term in equations.terms:
-            if term.block == OBJECT_POINT:
-                column += np.einsum("nij,nj->ni", term.jacobian, self.displacement[term.index])
-        return column
+    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:  # noqa: ARG002
+        """The change, of the group it belongs to."""
+        return self.change if group.name == self.group else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +102,11 @@ class AlternativeTests:
 
     Attributes
     ----------
-    names : of the alternatives.
     score : (k,) s.
     normal : (k, k) M; zero rows and columns of those that cannot be told from the unknowns.
     effect : (g, k) what the system parameters that are free change by for b = 1: the columns Q Aᵀ C.
     """
 
-    names: tuple[str, ...]
     score: Floats
     normal: Floats
     effect: Floats
@@ -168,6 +155,41 @@ class AlternativeTests:
         solved = np.linalg.solve(correlation, scale * self.score[chosen])
         return float(scale * self.score[chosen] @ solved), scale * solved
 
+    def together(self, members: Sequence[int]) -> tuple[float, int]:
+        """T of some alternatives together, and its degrees of freedom: what can be told of them at all."""
+        chosen = [k for k in members if self.distinguishable[k]]
+        scale = 1.0 / np.sqrt(self._own[chosen])
+        values, vectors = np.linalg.eigh(self.normal[np.ix_(chosen, chosen)] * scale[:, None] * scale)
+        told = values > _LEFT_OVER
+        projected = vectors[:, told].T @ (scale * self.score[chosen])
+        return float(np.sum(projected**2 / values[told])), int(told.sum())
+
+    def joint_sigma(self, members: Sequence[int]) -> Floats:
+        """Standard deviations (j,) of the estimates of some alternatives together, for σ0 = 1."""
+        chosen = list(members)
+        return np.sqrt(np.diagonal(np.linalg.inv(self.normal[np.ix_(chosen, chosen)])))
+
+    def explanation(self, critical: float) -> tuple[int, ...]:
+        """The alternatives that explain the misclosures together, each after those before it.
+
+        The first has the largest |t|; every further one has the largest beside all before it and exceeds
+        the critical value, too (detection, identification, adaptation: Teunissen 2006, ch. 4).
+        """
+        found: list[int] = []
+        score, normal, own = self.score.copy(), self.normal.copy(), np.nan_to_num(self._own)
+        while True:
+            left = np.diagonal(normal)
+            # What the ones before it leave of an alternative may be rounding alone.
+            told = left > _LEFT_OVER * own
+            t = np.where(told, score, 0.0) / np.sqrt(np.where(told, left, 1.0))
+            best = int(np.argmax(np.abs(t))) if len(t) else 0
+            if not len(t) or abs(t[best]) <= critical:
+                return tuple(found)
+            found.append(best)
+            column = normal[:, best] / normal[best, best]
+            score = score - column * score[best]
+            normal = normal - np.outer(column, normal[best])
+
     @property
     def _own(self) -> Floats:
         return np.where(self.distinguishable, np.diagonal(self.normal), np.nan)
@@ -182,58 +204,78 @@ def alternative_tests(
     ----------
     state, factorization : of the adjusted values, and of the normal equations there.
     """
-    layout, k = system.layout, len(alternatives)
-    score, own = np.zeros(k), np.zeros((k, k))
-    load = FullVectors(
-        np.zeros((layout.images, 6, k)), np.zeros((layout.border, k)), np.zeros((layout.points, 3, k))
-    )
+    last = len(alternatives)
+    products = _Products(system.layout, last + 1)
     for group in system.observations.groups:
-        equations = _with_columns(group, state, alternatives)
-        if equations is None:
-            continue
-        white = whiten(group, equations)
-        columns = np.sum([term.jacobian for term in white.terms if term.block == _ALTERNATIVE], axis=0)
-        score += np.einsum("nmk,nm->k", columns, white.misclosure)
-        own += np.einsum("nmk,nml->kl", columns, columns)
-        _add_products(load, layout, white, columns)
-    solved = solve_full(system, state, factorization, load)
-    normal = own - load.dot(solved)
-    told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)
+        equations = _present(group, group.linearize(state))
+        found = [
+            (k, column)
+            for k, alternative in enumerate(alternatives)
+            if (column := alternative.column(group, equations)) is not None
+        ]
+        # The misclosures go through the same products as the columns.
+        products.add(group, equations, [*found, (last, equations.misclosure)])
+    of_unknowns, effect = inverse_products(system, state, factorization, products.load)
+    own, left = products.own, products.own - of_unknowns
+    normal, score = left[:last, :last], left[:last, last]
+    told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)[:last]
     kept = told[:, None] & told[None, :]
-    names = tuple(alternative.name for alternative in alternatives)
-    return AlternativeTests(names, score, np.where(kept, 0.5 * (normal + normal.T), 0.0), solved.of_border)
+    return AlternativeTests(score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[:, :last])
 
 
-def _with_columns(
-    group: ObservationGroup, state: State, alternatives: Sequence[ModelAlternative]
-) -> Linearization | None:
-    """The equations of a group with the columns of all alternatives as one more term; None without any."""
-    equations = group.linearize(state)
-    columns = [alternative.column(group, equations) for alternative in alternatives]
-    if all(column is None for column in columns):
-        return None
-    nothing = np.zeros_like(equations.misclosure)
-    jacobian = np.stack([nothing if column is None else column for column in columns], axis=2)
-    term = Term(_ALTERNATIVE, np.arange(len(nothing)), jacobian)
+class _Products:
+    """CᵀC and AᵀC, summed up group by group."""
+
+    def __init__(self, layout: ParameterLayout, count: int) -> None:
+        self.layout = layout
+        self.own = np.zeros((count, count))
+        self.load = SparseVectors.zeros(layout, count)
+
+    def add(
+        self, group: ObservationGroup, equations: Linearization, columns: Sequence[tuple[int, Floats]]
+    ) -> None:
+        """Add what a group contributes; columns (n, m) of the alternatives with these numbers."""
+        white = whiten(group, equations)
+        numbers = np.array([k for k, _ in columns])
+        flat = np.empty((len(columns), white.misclosure.size))
+        present = group.stochastic.present
+        for row, (k, column) in enumerate(columns):
+            whitened = group.stochastic.whitened(np.where(present, column, 0.0))
+            flat[row] = whitened.ravel()
+            self._add_load(k, white, whitened)
+        self.own[np.ix_(numbers, numbers)] += flat @ flat.T
+
+    def _add_load(self, k: int, white: Linearization, column: Floats) -> None:
+        """Add Aᵀ C of one alternative; the observations it does not touch are passed over."""
+        rows = np.flatnonzero(column.any(axis=1))
+        if len(rows) == 0:
+            return
+        own = column[rows]
+        for term in white.terms:
+            products = np.einsum("nmd,nm->nd", term.jacobian[rows], own)
+            index = term.index[rows]
+            if term.block == EXTERIOR_ORIENTATION:
+                self.load.of_exposures[:, :, k] += _summed(index, products, self.layout.images)
+            elif term.block == OBJECT_POINT:
+                self.load.points_of(k)[:] += _summed(index, products, self.layout.points)
+            else:
+                columns = self.layout.columns[term.block]
+                free = columns >= 0
+                if free.any():
+                    self.load.of_border[columns[free], k] += _summed(index, products, len(columns))[free]
+
+
+def _summed(index: Ints, values: Floats, count: int) -> Floats:
+    """Sums (count, d) of rows (n, d) by their index."""
+    sums = [np.bincount(index, weights=values[:, d], minlength=count) for d in range(values.shape[1])]
+    return np.stack(sums, axis=1)
+
+
+def _present(group: ObservationGroup, equations: Linearization) -> Linearization:
+    """The equations with zeros for what takes no part."""
     present = group.stochastic.present
     terms = tuple(
         Term(one.block, one.index, np.where(present[:, :, None], one.jacobian, 0.0))
-        for one in (*equations.terms, term)
+        for one in equations.terms
     )
     return Linearization(np.where(present, equations.misclosure, 0.0), terms)
-
-
-def _add_products(load: FullVectors, layout: ParameterLayout, white: Linearization, columns: Floats) -> None:
-    """Add Aᵀ C of a whitened group."""
-    for term in white.terms:
-        if term.block == _ALTERNATIVE:
-            continue
-        products = np.swapaxes(term.jacobian, 1, 2) @ columns
-        if term.block == EXTERIOR_ORIENTATION:
-            np.add.at(load.of_exposures, term.index, products)
-        elif term.block == OBJECT_POINT:
-            np.add.at(load.of_points, term.index, products)
-        else:
-            places = layout.columns[term.block][term.index]
-            free = places >= 0
-            np.add.at(load.of_border, places[free], products[free])

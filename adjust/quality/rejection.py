@@ -19,6 +19,7 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.base import ObservationGroup
+from adjust.observations.direct import DirectObservations
 from adjust.parameters import OBJECT_POINT, State
 from adjust.quality.locatability import Explanations, explanations
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
@@ -132,11 +133,15 @@ def reject(adjusted: Adjusted, rule: SnoopingRule) -> Rejection:
 def choose(
     observations: Observations, state: State, statistics: tuple[Floats, ...], least: float
 ) -> Rejection:
-    """The largest observation of every object point and image whose statistic exceeds a value."""
+    """The largest observation of every object point and image whose statistic exceeds a value.
+
+    What is known beforehand of a parameter is no observation that could be gross: it contradicts, or not.
+    """
     groups = observations.groups
     candidates = [
         (-float(statistics[g][i]), g, int(i))
-        for g in range(len(groups))
+        for g, group in enumerate(groups)
+        if not isinstance(group, DirectObservations)
         for i in np.flatnonzero(statistics[g] > least)
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)

@@ -1,13 +1,13 @@
-"""Vectors over all unknowns, and solutions N x = b of the full normal equations for them."""
+"""Vectors over all unknowns, and solutions N x = b and products bᵀ N⁻¹ b of the full normal equations."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from adjust.arrays import Floats
-from adjust.parameters import State
+from adjust.arrays import Bools, Floats
+from adjust.parameters import ParameterLayout, State
 from adjust.solve import elimination_kernel
 from adjust.solve.factorization import Factorization
 from adjust.solve.lanes import Lane, in_order, lanes
@@ -55,6 +55,75 @@ class FullVectors:
             + self.of_points.reshape(-1, self.count).T @ other.of_points.reshape(-1, other.count)
         )
         return products
+
+
+@dataclass(frozen=True, eq=False)
+class SparseVectors:
+    """Vectors (u, d) over the unknowns, most of which are zero at all object points.
+
+    Attributes
+    ----------
+    of_exposures : (n, 6, d).  of_border : (g, d).
+    points : number m of object points.
+    of_points : number of the vector → (m, 3); those that are not there are zero.
+    """
+
+    of_exposures: Floats
+    of_border: Floats
+    points: int
+    of_points: dict[int, Floats] = field(default_factory=dict)
+
+    @classmethod
+    def zeros(cls, layout: ParameterLayout, count: int) -> SparseVectors:
+        """Vectors of zeros."""
+        return cls(np.zeros((layout.images, 6, count)), np.zeros((layout.border, count)), layout.points)
+
+    def points_of(self, number: int) -> Floats:
+        """The part (m, 3) of one vector at the object points, to be written into."""
+        return self.of_points.setdefault(number, np.zeros((self.points, 3)))
+
+
+def inverse_products(
+    system: System, state: State, factorization: Factorization, vectors: SparseVectors
+) -> tuple[Floats, Floats]:
+    """Products bᵀ N⁻¹ b (d, d) of vectors, and the border (g, d) of their solutions N⁻¹ b.
+
+    With the object points eliminated, bᵀ N⁻¹ b = rᵀ R⁻¹ r + yᵀ y with the reduced vectors r, the reduced
+    matrix R and y = L⁻¹ b_p of the factors N_pp = L Lᵀ: the solutions at the points are not needed.
+
+    Parameters
+    ----------
+    state : that of linearisation.
+    """
+    point_factor = factorization.normals.point_factor
+    of_exposures, of_border = vectors.of_exposures.copy(), vectors.of_border.copy()
+    count = of_border.shape[1]
+    products = np.zeros((count, count))
+    numbers = sorted(vectors.of_points)
+    if numbers:
+        at_points = np.stack([vectors.of_points[k] for k in numbers], axis=2)
+        at_points[~system.active_point] = 0.0
+        load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
+        of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, point_factor, load)
+        y = _forward_substituted(point_factor, at_points, system.active_point).reshape(-1, len(numbers))
+        products[np.ix_(numbers, numbers)] = y.T @ y
+    exposures, border = np.empty_like(of_exposures), np.empty_like(of_border)
+    for t in range(count):
+        exposures[:, :, t], border[:, t] = factorization.factor.solve(
+            np.ascontiguousarray(of_exposures[:, :, t]), np.ascontiguousarray(of_border[:, t])
+        )
+    products += of_exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + of_border.T @ border
+    return products, border
+
+
+def _forward_substituted(lower: Floats, vectors: Floats, active: Bools) -> Floats:
+    """L⁻¹ b (m, 3, d) at the object points that take part; zero at the others."""
+    factor = np.where(active[:, None, None], lower, np.eye(3))
+    found = np.empty_like(vectors)
+    for k in range(3):
+        rest = vectors[:, k] - np.einsum("mq,mqd->md", factor[:, k, :k], found[:, :k])
+        found[:, k] = rest / factor[:, k, k, None]
+    return found
 
 
 def solve_full(

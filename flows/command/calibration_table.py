@@ -19,6 +19,12 @@ _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold re
 # Factor from the unit of the tables, unit, and decimals in which a parameter is shown.
 _SHOWN = {"mm": (1e3, "µm", 2), "deg": (1e3, "mdeg", 3), "m": (1e2, "cm", 2), "s": (1e3, "ms", 3)}
 
+_VERDICTS = {
+    "accepted": ("accepted as a calibration flight", "green"),
+    "restricted": ("accepted as a calibration flight, with restrictions", "yellow"),
+    "refused": ("refused as a calibration flight", "red"),
+}
+
 
 def calibration_of(summary: Summary) -> Mapping[str, JSON] | None:
     """The figures of a system calibration; None if the run made none."""
@@ -33,13 +39,8 @@ def calibration_table(summary: Summary, found: Mapping[str, JSON]) -> Renderable
 
 def calibration_verdict(found: Mapping[str, JSON]) -> RenderableType:
     """Whether the flight is accepted, how it was flown, and what the second step says."""
-    accepted = found["verdict"] == "accepted"
-    verdict = Text(
-        "The flight is accepted as a calibration flight."
-        if accepted
-        else "The flight is refused as a calibration flight.",
-        style="bold green" if accepted else "bold red",
-    )
+    words, colour = _VERDICTS[str(found["verdict"])]
+    verdict = Text(f"The flight is {words}.", style=f"bold {colour}")
     flown = Text(f"Flown: {found['directions']}; {found['heights']}.")
     steps = found.get("two_step")
     said = [Text(str(steps["sentence"]))] if isinstance(steps, Mapping) else []

@@ -146,6 +146,7 @@ def _of_camera(
         given.time_s if timed else np.arange(len(given.image), dtype=np.float64),
         observed["z_m"].to_numpy(np.float64),
         _covariance(given) + _covariance(result) if weighted else None,
+        mountings.lever_arm[0],
     )
     several = len(given.flights) > 1
     names = tuple(f"{flight}/{name}" if several else name for flight, name in labels)

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
+from tasks.calibration.evidence import Evidence
 from tasks.calibration.judge import recognised_pattern
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.quantities import is_calibrated
@@ -25,18 +26,23 @@ from tasks.calibration.record import (
 )
 from tasks.calibration.two_step_comparison import StepComparison, compared_steps
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
+from tasks.quality_gates import DIRECT, tested_gates
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import Inputs
+from tasks.settings.quality import Gates
 from tasks.storage.artifact import Artifact, digest_of_file
 from tasks.storage.json_text import JSON
 from tasks.storage.notes import Notes, read_notes, write_notes
 from tasks.storage.store import stored
+from tasks.summary import merged_figures
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import read_table
 
 #: What a reason of the verdict follows among the problems of a run.
 REFUSED = "The calibration is refused: "
+#: The same for a restriction.
+RESTRICTED = "The calibration is restricted: "
 #: Beginning of the names of the files; one camera alone has no more than this.
 CALIBRATION = "calibration"
 _LONGEST_STEM = 100
@@ -46,13 +52,7 @@ _LONGEST_STEM = 100
 def describe_calibration(
     folder: Path,
     *,
-    images: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    object_points: Artifact,
-    control_residuals: Artifact,
-    parameters: Artifact,
-    correlations: Artifact,
+    stages: tuple[Mapping[str, Artifact], ...],
     adjusted: Artifact,
     means: Artifact | None,
     releases: tuple[JSON, ...],
@@ -60,6 +60,7 @@ def describe_calibration(
     settings: CalibrationSettings,
     given: Mapping[str, CameraInput],
     inputs: Inputs,
+    gates: Gates,
     crs: str,
     name: str,
     flown: date | None,
@@ -69,30 +70,36 @@ def describe_calibration(
 
     Parameters
     ----------
+    stages : the outputs of all stages so far by name, in the order in which they ran.
     adjusted : notes of the adjustment.
     means : orientation_difference_means of the two-step calibration; None without one.
     releases : what was free at each stage and what was held after it, see `tasks.calibration.release`.
     remarks : sentences of the story, such as why there is no second step.
     given : cameras of the project file.
+    gates : of the project file.
     name, flown : of the project.
     """
-    table, pairs = read_table(parameters), read_table(correlations)
-    pattern = recognised_pattern(read_table(images))
+    outputs = {name: artifact for one in stages for name, artifact in one.items()}
+    table, pairs = read_table(outputs["parameters"]), read_table(outputs["correlations"])
+    images = read_table(outputs["images"])
+    pattern = recognised_pattern(images)
     verdicts = dict(parameter_verdicts(table, pairs, pattern, settings.limits))
     held = _held(releases)
     verdicts |= {key: _refused(item, held) for key, item in verdicts.items()}
-    of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
     steps = None if means is None else compared_steps(table, pairs, read_table(means))
     figures = cast(Mapping[str, Any], read_notes(adjusted).figures)
+    evidence = _evidence(stages, outputs, figures, gates, steps)
+    of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
+    of_flight = of_flight.beside(*evidence.objections(settings.limits))
     material = _Material(
-        table, pairs, verdicts, of_flight, pattern, read_table(images), read_table(cameras), figures
+        table, pairs, verdicts, of_flight, pattern, images, read_table(outputs["cameras"]), figures
     )
     files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
     digests = {path.name: digest_of_file(path) for path in files}
     counts = {
-        "object_points": object_points.rows or 0,
-        "image_points": image_points.rows or 0,
-        "control_points": control_residuals.rows or 0,
+        "object_points": outputs["object_points"].rows or 0,
+        "image_points": outputs["image_points"].rows or 0,
+        "control_points": outputs["control_residuals"].rows or 0,
     }
     used = sorted(material.images["camera"].unique())
     for camera in used:
@@ -105,12 +112,16 @@ def describe_calibration(
             redundancy=round(float(figures["redundancy"])),
             verdict=of_flight.verdict,
             reasons=of_flight.reasons,
+            restrictions=of_flight.restrictions,
             remarks=(*of_flight.remarks, *remarks, *([steps.sentence] if steps is not None else [])),
             inputs=digests,
             software=dict(software),
         )
         (folder / f"{file_stem(camera, alone=len(used) == 1)}.json").write_text(record.text, encoding="utf-8")
-    problems = [f"{REFUSED}{reason}" for reason in of_flight.reasons]
+    problems = [
+        *(f"{REFUSED}{reason}" for reason in of_flight.reasons),
+        *(f"{RESTRICTED}{restriction}" for restriction in of_flight.restrictions),
+    ]
     write_notes(
         folder,
         Notes(
@@ -172,7 +183,29 @@ def _with_held(verdict: FlightVerdict, held: Mapping[str, str]) -> FlightVerdict
     if not held:
         return verdict
     reasons = tuple(f"{family} is held at its given value: {reason}" for family, reason in held.items())
-    return FlightVerdict("refused", (*verdict.reasons, *reasons), verdict.remarks)
+    return verdict.beside(reasons, ())
+
+
+def _evidence(
+    stages: tuple[Mapping[str, Artifact], ...],
+    outputs: Mapping[str, Artifact],
+    adjusted: Mapping[str, Any],
+    gates: Gates,
+    steps: StepComparison | None,
+) -> Evidence:
+    """What the other stages have found."""
+    notes = [read_notes(one["notes"]) for one in stages if "notes" in one]
+    results, _ = tested_gates(gates, merged_figures(notes))
+    direct = next((note.figures[DIRECT] for note in notes if DIRECT in note.figures), {})
+    return Evidence(
+        tuple(dict.fromkeys(sentence for note in notes for sentence in note.suspicions)),
+        adjusted,
+        read_table(outputs["residuals"]),
+        read_table(outputs["images"]),
+        cast(Mapping[str, Any], direct),
+        results,
+        steps,
+    )
 
 
 def _camera(cameras: pd.DataFrame, name: str, given: CameraInput) -> CalibratedCamera:
@@ -245,6 +278,7 @@ def _figures(
     return {
         "verdict": material.of_flight.verdict,
         "reasons": list(material.of_flight.reasons),
+        "restrictions": list(material.of_flight.restrictions),
         "remarks": [*material.of_flight.remarks, *remarks],
         "directions": direction_words(material.pattern),
         "heights": height_words(material.pattern),

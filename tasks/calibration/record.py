@@ -17,7 +17,7 @@ from adjust.arrays import Floats
 from tasks.settings.cameras import CameraIdentity
 from tasks.storage.json_text import json_text
 
-Verdict: TypeAlias = Literal["accepted", "refused"]
+Verdict: TypeAlias = Literal["accepted", "restricted", "refused"]
 
 
 class RecordModel(BaseModel):
@@ -112,8 +112,9 @@ class CalibrationRecord(RecordModel):
     parameters : of the camera, its mounting and the flights, estimated and held ones.
     covariance : (k, k) of those with a ``sigma``, in their order, in products of their units.
     sigma0, redundancy : of the adjustment.
-    verdict : whether the flight meets the limits of a calibration flight.
-    reasons : why not, sentences.
+    verdict : accepted; restricted: accepted, with what must be known by whoever uses it; or refused.
+    reasons : why it is refused, sentences.
+    restrictions : what restricts it, sentences.
     remarks : what else a reader must know, sentences.
     inputs : name of each delivered file → sha256.
     software : name → version.
@@ -129,6 +130,7 @@ class CalibrationRecord(RecordModel):
     redundancy: int
     verdict: Verdict
     reasons: tuple[str, ...] = ()
+    restrictions: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     inputs: dict[str, str]
     software: dict[str, str]

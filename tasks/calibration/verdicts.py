@@ -1,6 +1,7 @@
 """Verdicts of a calibration: what this flight determines, what not and why, and what to fly.
 
-Of every parameter: determined, weak, not determinable, or held. Of the flight: accepted or refused. Standard
+Of every parameter: determined, weak, not determinable, or held. Of the flight: accepted or refused by its
+σ; what else speaks against it is in `tasks.calibration.evidence`. Standard
 deviations decide, not correlations: c and the shift in height are correlated by 0.9 in good flights because
 both are unknown; and where a prior has taken over, correlations are small and nothing is determined.
 """
@@ -94,14 +95,23 @@ class FlightVerdict:
 
     Attributes
     ----------
-    verdict : accepted or refused.
     reasons : why it is refused, sentences.
+    restrictions : what restricts its use, sentences.
     remarks : what else must be known, sentences.
     """
 
-    verdict: Verdict
     reasons: tuple[str, ...] = ()
+    restrictions: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Refused with any reason, restricted with any restriction, else accepted."""
+        return "refused" if self.reasons else "restricted" if self.restrictions else "accepted"
+
+    def beside(self, reasons: tuple[str, ...], restrictions: tuple[str, ...]) -> FlightVerdict:
+        """The verdict with more that speaks against the flight; that comes first."""
+        return FlightVerdict((*reasons, *self.reasons), (*restrictions, *self.restrictions), self.remarks)
 
 
 def parameter_verdicts(
@@ -238,7 +248,7 @@ def flight_verdict(
         item for item in verdicts.values() if item.sigma is not None and is_calibrated(item.parameter)
     ]
     if not calibrated:
-        return FlightVerdict("refused", ("No quantity of a calibration was estimated; free some of them.",))
+        return FlightVerdict(("No quantity of a calibration was estimated; free some of them.",))
     reasons = pattern_reasons({item.parameter for item in calibrated}, pattern, limits)
     free_strips, about_strips = _about_strips(parameters, calibrated)
     reasons += free_strips
@@ -248,7 +258,7 @@ def flight_verdict(
         if item.verdict != "determined"
     ]
     remarks = about_strips + _about_correlations(calibrated, limits)
-    return FlightVerdict("refused" if reasons else "accepted", tuple(reasons), tuple(remarks))
+    return FlightVerdict(tuple(reasons), remarks=tuple(remarks))
 
 
 def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:

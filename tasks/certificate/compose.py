@@ -11,6 +11,7 @@ from tasks.certificate.effect_section import effect_section
 from tasks.certificate.flight_section import flight_section
 from tasks.certificate.identity_section import identity_section
 from tasks.certificate.material import CertificateMaterial
+from tasks.certificate.model_section import model_section
 from tasks.certificate.origin_section import origin_section, verification_section
 from tasks.certificate.parameter_section import parameter_section
 from tasks.certificate.statistics_section import statistics_section
@@ -30,6 +31,7 @@ def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> Ce
         effect_section(material),
         check_section(material),
         statistics_section(material),
+        model_section(material),
         verdict_section(material),
         use_section(material),
         verification_section(material),

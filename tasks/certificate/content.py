@@ -6,11 +6,13 @@ value besides the digits that are shown (`tasks.report.table.Number`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from markupsafe import Markup
 
+from tasks.calibration.record import Verdict
 from tasks.report.table import Cell, Table
 
 #: Letters of the verification code that are printed in the head of every page.
@@ -160,6 +162,13 @@ class Section:
         )
 
 
+_TITLES: Mapping[Verdict, str] = {
+    "accepted": "Calibration certificate",
+    "restricted": "Calibration certificate with restrictions",
+    "refused": "Refused calibration",
+}
+
+
 @dataclass(frozen=True)
 class CertificateContent:
     """A certificate.
@@ -176,7 +185,7 @@ class CertificateContent:
 
     camera: str
     project: str
-    verdict: Literal["accepted", "refused"]
+    verdict: Verdict
     sentence: str
     code: str
     sections: tuple[Section, ...]
@@ -184,7 +193,7 @@ class CertificateContent:
     @property
     def title(self) -> str:
         """What the document is: nobody may take a refused calibration for a certificate."""
-        return "Calibration certificate" if self.verdict == "accepted" else "Refused calibration"
+        return _TITLES[self.verdict]
 
     @property
     def short_code(self) -> str:

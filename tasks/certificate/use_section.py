@@ -23,7 +23,7 @@ _OF_PRODUCT = {
 def use_section(material: CertificateMaterial) -> Section:
     """What it is for, and what not."""
     blocks: list[Block] = []
-    if material.record.verdict == "accepted":
+    if material.record.verdict != "refused":
         blocks.append(Sentences("The values hold for", _holds_for(material)))
     blocks.append(Sentences("This certificate must not be used", _not_for(material)))
     return Section("use", "Use of this certificate", tuple(blocks))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tasks.calibration.describe import REFUSED
+from tasks.calibration.describe import REFUSED, RESTRICTED
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Sentences, Words
@@ -28,6 +28,10 @@ def verdict_sentence(record: CalibrationRecord) -> str:
     """The verdict in one sentence."""
     if record.verdict == "accepted":
         return "Accepted: the flight meets the limits of a calibration flight."
+    if record.verdict == "restricted":
+        number = len(record.restrictions)
+        what = "one restriction" if number == 1 else f"{number} restrictions"
+        return f"Accepted with {what}, see limits and verdict: use it only as they allow."
     if len(record.reasons) == 1:
         return f"Refused: {record.reasons[0]}"
     number = len(record.reasons)
@@ -101,6 +105,8 @@ def verdict_section(material: CertificateMaterial) -> Section:
     blocks: list[Block] = [Words(verdict_sentence(record))]
     if record.reasons:
         blocks.append(Sentences("Reasons", record.reasons))
+    if record.restrictions:
+        blocks.append(Sentences("Restrictions", record.restrictions))
     blocks.append(Listing(determinability_table(material), ("because",)))
     gates = gate_table(material.results.summary.gates)
     if gates.rows:
@@ -109,8 +115,12 @@ def verdict_section(material: CertificateMaterial) -> Section:
         blocks.append(Words("The project sets no limits of its own.", "note"))
     if record.remarks:
         blocks.append(Sentences("Remarks", record.remarks))
-    said = {*record.remarks, *(f"{REFUSED}{reason}" for reason in record.reasons)}
-    problems = tuple(p for p in material.results.summary.problems if p not in said)
+    said = {*record.remarks, *record.reasons, *record.restrictions}
+    problems = tuple(
+        problem
+        for problem in material.results.summary.problems
+        if problem.removeprefix(REFUSED).removeprefix(RESTRICTED) not in said
+    )
     if problems:
         blocks.append(Sentences("Remarks of the adjustment", problems))
     return Section("verdict", "Limits and verdict", tuple(blocks))

@@ -158,7 +158,7 @@ def drifts_of(items: Sequence[StoredCalibration], limits: DriftLimits) -> tuple[
     drifts : none of a single calibration; the one before may be of another mounting, if this one has no
         other, and then boresight and lever arm are not compared.
     """
-    known = [item for item in items if item.approval is not None or item.record.verdict == "accepted"]
+    known = [item for item in items if item.approval is not None or item.record.verdict != "refused"]
     settled = [index for index, item in enumerate(known) if _is_settled(item)]
     known = known[settled[-1] :] if settled else known
     if len(known) < 2:
@@ -205,4 +205,4 @@ def day_of(item: StoredCalibration) -> str:
 def _is_settled(item: StoredCalibration) -> bool:
     """Whether somebody has said why the camera has changed."""
     approval = item.approval
-    return approval is not None and bool(approval.although) and item.record.verdict == "accepted"
+    return approval is not None and bool(approval.although) and item.record.verdict != "refused"

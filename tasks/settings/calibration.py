@@ -47,6 +47,24 @@ class AcceptanceLimits(Settings):
         "refuse: c and the shift in height are correlated by 0.9 and more in good flights.",
     )
 
+    moved_sigmas: Positive = Field(
+        default=1.0,
+        description="A significant error of the model (see model_alternatives) that moves a calibrated "
+        "parameter by more of its σ refuses the calibration; a smaller one restricts it.",
+    )
+    error_probability: Annotated[float, Field(gt=0.0, lt=0.1)] = Field(
+        default=0.001,
+        description="Probability of refusing a good calibration by its check points, and by the second step.",
+    )
+    sigma0_factor: Annotated[float, Field(gt=1.0)] = Field(
+        default=1.5,
+        description="σ0 of image points, control, GNSS and INS, each by itself, lies between this and its "
+        "inverse; else their stated σ, and all that follow from them, are wrong.",
+    )
+    rejected_part: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=0.05, description="Part of the image points, control, GNSS or INS that may be rejected."
+    )
+
 
 class MountingSettings(Settings):
     """When strips count as flown with another mounting; they are reported and left out of the means."""

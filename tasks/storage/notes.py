@@ -22,19 +22,28 @@ class Notes:
     problems : plain sentences shown to the user, the gravest first.
     figures : counts and numbers, merged into summary.json by publish; a figure that could not be
         computed is null (NaN is written as null).
+    suspicions : those of the problems that say the delivery itself is wrong.
     """
 
     problems: tuple[str, ...] = ()
     figures: Mapping[str, JSON] = field(default_factory=dict)
+    suspicions: tuple[str, ...] = ()
 
 
 def write_notes(folder: Path, notes: Notes) -> None:
     """Write ``notes.json`` into a stage's output folder."""
-    replace_json(folder / NOTES, {"problems": list(notes.problems), "figures": finite(notes.figures)})
+    replace_json(
+        folder / NOTES,
+        {
+            "problems": list(notes.problems),
+            "figures": finite(notes.figures),
+            "suspicions": list(notes.suspicions),
+        },
+    )
 
 
 def read_notes(artifact: Artifact) -> Notes:
     """Read the notes a stage has written, after their digest was checked."""
     content = cast(Mapping[str, JSON], read_json(verified(artifact)))
-    problems = cast(list[str], content["problems"])
-    return Notes(tuple(problems), cast(Mapping[str, JSON], content["figures"]))
+    problems, suspicions = (cast(list[str], content[name]) for name in ("problems", "suspicions"))
+    return Notes(tuple(problems), cast(Mapping[str, JSON], content["figures"]), tuple(suspicions))

@@ -88,6 +88,7 @@ def expected(reported: Reported) -> Expected:
         parameters,
         datum,
         residuals,
+        model_tests,
         suspicious,
     )
     return {key: value for part in parts for key, value in part(reported)}
@@ -274,6 +275,21 @@ def sub_areas(reported: Reported) -> Iterator[Item]:
         yield ("grid-iteration", str(step["number"]), "number"), float(step["number"])
 
 
+def model_tests(reported: Reported) -> Iterator[Item]:
+    """Both tables are cut; every row that is shown is one of the artifact."""
+    factors = {"mm": 1e3, "s": 1e3, "1": 100.0}
+    for row in reported.table("model_alternatives").to_dict("records"):
+        key = "|".join(str(row[name]) for name in ("quantity", "entity", "scope", "part"))
+        factor, named = factors.get(row["unit"], 1.0), row["rank"] > 0
+        sizes = ("explained", "explained_sigma") if named else ("estimate", "sigma")
+        for column, name in zip(("estimate", "sigma"), sizes, strict=True):
+            yield ("model-alternatives", key, column), row[name] * factor
+        yield ("model-alternatives", key, "t"), row[sizes[0]] / row[sizes[1]]
+        yield ("model-alternatives", key, "moved_by"), row["moved_by_estimate"]
+        yield ("unnoticed-errors", key, "detectable"), row["detectable"] * factor
+        yield ("unnoticed-errors", key, "moved_by"), row["moved_by_detectable"]
+
+
 def suspicious(reported: Reported) -> Iterator[Item]:
     table = reported.table("residuals")
     texts = table[["group", "image", "point", "component"]].astype(object).where(lambda t: t.notna(), "")
@@ -312,6 +328,7 @@ def require_equal(reported: Reported) -> int:
     shown = {(name, *place) for name, table in page.tables.items() for place in table.numbers}
     missing = {key for key in wanted if key not in shown}
     cut = {"rejected", "uncontrolled", "uncontrolled-images", "control-points", "check-points"}
+    cut |= {"model-alternatives", "unnoticed-errors"}
     assert not {key for key in missing if key[0] not in cut}
     return compared
 
@@ -326,6 +343,7 @@ SECTIONS = (
     "Object points",
     "System parameters",
     "What fixes the datum",
+    "Tests of the model",
     "Rejected and uncontrolled observations",
     "Settings and origin",
 )

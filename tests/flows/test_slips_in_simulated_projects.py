@@ -204,7 +204,7 @@ def adjusted(project: Path, out: Path, signs: tuple[int, ...], free: str, reject
         f"adjustment.rejection={rejection}",
     )
     outcome = carry_out(aerial_triangulation, RunRequest(project / "project.toml", out, overrides))
-    return "\n".join(text for text in outcome.summary.problems if "lever arm" in text)
+    return "\n".join(text for text in outcome.summary.problems if "given lever arm" in text)
 
 
 SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"boresight", "lever_arm"'

@@ -195,7 +195,9 @@ def test_wrong_signs_of_the_lever_arm(
     )
     outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
     assert outcome.error is None
-    said = [text for text in outcome.summary.problems if "lever arm of camera UCE-M3-f120-s07 looks" in text]
+    said = [
+        text for text in outcome.summary.problems if "lever arm of camera UCE-M3-f120-s07 looks as" in text
+    ]
     if words is None:
         assert said == []
     else:

@@ -29,6 +29,7 @@ from tasks.tables.schemas.georeferencing import (
     STEREO_MODELS,
     Y_PARALLAXES,
 )
+from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS, SELF_CALIBRATION
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
@@ -50,6 +51,8 @@ SCHEMAS: dict[str, TableSchema] = {
         PARAMETERS,
         SELF_CALIBRATION,
         CORRELATIONS,
+        MODEL_ALTERNATIVES,
+        MODEL_ALTERNATIVE_EFFECTS,
         CONTROL_RESIDUALS,
         CHECK_POINTS,
         ORIENTATION_DIFFERENCES,
@@ -77,6 +80,8 @@ __all__ = [
     "EXTERIOR_ORIENTATIONS",
     "IMAGES",
     "IMAGE_POINTS",
+    "MODEL_ALTERNATIVES",
+    "MODEL_ALTERNATIVE_EFFECTS",
     "OBJECT_POINTS",
     "ORIENTATION_DIFFERENCES",
     "ORIENTATION_DIFFERENCE_MEANS",

@@ -11,7 +11,7 @@ _COMPONENTS = (
     ("forward", "m", "observed − adjusted position along the body: lever arm"),
     ("right", "m", "the same, to the right"),
     ("down", "m", "the same, downwards"),
-    ("east", "m", "observed − adjusted position, true east: shift"),
+    ("east", "m", "observed − adjusted position less the given lever arm, true east: shift"),
     ("north", "m", "the same, true north"),
     ("up", "m", "the same, up"),
 )

@@ -104,6 +104,23 @@ def test_the_boresight_has_the_sign_of_the_conventions() -> None:
     np.testing.assert_allclose(found.shift, [[0.0, 0.3, 1.5]], atol=1e-15)
 
 
+def test_the_shift_is_what_the_given_lever_arm_leaves() -> None:
+    """Exactly, in every direction of flight; the lever arm is the whole one all the same."""
+    headings = np.deg2rad([0.0, 90.0, 180.0, 250.0])
+    body = rotation.about_z(-headings) @ ENU_FROM_NED
+    none = np.zeros(4, dtype=np.int64)
+    shift = np.array([0.3, -0.2, 0.1])
+    mounting = np.broadcast_to(nominal_mounting(0), (4, 3, 3))
+    enu = np.broadcast_to(np.eye(3), (4, 3, 3))
+    pairs = OrientationPairs(np.zeros((4, 3)), body @ mounting, body @ LEVER_ARM + shift, body, mounting, enu)
+    found = orientation_differences(
+        pairs, none, none, np.arange(4.0), np.ones(4), given_lever_arm=np.asarray(LEVER_ARM)
+    )
+    np.testing.assert_allclose(found.shift, np.broadcast_to(shift, (4, 3)), atol=1e-12)
+    found = orientation_differences(pairs, none, none, np.arange(4.0), np.ones(4))
+    np.testing.assert_allclose(found.shift - shift, body @ LEVER_ARM, atol=1e-12)
+
+
 @pytest.mark.parametrize("with_covariance", [False, True])
 def test_truth_lies_within_the_stated_standard_deviations(with_covariance: bool) -> None:
     """60 flights: the mean square of (found − true)/σ of eight strips is that of Student's t, 7 / 5."""

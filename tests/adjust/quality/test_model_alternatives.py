@@ -19,9 +19,10 @@ from adjust.parameters import (
     TIME_OFFSET,
 )
 from adjust.quality.model_alternatives import (
+    INDISTINGUISHABLE,
     AlternativeTests,
-    ControlAlternative,
     ModelAlternative,
+    ObservationAlternative,
     ParameterAlternative,
     alternative_tests,
 )
@@ -73,9 +74,7 @@ def sigma(found: Adjusted, family: str, entity: int, component: int) -> float:
     return float(np.sqrt(found.quality.reduced.corner[column, column]))
 
 
-LEVER_ARMS: list[ModelAlternative] = [
-    ParameterAlternative(f"lever arm {axis}", LEVER_ARM, 0, axis) for axis in range(3)
-]
+LEVER_ARMS: list[ModelAlternative] = [ParameterAlternative(LEVER_ARM, 0, axis) for axis in range(3)]
 
 
 @pytest.mark.parametrize("name", variants())
@@ -89,7 +88,7 @@ def test_held_parameters_are_tested_as_the_dense_equations_with_them_would(name:
         # Terms that a camera does not have are no parameters of it.
         if item.family.name != ADDITIONAL_PARAMETERS or item.values[entity, component] != 0.0
     ]
-    tests = scored(found, [ParameterAlternative(str(one), *one) for one in held])
+    tests = scored(found, [ParameterAlternative(*one) for one in held])
     own = design_matrix(found.system, found.state)
     cofactor = full_cofactor(own)
     everything = {
@@ -104,7 +103,7 @@ def test_held_parameters_are_tested_as_the_dense_equations_with_them_would(name:
         column = design.matrix[:, [design.border_columns[border]]].toarray()[:, 0] if border >= 0 else 0.0
         moved = cofactor @ (own.matrix.T @ column) if np.any(column) else np.zeros(own.unknowns)
         left = column - own.matrix @ moved
-        if not np.any(column) or left @ left < 1e-9 * (column @ column):
+        if not np.any(column) or left @ left < INDISTINGUISHABLE * (column @ column):
             assert np.isnan(tests.t[k])
             continue
         told += 1
@@ -157,7 +156,7 @@ def test_a_large_error_is_named_with_its_size_and_what_it_has_done(
     change = np.zeros_like(next(i.values for i in scene.block.system if i.family.name == family))
     change[0, component] = error
     wrong = adjusted(with_given(scene, family, change))
-    tests = scored(wrong, [ParameterAlternative("it", family, 0, component)])
+    tests = scored(wrong, [ParameterAlternative(family, 0, component)])
     assert abs(tests.t[0]) > NON_CENTRALITY
     assert tests.estimate[0] == pytest.approx(-error, rel=0.05)
     border = np.zeros(wrong.system.layout.border)
@@ -182,10 +181,7 @@ def test_a_camera_that_was_remounted_between_two_flights_is_found_by_the_images_
     scene = replace(scene, observations=replace(scene.observations, others=tuple(others)))
     tests = scored(
         adjusted(scene),
-        [
-            ParameterAlternative(f"{name} of the second flight", BORESIGHT, 0, component, second)
-            for component, name in enumerate(("roll", "pitch", "yaw"))
-        ],
+        [ParameterAlternative(BORESIGHT, 0, component, second) for component in range(3)],
     )
     assert int(np.argmax(np.abs(tests.t))) == 2
     assert abs(tests.t[2]) > NON_CENTRALITY
@@ -202,27 +198,63 @@ def test_heights_of_the_control_of_another_kind_are_found_beside_positions() -> 
     )
     others[number] = raised
     scene = replace(scene, observations=replace(scene.observations, others=tuple(others)))
-    tests = scored(adjusted(scene), [ControlAlternative("control too high", up)])
+    tests = scored(
+        adjusted(scene),
+        [ObservationAlternative("control_points", [0.0, 0.0, 1.0] * np.ones((len(control.point), 3)))],
+    )
     assert abs(tests.t[0]) > NON_CENTRALITY
     assert abs(tests.estimate[0]) == pytest.approx(0.5, abs=4.0 * tests.sigma[0])
 
 
 def test_what_is_estimated_already_cannot_be_tested() -> None:
     found = adjusted(two_strips(free=FREE, noise_seed=1))
-    same = ParameterAlternative("the same shift", GNSS_SHIFT, 0, 0)
+    same = ParameterAlternative(GNSS_SHIFT, 0, 0)
     tests = scored(found, [same, *LEVER_ARMS])
     assert list(tests.distinguishable) == [False, True, True, True]
     assert np.isnan([tests.t[0], tests.estimate[0], tests.sigma[0], tests.detectable[0]]).all()
     with pytest.raises(ValueError, match="from the unknowns"):
         tests.joint([0, 1])
-    twice = scored(found, [*LEVER_ARMS[:1], replace(LEVER_ARMS[0], name="again")])
+    twice = scored(found, [*LEVER_ARMS[:1], LEVER_ARMS[0]])
     with pytest.raises(ValueError, match="from each other"):
         twice.joint([0, 1])
 
 
+def test_two_errors_are_found_one_beside_the_other_and_nothing_else() -> None:
+    """A wrong lever arm and a wrong time; sizes of both as with both of them free."""
+    scene = with_given(two_strips(**FOUR_WAYS, noise_seed=2), LEVER_ARM, np.array([0.0, 1.0, 0.0]))
+    scene = with_given(scene, TIME_OFFSET, np.array([[0.006]]))
+    wrong = adjusted(scene)
+    candidates = [
+        *LEVER_ARMS,
+        ParameterAlternative(TIME_OFFSET, 0, 0),
+        ParameterAlternative(INTERIOR_ORIENTATION, 0, 0),
+        ParameterAlternative(INTERIOR_ORIENTATION, 0, 1),
+    ]
+    tests = scored(wrong, candidates)
+    found = tests.explanation(4.0)
+    assert set(found) == {1, 3}
+    assert abs(tests.t[found[0]]) == np.nanmax(np.abs(tests.t))
+    statistic, sizes = tests.joint(found)
+    assert dict(zip(found, sizes, strict=True)) == pytest.approx({1: -1.0, 3: -0.006}, rel=0.1)
+    assert tests.together([1, 3]) == (pytest.approx(statistic), 2)
+
+
+def test_of_alternatives_that_hang_together_only_what_can_be_told_is_counted() -> None:
+    """Of a shift that is free, one of two halves of the images says all about the other."""
+    first = np.arange(20) < 10
+    found = adjusted(two_strips(**FOUR_WAYS, noise_seed=4))
+    halves = [ParameterAlternative(GNSS_SHIFT, None, 0, images) for images in (first, ~first)]
+    tests = scored(found, halves)
+    statistic, freedom = tests.together([0, 1])
+    assert freedom == 1
+    assert statistic == pytest.approx(tests.t[0] ** 2, rel=1e-6)
+    assert tests.t[0] == pytest.approx(-tests.t[1], rel=1e-6)
+    assert tests.explanation(0.0)[:1] == (int(np.argmax(np.abs(tests.t))),)
+
+
 @pytest.mark.slow
 def test_without_any_error_t_is_standard_normal_and_an_error_is_found_as_often_as_stated() -> None:
-    alternatives: list[ModelAlternative] = [*LEVER_ARMS[:2], ParameterAlternative("time", TIME_OFFSET, 0, 0)]
+    alternatives: list[ModelAlternative] = [*LEVER_ARMS[:2], ParameterAlternative(TIME_OFFSET, 0, 0)]
     first = scored(adjusted(two_strips(free=FREE, noise_seed=0)), alternatives)
     clean, found = [], 0
     trials = 150

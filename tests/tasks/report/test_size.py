@@ -54,6 +54,7 @@ def stages(tmp_path_factory: pytest.TempPathFactory, project: Project) -> list[d
     _write_surveyed(folder, random, points)
     _write_residual_grid(folder, random)
     _write_parameters(folder, random)
+    _write_model_alternatives(folder, random)
     figures = {"sigma0": 1.0, "redundancy": 5e5, "counts": {"images": IMAGES}}
     write_notes(folder, Notes(("A problem of a large block.",), figures))
     return [{path.stem: artifact_of(path) for path in folder.iterdir()}]
@@ -245,6 +246,29 @@ def _write_parameters(folder: Path, random: np.random.Generator) -> None:
             "parameter_b": [names[k][0] for k in second],
             "entity_b": [names[k][1] for k in second],
             "correlation": random.uniform(-1, 1, len(first)),
+        },
+    )
+
+
+def _write_model_alternatives(folder: Path, random: np.random.Generator) -> None:
+    """Six for each strip."""
+    count = 6 * STRIPS
+    write_table(
+        folder / "model_alternatives.parquet",
+        schemas.MODEL_ALTERNATIVES,
+        {
+            "quantity": [f"gnss_shift_{'xyz'[k % 3]}" for k in range(count)],
+            "entity": ["camera" if k % 6 < 3 else "" for k in range(count)],
+            "scope": ["strip"] * count,
+            "part": [f"strip{k // 6:02d}" for k in range(count)],
+            "unit": ["m"] * count,
+            **{name: random.normal(0, 0.03, count) for name in ("estimate", "explained")},
+            **{name: np.full(count, 0.01) for name in ("sigma", "detectable")},
+            "t": random.normal(0, 1, count),
+            "rank": np.zeros(count, dtype=np.int64),
+            "moves": ["gnss_shift_x"] * count,
+            "moves_entity": ["1"] * count,
+            **{name: np.full(count, 2.0) for name in ("moved_by_detectable", "moved_by_estimate")},
         },
     )
 

@@ -1,0 +1,305 @@
+"""What the model of a block may lack: every alternative that is tested, one row each.
+
+Parameters that are held, or that differ between flights, heights, directions or strips; errors of time and
+height scale of GNSS; the datum of the control; refraction; image errors that no parameter describes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.block import Block
+from adjust.calibration.flight_pattern import flight_pattern
+from adjust.camera.additional.register import additional_parameters
+from adjust.camera.refraction import refracted_image_points, refraction_coefficient
+from adjust.observations.control_point import ControlPoints
+from adjust.observations.gnss_position import GnssPositions
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    BORESIGHT,
+    GNSS_SHIFT,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    TIME_OFFSET,
+    SystemParameters,
+)
+from adjust.quality.model_alternatives import (
+    ModelAlternative,
+    ObservationAlternative,
+    ParameterAlternative,
+)
+from adjust.solve.normal_equations import Observations
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.parameter_tables import reported_unit
+from tasks.block.refracted_rays import ground_heights
+from tasks.block.self_calibration import image_format_of
+from tasks.block.strip_motion import strip_motion
+
+Scope: TypeAlias = Literal["all", "flight", "height", "direction", "strip"]
+
+#: Families and the parts of a block in which they may differ.
+_DIFFERING: dict[str, tuple[Scope, ...]] = {
+    BORESIGHT: ("flight", "height", "strip"),
+    LEVER_ARM: ("flight",),
+    INTERIOR_ORIENTATION: ("flight", "height"),
+    GNSS_SHIFT: ("height", "direction", "strip"),
+}
+_IMAGE_ERRORS = "brown"
+_PER_MILLION = 1e-6
+# Less than this part of its height is no relief, or no second height, that a scale could show in.
+_FLAT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """One thing the model may lack.
+
+    Attributes
+    ----------
+    quantity : what differs: a parameter's name, or one of this page.
+    entity : the camera or flight it belongs to; empty for the whole block.
+    scope, part : in which exposures: of which flight, height, direction or strip; all of them.
+    unit, factor : of its size in the tables, and the factor from SI and radians.
+    model : what is tested.
+    """
+
+    quantity: str
+    entity: str
+    scope: Scope
+    part: str
+    unit: str
+    factor: float
+    model: ModelAlternative
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """What no other alternative of a block has."""
+        return self.quantity, self.entity, self.scope, self.part
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some of the images."""
+
+    scope: Scope
+    name: str
+    images: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class _Material:
+    block: Block
+    given: GivenOrientations
+    observations: Observations
+    parts: tuple[_Part, ...]
+
+
+def model_alternatives(
+    block: Block, given: GivenOrientations, observations: Observations, cameras: pd.DataFrame
+) -> tuple[Alternative, ...]:
+    """All alternatives of a block's model; what is estimated already is none.
+
+    Parameters
+    ----------
+    cameras : cameras.parquet.
+    """
+    material = _Material(block, given, observations, tuple(_parts(block, given, observations)))
+    return (
+        *_of_parameters(material),
+        *_of_positions(material),
+        *_of_control(material),
+        *_of_image_points(material, cameras),
+    )
+
+
+def _parts(block: Block, given: GivenOrientations, observations: Observations) -> Iterator[_Part]:
+    """Flights, heights, directions and strips; a division into one part is none."""
+    if len(given.flights) > 1:
+        for number, name in enumerate(given.flights):
+            yield _Part("flight", name, given.flight_of_image == number)
+    height = block.frame.height(block.projection_centre) - ground_heights(observations.image_points, block)
+    heading = given.headings()
+    labels = np.array([f"{a}/{b}" for a, b in zip(given.flight, given.strip, strict=True)])
+    strip = np.unique(labels, return_inverse=True)[1].astype(np.int64)
+    known = np.isfinite(height) & (height > 0.0) & np.isfinite(heading)
+    if known.any():
+        pattern = flight_pattern(heading[known], height[known], strip[known])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            level = np.abs(np.log(height[:, None] / pattern.heights))
+        turn = -np.cos(heading[:, None] - pattern.directions)
+        names = [f"{value:.0f} m" for value in pattern.heights]
+        yield from _division("height", names, _nearest(level, known))
+        names = [f"{np.rad2deg(value):.0f}°" for value in pattern.directions]
+        yield from _division("direction", names, _nearest(turn, known))
+    if all(given.strip):
+        several = len(given.flights) > 1
+        for number in np.unique(strip):
+            images = strip == number
+            first = int(np.flatnonzero(images)[0])
+            of_flight = f" of flight {given.flight[first]}" if several else ""
+            yield _Part("strip", f"{given.strip[first]}{of_flight}", images)
+
+
+def _nearest(distance: Floats, known: Bools) -> Ints:
+    """(n,) index of the nearest of several values (n, k); −1 where not known."""
+    return np.where(known, np.argmin(np.nan_to_num(distance, nan=np.inf), axis=1), -1)
+
+
+def _division(scope: Scope, names: list[str], number: Ints) -> Iterator[_Part]:
+    if len(names) > 1:
+        for k, name in enumerate(names):
+            yield _Part(scope, name, number == k)
+
+
+def _of_parameters(material: _Material) -> Iterator[Alternative]:
+    """Parameters that are held, and those that may differ between parts."""
+    for parameters in material.block.system:
+        family = parameters.family.name
+        if family not in _DIFFERING:
+            continue
+        for (entity, component), free in np.ndenumerate(parameters.free):
+            if not free:
+                yield _parameter(parameters, entity, component, None)
+        yield from _differing(material, parameters)
+
+
+def _differing(material: _Material, parameters: SystemParameters) -> Iterator[Alternative]:
+    """Parameters of a family that differ in one part; parts with the same images are tested once."""
+    family = parameters.family.name
+    # Shifts belong to flights: a height or direction has all of them.
+    entities = [None] if family == GNSS_SHIFT else list(range(len(parameters.entities)))
+    for entity in entities:
+        own = np.ones(len(material.block.images), dtype=bool)
+        if entity is not None:
+            own = material.block.camera_of_image == entity
+        seen: set[bytes] = set()
+        for part in material.parts:
+            images = part.images & own
+            if part.scope not in _DIFFERING[family] or not images.any() or images.sum() == own.sum():
+                continue
+            if images.tobytes() in seen:
+                continue
+            # Of two parts one differs from the other as the other does from it.
+            seen |= {images.tobytes(), (own & ~images).tobytes()}
+            for component in range(parameters.values.shape[1]):
+                yield _parameter(parameters, entity, component, replace(part, images=images))
+
+
+def _parameter(
+    parameters: SystemParameters, entity: int | None, component: int, part: _Part | None
+) -> Alternative:
+    family = parameters.family
+    unit, factor = reported_unit(family, component)
+    return Alternative(
+        family.components[component],
+        "" if entity is None else parameters.entities[entity],
+        "all" if part is None else part.scope,
+        "" if part is None else part.name,
+        unit,
+        factor,
+        ParameterAlternative(family.name, entity, component, None if part is None else part.images),
+    )
+
+
+def _of_positions(material: _Material) -> Iterator[Alternative]:
+    """Time offsets of the flights and the scale of the heights, where GNSS positions show them."""
+    gnss = next((item for item in material.observations.others if isinstance(item, GnssPositions)), None)
+    if gnss is None:
+        return
+    of_times = next((item for item in material.block.system if item.family.name == TIME_OFFSET), None)
+    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity)
+    for number, flight in enumerate(material.given.flights):
+        moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
+        if moving.any() and (of_times is None or not of_times.free[number].any()):
+            yield Alternative(
+                "time_offset", flight, "all", "", "s", 1.0, ObservationAlternative(gnss.name, moving)
+            )
+    height = material.block.frame.height(material.block.projection_centre)[gnss.image]
+    if np.ptp(height) > 0.5 * np.abs(np.median(height)):
+        yield _scaled("gnss_height_scale", gnss.name, _columns(2, height - height.mean()))
+
+
+def _of_control(material: _Material) -> Iterator[Alternative]:
+    """Shift, turn, scale and tilt of all control points; along east, north and up."""
+    control = next((item for item in material.observations.others if isinstance(item, ControlPoints)), None)
+    if control is None:
+        return
+    n = len(control.point)
+    shifts = next((item for item in material.block.system if item.family.name == GNSS_SHIFT), None)
+    # Held, the shift of the positions is tested itself, and is the same as one of the control.
+    for axis, name in enumerate("xyz" if shifts is not None and shifts.free.any() else ""):
+        shift = ObservationAlternative(control.name, _columns(axis, np.ones(n)))
+        yield Alternative(f"control_shift_{name}", "", "all", "", "m", 1.0, shift)
+    place = material.block.object_point[control.point]
+    frame = material.block.frame.local_from_enu(place[:1])[0]
+    east, north, up = ((place - place.mean(axis=0)) @ frame).T
+    height = material.block.frame.height(place)
+    degrees = float(np.rad2deg(1.0))
+    for name, axis, arm in (("control_tilt_east", 2, east), ("control_tilt_north", 2, north)):
+        tilt = ObservationAlternative(control.name, _columns(axis, arm))
+        yield Alternative(name, "", "all", "", "deg", degrees, tilt)
+    turn = ObservationAlternative(control.name, _columns(0, north) - _columns(1, east))
+    yield Alternative("control_turn", "", "all", "", "deg", degrees, turn)
+    yield _scaled("control_scale", control.name, _columns(0, east) + _columns(1, north))
+    if np.ptp(height) > _FLAT * np.ptp(up + np.hypot(east, north)):
+        yield _scaled("control_height_scale", control.name, _columns(2, height - height.mean()))
+
+
+def _columns(axis: int, values: Floats) -> Floats:
+    """Changes (n, 3) along one axis."""
+    change = np.zeros((len(values), 3))
+    change[:, axis] = values
+    return change
+
+
+def _scaled(quantity: str, group: str, arm: Floats) -> Alternative:
+    """A scale, in millionths."""
+    return Alternative(
+        quantity, "", "all", "", "1e-6", 1.0 / _PER_MILLION, ObservationAlternative(group, arm)
+    )
+
+
+def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alternative]:
+    """Refraction, and radial and decentring distortion and affinity of every camera."""
+    block, rays = material.block, material.observations.image_points
+    interior = next(item.values for item in block.system if item.family.name == INTERIOR_ORIENTATION)
+    of_ray, image = rays.camera_of_image[rays.image], rays.image
+    height, ground = block.frame.height(block.projection_centre), ground_heights(rays, block)
+    coefficient = refraction_coefficient(height, np.where(np.isfinite(ground), ground, 0.0))
+    up = np.asarray(block.frame.local_from_enu(block.projection_centre))[:, :, 2]
+    bent = refracted_image_points(
+        rays.xy, interior[of_ray], block.local_from_camera[image], up[image], coefficient[image]
+    )
+    refraction = ObservationAlternative(rays.name, bent - rays.xy)
+    yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
+    free = _free_additional(block)
+    rows = {row["camera"]: row for row in cameras.to_dict("records")}
+    for number, camera in enumerate(block.cameras):
+        row = rows[camera.name]
+        turn = int(str(row["calibration_axes_deg"]))
+        chosen = additional_parameters(_IMAGE_ERRORS, image_format_of(row, turn), turn)
+        own = np.flatnonzero(of_ray == number)
+        basis = chosen.basis(rays.xy[own] - interior[number, 1:])
+        for k, (name, unit) in enumerate(zip(chosen.names, chosen.units, strict=True)):
+            if name in free:
+                continue
+            change = np.zeros_like(rays.xy)
+            change[own] = -basis[:, :, k]
+            errors = ObservationAlternative(rays.name, change)
+            yield Alternative(name, camera.name, "all", "", unit, 1.0, errors)
+
+
+def _free_additional(block: Block) -> set[str]:
+    """Names of the additional parameters that are estimated."""
+    return {
+        item.family.components[k]
+        for item in block.system
+        if item.family.name == ADDITIONAL_PARAMETERS
+        for k in np.flatnonzero(item.free.any(axis=0))
+    }

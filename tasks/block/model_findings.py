@@ -1,0 +1,188 @@
+"""What tests of the model have found, in words: what differs, where, by how much, and what to check."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from tasks.storage.json_text import JSON
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """One kind of alternative: its words and what to check."""
+
+    words: str
+    remedy: str
+
+
+#: By the beginning of the quantity; the first that fits counts.
+_KINDS: Mapping[str, _Kind] = {
+    "lever_arm": _Kind(
+        "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
+        "Check lever_arm_m: from the camera to the antenna, and whether the positions are reduced already.",
+    ),
+    "time_offset": _Kind(
+        "The times of the exposures{of_entity} look wrong against the positions: {size}",
+        "Check the event times and the interpolation of the trajectory, or free time_offset.",
+    ),
+    "boresight": _Kind(
+        "Camera {entity} and INS sit otherwise to each other{where}: {size}",
+        "Was one of them remounted, or the INS aligned anew? Then calibrate these exposures by themselves.",
+    ),
+    "focal_length": _Kind(
+        "The focal length of camera {entity} differs{where} by {size}",
+        "Check focus, temperature and pressure, and heights of GNSS and control.",
+    ),
+    "principal_point": _Kind(
+        "The principal point of camera {entity} differs{where} by {size}",
+        "Check pixel_origin and the image axes of this delivery, and the timing of the exposures.",
+    ),
+    "gnss_shift": _Kind(
+        "The GNSS positions{where} are shifted against the others or the control by {size} (east x, north y, "
+        "up z)",
+        "Check their datum, base station and antenna height, or free the shift.",
+    ),
+    "gnss_height_scale": _Kind(
+        "The heights of the GNSS positions have another scale than the rest: {size}",
+        "Check whether these heights are ellipsoidal and in metres.",
+    ),
+    "control_shift": _Kind(
+        "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
+        "Check datum and height system (geoid undulation) of both.",
+    ),
+    "control_tilt": _Kind(
+        "The heights of the control points are tilted by {size}", "Check the geoid model of both deliveries."
+    ),
+    "control_turn": _Kind(
+        "The control points are turned about the vertical by {size}", "Check the CRS of both deliveries."
+    ),
+    "control_scale": _Kind(
+        "The control points have another scale in plan: {size}",
+        "Check whether coordinates were reduced to the ground (project CRS, not a local scale).",
+    ),
+    "control_height_scale": _Kind(
+        "The heights of the control points have another scale: {size}", "Check their unit."
+    ),
+    "refraction": _Kind(
+        "Refraction differs from what was corrected by {size} of it",
+        "Near −1 it was corrected twice: set adjustment.refraction to what was delivered.",
+    ),
+}
+_IMAGE_ERRORS = _Kind(
+    "The images of camera {entity} have systematic errors that no parameter describes: {size}",
+    "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
+)
+_SIZES = {"mm": (1e3, "µm"), "s": (1e3, "ms"), "1": (100.0, "%")}
+
+
+@dataclass(frozen=True)
+class ModelFinding:
+    """One cause that the tests of the model have found.
+
+    Attributes
+    ----------
+    rank : 1 is the likeliest.
+    quantity, entity, scope, part : see model_alternatives.parquet; the kind without its axis.
+    t : largest of its components, beside all other causes.
+    moves, moved_by : parameter it moves most, and how far, in σ.
+    sentence : in words, with what to check.
+    """
+
+    rank: int
+    quantity: str
+    entity: str
+    scope: str
+    part: str
+    t: float
+    moves: str
+    moved_by: float
+    sentence: str
+
+    def to_json(self) -> JSON:
+        """For summary.json."""
+        return {
+            "rank": self.rank,
+            "quantity": self.quantity,
+            "entity": self.entity,
+            "scope": self.scope,
+            "part": self.part,
+            "t": self.t,
+            "moves": self.moves,
+            "moved_by": self.moved_by,
+            "sentence": self.sentence,
+        }
+
+
+def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
+    """The causes in a table of alternatives, the likeliest first; axes of the same thing are one cause."""
+    chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
+    causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}
+    for row in chosen.to_dict("records"):
+        kind = _kind_of(str(row["quantity"]))
+        key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
+        causes.setdefault(key, []).append(row)
+    return tuple(_finding(number, key, rows) for number, (key, rows) in enumerate(causes.items(), start=1))
+
+
+def alternative_words(row: Mapping[Hashable, object]) -> str:
+    """What a row of model_alternatives.parquet is about: ``GNSS shift z at the height 780 m``."""
+    return f"{quantity_words(str(row['quantity']))}{_where(str(row['scope']), str(row['part']))}"
+
+
+def quantity_words(quantity: str) -> str:
+    """A quantity as people write it."""
+    return quantity.replace("_", " ").replace("gnss", "GNSS")
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Factor from the unit of the table, and the unit in which people speak of it."""
+    return _SIZES.get(unit, (1.0, {"deg": "°", "1e-6": "ppm"}.get(unit, unit)))
+
+
+def _kind_of(quantity: str) -> str:
+    """The quantity without its axis."""
+    fitting = [kind for kind in _KINDS if quantity.startswith(kind)]
+    return max(fitting, key=len) if fitting else quantity.partition(":")[0]
+
+
+def _finding(
+    number: int, key: tuple[str, str, str, str], rows: list[Mapping[Hashable, object]]
+) -> ModelFinding:
+    kind, entity, scope, part = key
+    moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
+    words = _KINDS.get(kind, _IMAGE_ERRORS)
+    text = words.words.format(
+        entity=entity,
+        of_entity=f" of flight {entity}" if entity else "",
+        where=_where(scope, part),
+        size=", ".join(_size(kind, row) for row in rows),
+    )
+    t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
+    moved_by = float(str(moving["moved_by_estimate"]))
+    moved = quantity_words(str(moving["moves"]))
+    moves = f"{moved} of {moving['moves_entity']}" if moving["moves"] else ""
+    effect = f" It moves {moves} by {moved_by:.1f} σ." if moves else ""
+    sentence = f"{text} (t = {abs(t):.1f}).{effect} {words.remedy}"
+    return ModelFinding(number, kind, entity, scope, part, t, moves, moved_by, sentence)
+
+
+def _where(scope: str, part: str) -> str:
+    return {
+        "all": "",
+        "flight": f" in flight {part}",
+        "height": f" at the height {part}",
+        "direction": f" in the direction {part}",
+        "strip": f" in strip {part}",
+    }[scope]
+
+
+def _size(kind: str, row: Mapping[Hashable, object]) -> str:
+    """Axis, size and its σ: ``x +0.100 ± 0.004 m``."""
+    axis = str(row["quantity"]).removeprefix(kind).strip("_:")
+    factor, unit = shown_unit(str(row["unit"]))
+    value, sigma = (float(str(row[name])) * factor for name in ("explained", "explained_sigma"))
+    gap = "" if unit == "°" else " "
+    return f"{f'{axis} ' if axis else ''}{value:+.3g} ± {sigma:.2g}{gap}{unit}"

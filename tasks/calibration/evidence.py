@@ -1,0 +1,223 @@
+"""All evidence against a calibration besides its σ: what refuses it, and what restricts its use.
+
+A standard deviation says how well a parameter is determined if the model is right. Whether it is right is
+said by the tests of the model, the second step, the check points, the residuals of every group of
+observations, what was rejected, what looked wrong in the deliveries, and the project's own gates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from tasks.block.model_findings import quantity_words, shown_unit
+from tasks.calibration.two_step_comparison import StepComparison
+from tasks.quality_gates import GateResult
+from tasks.settings.calibration import AcceptanceLimits
+
+#: A sentence, and whether it refuses the calibration or restricts it only.
+Objection: TypeAlias = tuple[bool, str]
+_PRIOR = "prior:"
+_AXES = ("east", "north", "up")
+_DIRECT_GROUPS = {
+    "control_points": "control points",
+    "gnss_positions": "GNSS positions",
+    "ins_attitudes": "INS attitudes",
+}
+_GROUPS = {"image_points": "image points", **_DIRECT_GROUPS}
+_CHECKED = ("rmse_m", "predicted_rmse_m", "degrees_of_freedom", "mean_m", "predicted_mean_sigma_m")
+# Fewer rejected observations are single gross errors, whatever part of a strip they are.
+_SEVERAL = 3
+# σ0 of a group with less redundancy says little.
+_LEAST_REDUNDANCY = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What was found about a calibration by others than its σ.
+
+    Attributes
+    ----------
+    suspicions : what looked wrong in the deliveries, sentences.
+    adjusted : figures of the adjustment.
+    residuals, images : residuals.parquet and images.parquet.
+    direct : figures of the direct-georeferencing check.
+    gates : of the project.
+    steps : comparison with the second step; None without one.
+    """
+
+    suspicions: tuple[str, ...]
+    adjusted: Mapping[str, Any]
+    residuals: pd.DataFrame
+    images: pd.DataFrame
+    direct: Mapping[str, Any]
+    gates: tuple[GateResult, ...]
+    steps: StepComparison | None
+
+    def objections(self, limits: AcceptanceLimits) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Reasons to refuse the calibration, and restrictions, each the gravest first."""
+        found = [
+            *((True, sentence) for sentence in self.suspicions),
+            *_of_restored(self.adjusted, limits),
+            *_of_model(self.adjusted, limits),
+            *_of_groups(self.adjusted, limits),
+            *_of_rejections(self.residuals, self.images, limits),
+            *_of_priors(self.residuals, limits),
+            *_of_check_points(self.direct, limits),
+            *_of_steps(self.steps, limits),
+            *_of_gates(self.gates),
+        ]
+        return (
+            tuple(sentence for refuses, sentence in found if refuses),
+            tuple(sentence for refuses, sentence in found if not refuses),
+        )
+
+
+def _of_restored(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Groups of which much was rejected, and no error of the model explains why: their σ are wrong."""
+    for item in adjusted["restored_groups"]:
+        if float(item["sigma0"]) > limits.sigma0_factor:
+            name = _GROUPS.get(str(item["group"]), str(item["group"]))
+            yield (
+                True,
+                f"The stated σ of the {name} are too small: with all of them σ0 of the group is "
+                f"{float(item['sigma0']):.2f}, and no error of the model explains it. Correct them, or have "
+                "them estimated (adjustment.variance_components = true).",
+            )
+
+
+def _of_model(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Significant alternatives of the model: refused if a parameter is moved too far, by one or by all."""
+    together = float(adjusted["moved_by_findings"]) > limits.moved_sigmas
+    for item in adjusted["model_findings"]:
+        yield together or float(item["moved_by"]) > limits.moved_sigmas, str(item["sentence"])
+    for item in adjusted["strip_scatter"]:
+        words = quantity_words(str(item["quantity"]))
+        factor, unit = shown_unit(str(item["unit"]))
+        yield (
+            float(item["moved_by"]) > limits.moved_sigmas,
+            f"The {words} differs from strip to strip by {float(item['scatter']) * factor:.2g} {unit} (RMS) "
+            f"more than its σ let expect (χ² {float(item['statistic']):.0f} of {item['freedom']}): together "
+            f"that moves the calibration by {float(item['moved_by']):.1f} σ. State errors that last as "
+            "long as a strip (adjustment.ins_correlation_s, gnss_correlation_s, priors.gnss_strip_bias_m).",
+        )
+
+
+def _of_steps(steps: StepComparison | None, limits: AcceptanceLimits) -> Iterator[Objection]:
+    if steps is not None and steps.probability < limits.error_probability:
+        yield True, steps.sentence
+
+
+def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Differences at the independent check points that the prediction does not let expect."""
+    probability = limits.error_probability / len(_AXES)
+    largest = float(special.ndtri(1.0 - 0.5 * probability))
+    for axis, way in enumerate(_AXES):
+        figures = [direct[name][axis] for name in _CHECKED if direct.get(name) is not None]
+        if len(figures) < len(_CHECKED) or None in figures:
+            continue
+        rms, predicted, freedom, mean, sigma = (float(figure) for figure in figures)
+        if abs(mean) > largest * sigma:
+            yield (
+                True,
+                f"The differences {way} at the independent check points have a mean of {mean:+.3f} m, "
+                f"{abs(mean) / sigma:.1f} of its standard deviation.",
+            )
+            continue
+        limit = predicted * np.sqrt(special.chdtri(freedom, probability) / freedom)
+        if rms > limit:
+            yield (
+                True,
+                f"The differences {way} at the independent check points have a root mean square of "
+                f"{rms:.3f} m; more than {limit:.3f} m is no chance.",
+            )
+
+
+def _of_groups(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Groups whose σ are stated too large or too small: every certified σ rests on them."""
+    restored = {str(item["group"]) for item in adjusted["restored_groups"]}
+    for item in adjusted["groups"]:
+        name, sigma0 = str(item["group"]), item["sigma0"]
+        if (
+            name not in _GROUPS
+            or name in restored
+            or sigma0 is None
+            or float(item["redundancy"]) < _LEAST_REDUNDANCY
+        ):
+            continue
+        factor = limits.sigma0_factor
+        if not 1.0 / factor <= float(sigma0) <= factor:
+            what = "small" if float(sigma0) > 1.0 else "large"
+            yield (
+                True,
+                f"The stated σ of the {_GROUPS[name]} are too {what}: σ0 of the group is "
+                f"{float(sigma0):.2f}, not within {1.0 / factor:.2f} and {factor:.2f}. Correct them, or "
+                "have them estimated (adjustment.variance_components = true).",
+            )
+
+
+def _of_rejections(
+    residuals: pd.DataFrame, images: pd.DataFrame, limits: AcceptanceLimits
+) -> Iterator[Objection]:
+    """Groups of which too much was rejected, as a whole or in one flight, height or strip."""
+    entered = residuals[residuals["group"].isin(_GROUPS) & (residuals["status"] != "not_used")]
+    by = ["group", "image", "point"]
+    wrong = (
+        entered.assign(rejected=entered["status"] == "rejected")
+        .groupby(by, dropna=False, sort=False)["rejected"]
+        .any()
+        .reset_index()
+    )
+    for name, own in wrong.groupby("group", sort=False):
+        count, part = int(own["rejected"].sum()), float(own["rejected"].mean())
+        if count >= _SEVERAL and part > limits.rejected_part:
+            yield True, _rejected(str(name), count, len(own), "")
+            continue
+        if name in ("gnss_positions", "ins_attitudes"):
+            yield from _of_entities(str(name), own.merge(images, on="image"))
+
+
+def _of_entities(group: str, own: pd.DataFrame) -> Iterator[Objection]:
+    """Flights and strips of which more than half was rejected: the error is theirs."""
+    for scope in ("flight", "strip"):
+        for (_, name), part in own.groupby(["flight", scope], sort=False, dropna=True):
+            count = int(part["rejected"].sum())
+            if count >= _SEVERAL and count > 0.5 * len(part):
+                yield scope == "flight", _rejected(group, count, len(part), f" of {scope} {name}")
+
+
+def _rejected(group: str, count: int, of: int, where: str) -> str:
+    return (
+        f"{count:,} of {of:,} {_GROUPS[group]}{where} ({100.0 * count / of:.0f} %) were rejected as gross "
+        "errors: that many have one cause."
+    )
+
+
+def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Given values that the flight contradicts; errors of single strips restrict, they are few of many."""
+    known = residuals[residuals["group"].str.startswith(_PRIOR) & residuals["standardized"].notna()]
+    if known.empty:
+        return
+    largest = float(special.ndtri(1.0 - 0.5 * limits.error_probability / len(known)))
+    for row in known[known["standardized"].abs() > largest].to_dict("records"):
+        family = str(row["group"]).removeprefix(_PRIOR)
+        yield (
+            not family.startswith(("gnss_strip", "gnss_drift")),
+            f"The given value of {row['component']} contradicts the flight: it differs by "
+            f"{abs(row['residual']):.4g} {row['unit']}, {abs(row['standardized']):.1f} of what its σ "
+            f"({row['sigma']:.3g} {row['unit']}) allows. Check adjustment.priors.",
+        )
+
+
+def _of_gates(gates: tuple[GateResult, ...]) -> Iterator[Objection]:
+    for gate in gates:
+        if not gate.passed:
+            value = "no such figure" if gate.value is None else f"{gate.value:.4g}"
+            unit = "" if gate.unit == "1" else f" {gate.unit}"
+            sign = "≤" if gate.bound == "max" else "≥"
+            yield True, f"The gate {gate.name} failed: {value}, {sign} {gate.limit:g}{unit} is asked for."

@@ -1,0 +1,47 @@
+"""Tables of model alternatives: what was tested, and what each would do to the calibration."""
+
+from __future__ import annotations
+
+from tasks.tables.schemas.columns import TableSchema, count, number, text
+
+MODEL_ALTERNATIVES = TableSchema(
+    "model_alternatives",
+    "Something the model of the adjustment may lack, tested without a new adjustment.",
+    (
+        text("quantity", "what differs: a parameter, or what no parameter describes"),
+        text("entity", "camera or flight it belongs to; empty: the whole block"),
+        text(
+            "scope", "what the part is; all: every exposure",
+            values=("all", "flight", "height", "direction", "strip"),
+        ),
+        text("part", "flight, height, direction or strip in which it differs; empty: every exposure"),
+        text("unit", "unit of the estimate"),
+        number("estimate", "see unit", "size of it alone; null if it cannot be told", nullable=True),
+        number("sigma", "see unit", "its standard deviation", nullable=True),
+        number("t", "", "estimate over its standard deviation", nullable=True),
+        number("detectable", "see unit", "smallest size found with 80 % at 0.1 %", nullable=True),
+        count("rank", "place among those that explain the misclosures together; 0: not among them"),
+        number("explained", "see unit", "size together with those; null if not among them", nullable=True),
+        number("explained_sigma", "see unit", "its standard deviation; null likewise", nullable=True),
+        text("moves", "calibrated parameter that an undetected one moves most; null: none", nullable=True),
+        text("moves_entity", "camera or flight of that parameter", nullable=True),
+        number("moved_by_detectable", "", "how far, for the smallest found, in its sigma", nullable=True),
+        number("moved_by_estimate", "", "how far, for the estimate, in its sigma", nullable=True),
+    ),
+    ("quantity", "entity", "scope", "part"),
+)  # fmt: skip
+
+MODEL_ALTERNATIVE_EFFECTS = TableSchema(
+    "model_alternative_effects",
+    "How far a parameter is moved by an alternative that is not in the model.",
+    (
+        text("quantity", "see model_alternatives"),
+        text("entity", "see model_alternatives"),
+        text("scope", "see model_alternatives"),
+        text("part", "see model_alternatives"),
+        text("parameter", "name of the parameter that is moved"),
+        text("parameter_entity", "camera, flight or strip it belongs to"),
+        number("effect", "units", "change of the parameter for one unit of the alternative, in their units"),
+    ),
+    ("quantity", "entity", "scope", "part", "parameter", "parameter_entity"),
+)

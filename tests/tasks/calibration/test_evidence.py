@@ -1,0 +1,178 @@
+"""What can speak against a calibration besides its σ: each way by itself, and nothing without one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tasks.calibration.evidence import Evidence
+from tasks.calibration.two_step_comparison import ComparedParameter, StepComparison
+from tasks.calibration.verdicts import FlightVerdict
+from tasks.quality_gates import GateResult
+from tasks.settings.calibration import AcceptanceLimits
+
+LIMITS = AcceptanceLimits()
+STRIPS, IN_STRIP = 10, 10
+IMAGES = [f"{strip:02d}_{k}" for strip in range(STRIPS) for k in range(IN_STRIP)]
+GROUPS = ("image_points", "control_points", "gnss_positions", "ins_attitudes")
+ADJUSTED: dict[str, Any] = {
+    "model_findings": [],
+    "moved_by_findings": 0.0,
+    "strip_scatter": [],
+    "restored_groups": [],
+    "groups": [{"group": name, "sigma0": 1.0, "redundancy": 300.0} for name in GROUPS],
+}
+FINDING = {"moved_by": 5.0, "sentence": "The lever arm looks wrong."}
+SCATTER = {
+    "quantity": "boresight_pitch",
+    "unit": "deg",
+    "scatter": 0.003,
+    "statistic": 90.0,
+    "freedom": 9,
+    "moved_by": 2.0,
+}
+DIRECT: dict[str, Any] = {
+    "rmse_m": [0.03, 0.03, 0.06],
+    "predicted_rmse_m": [0.03, 0.03, 0.06],
+    "degrees_of_freedom": [35.0, 35.0, 35.0],
+    "mean_m": [0.0, 0.0, 0.0],
+    "predicted_mean_sigma_m": [0.008, 0.008, 0.015],
+}
+
+
+def residuals() -> pd.DataFrame:
+    """Positions, attitudes, control and the biases of the strips, all used."""
+    rows = [(group, image, None, "used") for group in ("gnss_positions", "ins_attitudes") for image in IMAGES]
+    rows += [("control_points", None, f"C{k}", "used") for k in range(50)]
+    rows += [("prior:gnss_strip_bias", None, None, "used")] * STRIPS
+    rows += [("prior:boresight", None, None, "used")]
+    table = pd.DataFrame(rows, columns=["group", "image", "point", "status"])
+    table["component"] = np.where(table["group"] == "prior:boresight", "boresight_roll", "x")
+    return table.assign(residual=0.01, sigma=0.03, unit="m", standardized=0.5)
+
+
+def rejected(group: str, count: int, start: int = 0) -> pd.DataFrame:
+    table = residuals()
+    rows = table.index[table["group"] == group][start : start + count]
+    table.loc[rows, "status"] = "rejected"
+    return table
+
+
+def most_of_a_strip() -> pd.DataFrame:
+    """Five of the seven positions of a strip, which are five hundredths of all."""
+    table = rejected("gnss_positions", 5)
+    return table[~((table["group"] == "gnss_positions") & table["image"].isin(IMAGES[7:10]))]
+
+
+def contradicting(group: str) -> pd.DataFrame:
+    table = residuals()
+    table.loc[table.index[table["group"] == group][0], "standardized"] = 9.0
+    return table
+
+
+GOOD = Evidence(
+    suspicions=(),
+    adjusted=ADJUSTED,
+    residuals=residuals(),
+    images=pd.DataFrame(
+        {"image": IMAGES, "flight": ["1"] * 50 + ["2"] * 50, "strip": [name[:2] for name in IMAGES]}
+    ),
+    direct=DIRECT,
+    gates=(GateResult(name="sigma0", value=1.0, limit=1.2, unit="1", passed=True),),
+    steps=None,
+)
+
+
+def adjusted(**changes: Any) -> Evidence:
+    return replace(GOOD, adjusted={**ADJUSTED, **changes})
+
+
+def sigma0(group: str, value: float, redundancy: float = 300.0) -> Evidence:
+    others = [item for item in ADJUSTED["groups"] if item["group"] != group]
+    return adjusted(groups=[*others, {"group": group, "sigma0": value, "redundancy": redundancy}])
+
+
+def checked(**changes: list[float]) -> Evidence:
+    return replace(GOOD, direct={**DIRECT, **changes})
+
+
+def compared(probability: float) -> StepComparison:
+    item = ComparedParameter("boresight_roll", "UCE", "deg", 0.01, 0.001, 0.02, 0.001)
+    return StepComparison((item,), 50.0, 1, probability)
+
+
+def test_without_anything_against_it_a_flight_is_accepted() -> None:
+    assert GOOD.objections(LIMITS) == ((), ())
+    assert replace(GOOD, direct={}).objections(LIMITS) == ((), ())
+    assert replace(GOOD, steps=compared(0.05)).objections(LIMITS) == ((), ())
+
+
+@pytest.mark.parametrize(
+    ("evidence", "words"),
+    [
+        (replace(GOOD, suspicions=("The heights look orthometric.",)), "orthometric"),
+        (adjusted(model_findings=[FINDING], moved_by_findings=5.0), "lever arm"),
+        (adjusted(model_findings=[{**FINDING, "moved_by": 0.6}] * 3, moved_by_findings=1.8), "lever arm"),
+        (adjusted(strip_scatter=[SCATTER]), "boresight pitch differs from strip to strip by 0.003 °"),
+        (adjusted(restored_groups=[{"group": "control_points", "sigma0": 4.0}]), "σ of the control points"),
+        (sigma0("image_points", 0.21), "σ of the image points are too large"),
+        (sigma0("ins_attitudes", 1.8), "σ of the INS attitudes are too small"),
+        (replace(GOOD, residuals=rejected("control_points", 4)), "4 of 50 control points"),
+        (replace(GOOD, residuals=rejected("ins_attitudes", 50, 50)), "50 of 100 INS attitudes"),
+        (replace(GOOD, residuals=contradicting("prior:boresight")), "given value of boresight_roll"),
+        (checked(mean_m=[0.0, 0.04, 0.0]), "north at the independent check points have a mean"),
+        (checked(rmse_m=[0.03, 0.03, 0.12]), "up at the independent check points have a root mean square"),
+        (replace(GOOD, steps=compared(1e-5)), "contradict each other"),
+        (
+            replace(
+                GOOD, gates=(GateResult(name="max_check_m_z", value=0.4, limit=0.2, unit="m", passed=False),)
+            ),
+            "The gate max_check_m_z failed: 0.4",
+        ),
+    ],
+)
+def test_every_kind_of_evidence_refuses_by_itself(evidence: Evidence, words: str) -> None:
+    (reason,) = dict.fromkeys(evidence.objections(LIMITS)[0])
+    assert words in reason
+    assert evidence.objections(LIMITS)[1] == ()
+    assert FlightVerdict().beside(*evidence.objections(LIMITS)).verdict == "refused"
+
+
+@pytest.mark.parametrize(
+    ("evidence", "words"),
+    [
+        (adjusted(model_findings=[{**FINDING, "moved_by": 0.4}], moved_by_findings=0.4), "lever arm"),
+        (adjusted(strip_scatter=[{**SCATTER, "moved_by": 0.7}]), "boresight pitch"),
+        (replace(GOOD, residuals=most_of_a_strip()), "5 of 7 GNSS positions of strip 00"),
+        (replace(GOOD, residuals=contradicting("prior:gnss_strip_bias")), "contradicts the flight"),
+    ],
+)
+def test_what_moves_nothing_by_much_restricts(evidence: Evidence, words: str) -> None:
+    limits = LIMITS.model_copy(update={"rejected_part": 0.06})
+    reasons, restrictions = evidence.objections(limits)
+    assert reasons == ()
+    assert words in restrictions[0]
+    assert FlightVerdict().beside(reasons, restrictions).verdict == "restricted"
+
+
+def test_single_gross_errors_and_groups_that_say_little_are_no_evidence() -> None:
+    assert replace(GOOD, residuals=rejected("control_points", 2)).objections(LIMITS) == ((), ())
+    assert sigma0("control_points", 3.0, redundancy=5.0).objections(LIMITS) == ((), ())
+
+
+def test_limits_are_those_of_the_project() -> None:
+    wide = AcceptanceLimits(moved_sigmas=9.0, sigma0_factor=5.0, rejected_part=0.2)
+    assert sigma0("image_points", 0.21).objections(wide) == ((), ())
+    assert replace(GOOD, residuals=rejected("control_points", 4)).objections(wide) == ((), ())
+    assert adjusted(model_findings=[FINDING], moved_by_findings=5.0).objections(wide)[0] == ()
+
+
+def test_what_speaks_against_a_flight_stands_before_its_sigmas() -> None:
+    weak = FlightVerdict(("focal_length is weak",), remarks=("a remark",))
+    verdict = weak.beside(("the lever arm is wrong",), ())
+    assert verdict.reasons == ("the lever arm is wrong", "focal_length is weak")
+    assert verdict.remarks == ("a remark",)
