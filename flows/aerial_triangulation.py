@@ -33,6 +33,7 @@ def adjusted_block(project: Project, store: Store, block: PreparedBlock) -> Outp
         image_points=block.image_points["image_points"],
         control_points=block.control["control_points"],
         approximate_points=block.approximate["approximate_points"],
+        approximate_boresight=block.approximate["approximate_boresight"],
         project=project.project,
         adjustment=project.adjustment,
     )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from flows.stage import stage
 from tasks import approximate, ingest
+from tasks.settings.adjustment import FreeParameter
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
 from tasks.storage.store import Outputs, Store
@@ -35,8 +37,15 @@ class PreparedBlock:
         return replace(self, exposures={**self.exposures, "cameras": cameras})
 
 
-def prepare_block(project: Project, store: Store) -> PreparedBlock:
-    """Read exposures, image points and control, and compute approximate values."""
+def prepare_block(
+    project: Project, store: Store, free: Collection[FreeParameter] | None = None
+) -> PreparedBlock:
+    """Read exposures, image points and control, and compute approximate values.
+
+    Parameters
+    ----------
+    free : the parameters that will be estimated; None: those of the project's adjustment.
+    """
     read = import_exposures(
         store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
     )
@@ -56,5 +65,6 @@ def prepare_block(project: Project, store: Store) -> PreparedBlock:
         control_points=control["control_points"],
         project=project.project,
         checks=project.checks,
+        misaligned="boresight" in (project.adjustment.free if free is None else free),
     )
     return PreparedBlock(read, control, points, approximate)

@@ -127,14 +127,21 @@ def _computed(cases: Sequence[_Case], store: Store, executor: Executor | None) -
     roles = assign_roles.map([case.roles() for case in cases], store)
     inputs = [case.inputs(*chosen) for case, *chosen in zip(cases, images, roles, strict=True)]
     starts = approximate_block.attempt(
-        [{**given, "checks": case.project.checks} for case, given in zip(cases, inputs, strict=True)],
+        [
+            {
+                **given,
+                "checks": case.project.checks,
+                "misaligned": "boresight" in case.project.adjustment.free,
+            }
+            for case, given in zip(cases, inputs, strict=True)
+        ],
         store,
         executor=executor,
     )
     arguments = {
         index: {
             **inputs[index],
-            "approximate_points": start["approximate_points"],
+            **{name: start[name] for name in ("approximate_points", "approximate_boresight")},
             "adjustment": cases[index].project.adjustment,
         }
         for index, start in enumerate(starts)

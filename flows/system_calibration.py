@@ -57,7 +57,7 @@ class SecondStep:
 
 def system_calibration(project: Project, store: Store) -> Summary:
     """Read the deliveries, calibrate in one step and in two, check what the calibration gives, publish."""
-    block = prepare_block(project, store)
+    block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)
     stages = (*block.stages, one.adjusted, *two.outputs)

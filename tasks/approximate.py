@@ -26,6 +26,7 @@ from tasks.first_run import announce_compilation
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.flight_direction import check_flight_direction
+from tasks.plausibility.misalignment import misalignment
 from tasks.plausibility.orientations import check_orientations, ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
@@ -62,6 +63,7 @@ class Approximation:
     residual_px : (n, 2) column, row residuals of the image points at the intersections.
     height : median flying height above the intersections, metres.
     suspicions : slips of the orientations that the tie points suggest.
+    remarks : what was found about them that is no slip.
     """
 
     given: GivenOrientations
@@ -76,6 +78,7 @@ class Approximation:
     residual_px: Floats
     height: float
     suspicions: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 @stored("approximate_values")
@@ -88,10 +91,15 @@ def approximate_block(
     control_points: Artifact,
     project: ProjectSettings,
     checks: ChecksSettings,
+    misaligned: bool = False,
 ) -> None:
     """Intersect all object points and refuse what contradicts itself.
 
-    Writes images.parquet, approximate_points.parquet and notes.json.
+    Writes images, approximate_points and approximate_boresight.parquet and notes.json.
+
+    Parameters
+    ----------
+    misaligned : whether the boresight is to be estimated, so that it may be anything that is usual.
 
     Raises
     ------
@@ -109,7 +117,8 @@ def approximate_block(
     surveyed = surveyed_points(surveyed_table, map_frame, frame)
     problems = [_no_attitude(unoriented)] if unoriented else []
 
-    found = _intersected(given, frame, measured, surveyed, checks)
+    found = _intersected(given, frame, measured, surveyed, checks, misaligned=misaligned)
+    given = found.given
     points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
     differences = control_differences(surveyed, frame, points_table, _intersections(found))
     expected = expected_intersections(given, checks, found.height)
@@ -119,6 +128,7 @@ def approximate_block(
         *check_flight_direction(given),
     ]
     problems += suspicions
+    problems += found.remarks
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
     _write_images(folder, given, found, unoriented, read_table(exposures))
@@ -138,8 +148,22 @@ def approximate_block(
         },
         map_frame,
     )
+    _write_boresight(folder, given)
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
     write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
+
+
+def _write_boresight(folder: Path, given: GivenOrientations) -> None:
+    """approximate_boresight.parquet: where the adjustment begins."""
+    angles = np.rad2deg(given.mountings.boresight)
+    write_table(
+        folder / "approximate_boresight.parquet",
+        schemas.APPROXIMATE_BORESIGHT,
+        {
+            "camera": list(given.mountings.names),
+            **{f"{name}_deg": angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))},
+        },
+    )
 
 
 def oriented_images(
@@ -176,6 +200,8 @@ def _intersected(
     measured: pd.DataFrame,
     surveyed: SurveyedPoints,
     checks: ChecksSettings,
+    *,
+    misaligned: bool,
 ) -> Approximation:
     """Intersect, check the orientations, and decide about every point."""
     points = tuple(np.unique(measured["point"].to_numpy(dtype=object)))
@@ -185,6 +211,15 @@ def _intersected(
     intersection = intersect(rays, state, len(points))
     height = _height(state, intersection)
     limits = tie_limits(given, checks, height)
+    turned = misalignment(given, rays, state, len(points), limits) if misaligned else None
+    if turned is not None:
+        given = turned.given
+        state = block_of(
+            frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
+        ).approximate_state()
+        intersection = intersect(rays, state, len(points))
+        height = _height(state, intersection)
+        limits = tie_limits(given, checks, height)
     suspicions = check_orientations(given, rays, state, len(points), limits)
 
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
@@ -211,6 +246,7 @@ def _intersected(
         residual_px,
         height,
         tuple(suspicions),
+        () if turned is None else (turned.sentence,),
     )
 
 

@@ -95,6 +95,7 @@ def adjust_bundle(
     image_points: Artifact,
     control_points: Artifact,
     approximate_points: Artifact,
+    approximate_boresight: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
 ) -> None:
@@ -117,7 +118,8 @@ def adjust_bundle(
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     calibration = block_self_calibration(given, camera_table, adjustment.self_calibration)
-    block = block_of(frame, given, tuple(start["point"]), x_in_local, adjustment, calibration)
+    begin = given.with_boresight(read_table(approximate_boresight)).orientations()
+    block = block_of(frame, given, tuple(start["point"]), x_in_local, adjustment, calibration, begin)
     observations, rows = _observations(block, given, surveyed, measured, adjustment, calibration)
     rays, fields = with_given_corrections(observations.image_points, block, adjustment.residual_grid)
     observations = replace(observations, image_points=rays)

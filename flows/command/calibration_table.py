@@ -73,7 +73,7 @@ def _parameters(summary: Summary, found: Mapping[str, JSON]) -> Table:
         factor, unit, decimals = _SHOWN.get(item.unit or "", (1.0, item.unit or "", 6))
         # What the flight does not determine has a σ that says why, and no value.
         change = None if verdict == "not_determinable" else item.change
-        numbers = (change, item.sigma, row["limit"])
+        numbers = (change, row["sigma"], row["limit"])
         table.add_row(
             item.parameter,
             item.entity or "",

@@ -197,9 +197,15 @@ def block_of(
     object_point: Floats,
     settings: AdjustmentSettings,
     calibration: BlockSelfCalibration | None = None,
+    begin: tuple[Floats, Floats] | None = None,
 ) -> Block:
-    """The block of the given images and object points (m, 3) with their approximate values."""
-    centre, local_from_camera = given.orientations()
+    """The block of the given images and object points (m, 3) with their approximate values.
+
+    Parameters
+    ----------
+    begin : approximate projection centres and rotations; None: those of the given orientations.
+    """
+    centre, local_from_camera = given.orientations() if begin is None else begin
     return Block(
         frame,
         given.mountings.cameras,

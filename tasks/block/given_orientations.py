@@ -178,6 +178,12 @@ class GivenOrientations:
         arm = np.einsum("nij,nj->ni", local_from_body, self.mountings.lever_arm[self.camera])
         return self.observed - arm, local_from_body @ boresight @ self.body_from_camera
 
+    def with_boresight(self, approximate: pd.DataFrame) -> Self:
+        """The same with the boresight of approximate_boresight.parquet in the place of the given one."""
+        rows = approximate.set_index("camera").loc[list(self.mountings.names)]
+        angles = np.deg2rad(rows[["roll_deg", "pitch_deg", "yaw_deg"]].to_numpy(np.float64))
+        return replace(self, mountings=replace(self.mountings, boresight=angles))
+
     def headings(self) -> Floats:
         """Heading of the body (n,), radians clockwise from true north."""
         forward = np.einsum("nji,nj->ni", self.local_from_enu, self.local_from_body()[:, :, 0])

@@ -153,7 +153,7 @@ class ExaminedModel:
         parts = [
             pd.DataFrame(
                 {
-                    **{name: getattr(item, name) for name in _KEY},
+                    **{name: getattr(item, name) for name in (*_KEY, "unit")},
                     "parameter": [name for name, _ in names],
                     "parameter_entity": [entity for _, entity in names],
                     "effect": effect[:, k] / item.factor,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +15,7 @@ import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
 from tasks.calibration.evidence import Evidence
+from tasks.calibration.held_quantities import HeldQuantity, held_sigmas, with_held
 from tasks.calibration.judge import recognised_pattern
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.quantities import is_calibrated
@@ -23,6 +24,7 @@ from tasks.calibration.record import (
     CalibratedParameter,
     CalibrationFlight,
     CalibrationRecord,
+    RecordedHeld,
 )
 from tasks.calibration.two_step_comparison import StepComparison, compared_steps
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
@@ -81,6 +83,9 @@ def describe_calibration(
     """
     outputs = {name: artifact for one in stages for name, artifact in one.items()}
     table, pairs = read_table(outputs["parameters"]), read_table(outputs["correlations"])
+    sigmas = held_sigmas(settings.held, read_table(outputs["residuals"]))
+    known = with_held(table, pairs, read_table(outputs["model_alternative_effects"]), sigmas)
+    table, pairs = known.parameters, known.correlations
     images = read_table(outputs["images"])
     pattern = recognised_pattern(images)
     verdicts = dict(parameter_verdicts(table, pairs, pattern, settings.limits))
@@ -92,7 +97,15 @@ def describe_calibration(
     of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
     material = _Material(
-        table, pairs, verdicts, of_flight, pattern, images, read_table(outputs["cameras"]), figures
+        table,
+        pairs,
+        verdicts,
+        of_flight,
+        pattern,
+        images,
+        read_table(outputs["cameras"]),
+        figures,
+        known.held,
     )
     files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
     digests = {path.name: digest_of_file(path) for path in files}
@@ -107,6 +120,7 @@ def describe_calibration(
             camera=_camera(material.cameras, camera, given[camera]),
             parameters=_parameters(material, camera),
             covariance=_covariance(material, camera),
+            held=tuple(RecordedHeld(**asdict(item)) for item in known.held),
             flight=_flight(material, camera, name, crs, flown, counts),
             sigma0=float(figures["sigma0"]),
             redundancy=round(float(figures["redundancy"])),
@@ -152,6 +166,7 @@ class _Material:
     images: pd.DataFrame
     cameras: pd.DataFrame
     figures: Mapping[str, Any]
+    held: tuple[HeldQuantity, ...]
 
     def rows(self, camera: str) -> pd.DataFrame:
         """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
@@ -297,6 +312,7 @@ def _figures(
             for item in material.verdicts.values()
             if is_calibrated(item.parameter)
         ],
+        "held": [asdict(item) for item in material.held],
         "releases": list(releases),
         "two_step": None if steps is None else steps.to_json(),
     }

@@ -54,7 +54,7 @@ class CalibratedParameter(RecordModel):
     parameter, entity, unit : as in parameters.parquet.
     value : calibrated, or held.
     given : value before the calibration.
-    sigma : a posteriori; None if it was held.
+    sigma : a posteriori, with what was held beside it; None if it was held itself.
     sigma_prior : of its pseudo-observation; None without one.
     status : as in parameters.parquet.
     verdict : determined, weak, not determinable, or held.
@@ -76,6 +76,25 @@ class CalibratedParameter(RecordModel):
     def key(self) -> tuple[str, str]:
         """Parameter and entity."""
         return self.parameter, self.entity
+
+
+class RecordedHeld(RecordModel):
+    """A quantity that was held, and how well it was taken to be known; part of every σ.
+
+    Attributes
+    ----------
+    quantity, entity, unit : what was held; the entity is a camera or flight, or empty.
+    sigma : of it.
+    moves, moves_entity, part : the parameter in whose σ it has the largest part, and that part, 0 to 1.
+    """
+
+    quantity: str
+    entity: str
+    unit: str
+    sigma: float
+    moves: str
+    moves_entity: str
+    part: float
 
 
 class CalibrationFlight(RecordModel):
@@ -111,6 +130,7 @@ class CalibrationRecord(RecordModel):
     ----------
     parameters : of the camera, its mounting and the flights, estimated and held ones.
     covariance : (k, k) of those with a ``sigma``, in their order, in products of their units.
+    held : what was held and how well it is known; its effect is part of the covariance.
     sigma0, redundancy : of the adjustment.
     verdict : accepted; restricted: accepted, with what must be known by whoever uses it; or refused.
     reasons : why it is refused, sentences.
@@ -125,6 +145,7 @@ class CalibrationRecord(RecordModel):
     camera: CalibratedCamera
     parameters: tuple[CalibratedParameter, ...]
     covariance: tuple[tuple[float, ...], ...]
+    held: tuple[RecordedHeld, ...] = ()
     flight: CalibrationFlight
     sigma0: float = Field(gt=0.0)
     redundancy: int

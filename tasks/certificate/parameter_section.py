@@ -12,6 +12,7 @@ import numpy as np
 
 from adjust.camera.interior import nominal_mounting
 from adjust.geometry import rotation
+from tasks.block.model_findings import quantity_words, shown_unit
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.additional_parameters import additional_blocks
@@ -74,9 +75,38 @@ def parameter_section(material: CertificateMaterial) -> Section:
             blocks.append(Listing(conventions_table(material, own), ("convention",)))
     blocks += additional_blocks(material)
     blocks += _others(material)
+    if material.record.held:
+        blocks.append(Listing(held_table(material), ("quantity", "moves")))
     if any(_needs_words(item) for item in material.parameters):
         blocks.append(Words(_WHY, "note"))
     return Section("parameters", "Calibrated parameters", tuple(blocks))
+
+
+def held_table(material: CertificateMaterial) -> Table:
+    """What was held, how well it is known, and in which σ it has the largest part."""
+    columns = (
+        text_column("quantity", "held"),
+        Column("sigma", "known to σ"),
+        text_column("unit", "unit"),
+        text_column("moves", "largest part in the σ of"),
+        Column("part", "part", "%"),
+    )
+    rows = []
+    for item in material.record.held:
+        factor, unit = shown_unit(item.unit)
+        entity = f" of {item.entity}" if item.entity else ""
+        cells: tuple[Cell, ...] = (
+            f"{quantity_words(item.quantity)}{entity}",
+            Number(item.sigma * factor, decimals_for(item.sigma * factor)),
+            unit,
+            f"{quantity_words(item.moves)} of {item.moves_entity}",
+            Number(100.0 * item.part, 0),
+        )
+        rows.append(Row(f"{item.quantity}@{item.entity}", cells))
+    note = (
+        "Parts add up by their squares. Set how well they are known by calibration.held in the project file."
+    )
+    return Table("held-quantities", "What was held, as part of every σ", columns, tuple(rows), note)
 
 
 def _axes(material: CertificateMaterial) -> str:
@@ -97,7 +127,8 @@ def _interior_note(material: CertificateMaterial) -> str:
 def _reading(material: CertificateMaterial) -> str:
     confidence = material.results.project.adjustment.confidence
     return (
-        "σ: standard deviation a posteriori. t: change over σ, tested two-sided at "
+        "σ: standard deviation a posteriori, with what was held (last table of the section). t: change over "
+        "σ, tested two-sided at "
         f"{100 * confidence:g} %: significant, or not significantly different from the value before. Held: "
         "not estimated, kept at the value before. Eliminated: offered, and taken out because the flight does "
         "not support it. Not determinable: no result. These three have no value of this calibration and no σ."

@@ -82,7 +82,7 @@ def check_orientations(
     if worst_px <= limits.suspicious_px:
         _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
         return []
-    slip, left_px = _best_slip(given, _sample(rays, points), state, worst_px, pixel_size)
+    slip, left_px = best_slip(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
     if worst_px <= limits.wrong_px and (slip is None or left_px > limits.suspicious_px):
         _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
         return []
@@ -109,7 +109,7 @@ def _worst_camera(given: GivenOrientations, rays: ImagePoints, found: RayResidua
     return float(max(medians, default=0.0))
 
 
-def _sample(rays: ImagePoints, points: int) -> ImagePoints:
+def sample_of_rays(rays: ImagePoints, points: int) -> ImagePoints:
     """Rays of a limited number of points, those with most rays first, renumbered."""
     count = np.bincount(rays.point, minlength=points)
     chosen = np.sort(np.argsort(-count, kind="stable")[:_TRIAL_POINTS])
@@ -129,10 +129,10 @@ def _subset(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
     )
 
 
-def _best_slip(
+def best_slip(
     given: GivenOrientations, sample: ImagePoints, state: State, now_px: float, pixel: Floats
 ) -> tuple[Slip | None, float]:
-    """The slip that explains the residuals clearly better than all others, if any; and the least left."""
+    """The slip that explains the residuals clearly better than all others, if any; and the least left, px."""
     points = int(sample.point.max()) + 1
     trials = []
     for slip in usual_slips(given):
@@ -156,7 +156,8 @@ def _refusal(now_px: float, limit_px: float, slip: Slip | None, left_px: float) 
         _miss(now_px, limit_px),
         "None of the usual slips (unit, order or reference of the angles, a turned camera, mirrored image "
         "coordinates) explains it: check the focal length, the positions, and whether the image points "
-        "belong to these exposures.",
+        "belong to these exposures. If the camera was never calibrated in this mounting, free the boresight "
+        "(adjustment.free).",
     )
 
 

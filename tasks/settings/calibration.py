@@ -8,7 +8,7 @@ from pydantic import Field
 
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings
-from tasks.settings.coordinates import Positive
+from tasks.settings.coordinates import NotNegative, NotNegativeTriple, Positive
 from tasks.settings.inputs import ExposuresInput
 
 
@@ -86,6 +86,23 @@ class MountingSettings(Settings):
     )
 
 
+class HeldSigmas(Settings):
+    """How well is known what is held: part of every σ of the certificate."""
+
+    lever_arm_m: NotNegative = Field(default=0.01, description="σ of a lever arm that is held, each axis, m.")
+    time_offset_s: NotNegative = Field(
+        default=0.0002, description="σ of the times of the exposures against the positions, s."
+    )
+    refraction: NotNegative = Field(
+        default=0.05, description="σ of the refraction that was corrected, part of it."
+    )
+    control_m: NotNegativeTriple | None = Field(
+        default=None,
+        description="σ of the datum of the control: what is common to all points, x, y, z, m; left out: as "
+        "much as their own σ.",
+    )
+
+
 class CalibrationSettings(Settings):
     """The system calibration."""
 
@@ -111,6 +128,9 @@ class CalibrationSettings(Settings):
         default_factory=MountingSettings, description="When strips belong to another mounting."
     )
 
+    held: HeldSigmas = Field(
+        default_factory=HeldSigmas, description="How well is known what the calibration holds."
+    )
     limits: AcceptanceLimits = Field(
         default_factory=AcceptanceLimits, description="What the flight must reach to be accepted."
     )

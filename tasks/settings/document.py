@@ -18,7 +18,7 @@ from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
-from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, MountingSettings
+from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
@@ -58,6 +58,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ),
     ("[calibration]", CalibrationSettings, ""),
     ("[calibration.mounting]", MountingSettings, ""),
+    ("[calibration.held]", HeldSigmas, ""),
     ("[calibration.limits]", AcceptanceLimits, ""),
     ("[direct_georeferencing]", DirectGeoreferencingSettings, ""),
     (

@@ -1,13 +1,14 @@
 """Slips in the delivery of a simulated calibration flight, one row each, and what becomes of each.
 
-A flight at two heights in four directions, 148 exposures, 84 control points and 40 check points; lever arm,
-GNSS shift, misalignment and interior orientation differ from what the project states as they do in reality.
+Two flights in four directions: 148 exposures of 80 mm at 780 and 2,340 m with 84 control and 40 check points,
+and 104 of 120 mm at 1,500 and 3,000 m without check points. Lever arm, GNSS shift, misalignment and interior
+orientation differ from what the project states as they do in reality.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,22 +22,46 @@ from tasks.simulate import simulate_project
 from tasks.truth_comparison import compare_with_truth
 
 LEVER_ARM = (0.35, -0.12, -1.20)
-FLIGHT = (
-    "points.count=1200",
-    "points.detection=0.5",
-    "flight.0.lines=3",
-    "flight.0.exposures=10",
-    "flight.1.lines=3",
-    "flight.1.exposures=8",
-    "flight.2.exposures=5",
-    "flight.3.exposures=5",
-    "control.0.extent_m=[2000.0, 1600.0]",
-    f"truth.lever_arm_m={list(LEVER_ARM)}",
-)
+GEOMETRIES: Mapping[str, tuple[str, ...]] = {
+    "wide angle": (
+        "points.count=1200",
+        "points.detection=0.5",
+        "flight.0.lines=3",
+        "flight.0.exposures=10",
+        "flight.1.lines=3",
+        "flight.1.exposures=8",
+        "flight.2.exposures=5",
+        "flight.3.exposures=5",
+        "control.0.extent_m=[2000.0, 1600.0]",
+    ),
+    "normal angle, no check points": (
+        "camera.columns=7680",
+        "camera.rows=13824",
+        "camera.pixel_um=12.0",
+        "camera.focal_length_mm=120.0",
+        "points.count=1200",
+        "points.detection=0.5",
+        "flight.0.height_m=1500.0",
+        "flight.0.lines=2",
+        "flight.0.exposures=8",
+        "flight.1.height_m=1500.0",
+        "flight.1.lines=2",
+        "flight.1.exposures=8",
+        "flight.2.height_m=3000.0",
+        "flight.2.exposures=5",
+        "flight.3.height_m=3000.0",
+        "flight.3.exposures=5",
+        "control.0.extent_m=[3000.0, 2400.0]",
+        "control.1.control=40",
+        "noise.image_um=2.0",
+    ),
+}
 #: How the delivery states the flight when nothing is wrong with it.
 STATED = (
     f"cameras.UCE-80.lever_arm_m={list(LEVER_ARM)}",
     'adjustment.rejection={ critical_value = 4.0, test = "observations" }',
+    "calibration.held.control_m=0.005",
+    "calibration.limits.principal_point_um=2.0",
 )
 
 Table = pd.DataFrame
@@ -50,13 +75,12 @@ class Slip:
     Attributes
     ----------
     name : in words.
-    cause : beginning of the quantity that is named first; empty: it is another finding, see `words`.
-    words : that stand in the first reason.
+    cause : beginning of the quantity that is named first; empty: none is.
+    words : that stand in a reason, where it is (or may be) another kind of evidence that finds it.
     stated : what the project states otherwise.
     flight : what was flown otherwise.
     exposures, control, image_points : what was done to the delivered tables.
     unnoticed : the quantity of which an error stays unnoticed and does the same, where that is so.
-    harmless : it need not be found: nothing is moved by it.
     """
 
     name: str
@@ -68,7 +92,6 @@ class Slip:
     control: Edit | None = None
     image_points: Edit | None = None
     unnoticed: str = ""
-    harmless: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,9 +114,10 @@ class Fate:
     errors: tuple[float, ...] = field(default=())
 
 
-def flown(folder: Path, seed: int, *changes: str) -> Path:
+def flown(folder: Path, seed: int, *changes: str, geometry: str = "wide angle") -> Path:
     """A delivered flight: the folder of its project."""
-    specification = load_simulation("uce-calibration", (*FLIGHT, f"seed={seed}", *changes))
+    truth = (f"truth.lever_arm_m={list(LEVER_ARM)}", f"seed={seed}")
+    specification = load_simulation("uce-calibration", (*GEOMETRIES[geometry], *truth, *changes))
     simulate_project(specification, folder)
     return folder
 
@@ -245,19 +269,19 @@ SLIPS: tuple[Slip, ...] = (
     Slip("high strips 10 cm too high", exposures=added(HIGH, z=0.10), unnoticed="gnss_shift_z"),
     Slip("high strips 30 cm to the east", "gnss_shift height", exposures=added(HIGH, x=0.30)),
     Slip("one direction 20 cm to the east", "gnss_shift direction", exposures=added(NORTH, x=0.20)),
-    Slip("one strip 50 cm too high", "gnss_shift strip", exposures=added(ONE, z=0.50), harmless=True),
-    Slip("one strip turned by 0.05°", "boresight strip", exposures=added(ONE, heading=0.05), harmless=True),
+    Slip("one strip 50 cm too high", "gnss_shift strip", exposures=added(ONE, z=0.50)),
+    Slip("one strip turned by 0.05°", "boresight strip", exposures=added(ONE, heading=0.05)),
     Slip("control heights orthometric", words="height systems", control=added(z=-33.0)),
     Slip("control 30 cm too high", control=added(z=0.30), unnoticed="control_shift_z"),
     Slip("control noise 10 cm", words="control points", control=noisy(1, x=0.10, y=0.10, z=0.10)),
     Slip("control scale 200 ppm", "control_scale", control=about_the_middle(2e-4 * _SCALE)),
     Slip("control turned by 0.01°", "control_turn", control=about_the_middle(1.7e-4 * _TURN)),
     Slip("control tilted by 0.01°", "control_tilt", control=about_the_middle(1.7e-4 * _TILT)),
-    Slip("one control point 1 m wrong", control=added(one_control_point, x=1.0), harmless=True),
+    Slip("one control point 1 m wrong", control=added(one_control_point, x=1.0)),
     Slip("half of the control 10 cm wrong", "control_tilt", control=added(half_of_control, z=0.10)),
     Slip("remounted by 0.02°", "boresight", exposures=added(SECOND_DAY, pitch=0.02)),
     Slip("remounted by 0.02° about the vertical", "boresight", exposures=added(SECOND_DAY, heading=0.02)),
-    Slip("remounted by 0.004°", "boresight", exposures=added(SECOND_DAY, pitch=0.004)),
+    Slip("remounted by 0.004°", "boresight", "pitch differs", exposures=added(SECOND_DAY, pitch=0.004)),
     Slip("image σ five times too large", words="image points", stated=("inputs.image_points.sigma=0.006",)),
     Slip("image σ five times too small", words="image points", stated=("inputs.image_points.sigma=0.00024",)),
     Slip("refraction applied twice", "refraction", stated=('adjustment.refraction="standard"',)),

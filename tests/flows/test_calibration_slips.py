@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.flows.calibration_slips import SLIPS, STATED, Fate, Slip, fate, flown, with_slip
+from tests.flows.calibration_slips import GEOMETRIES, SLIPS, STATED, Fate, Slip, fate, flown, with_slip
 
 #: An error of a certified parameter beyond this, in its σ, must not be accepted.
 WRONG = 3.0
@@ -19,9 +19,10 @@ CLEAN = int(os.environ.get("AEROCAL_FLIGHTS", "12"))
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def delivery(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return flown(tmp_path_factory.mktemp("delivery") / "flight", 3)
+@pytest.fixture(scope="module", params=GEOMETRIES)
+def delivery(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("delivery") / "flight"
+    return flown(folder, 3, geometry=str(request.param))
 
 
 def test_the_delivery_without_a_slip_is_accepted(delivery: Path, tmp_path: Path) -> None:
@@ -38,34 +39,33 @@ def test_a_slip_is_refused_or_stated_as_what_this_flight_cannot_notice(
     found = fate(project, slip.stated)
     if found.verdict in ("input_error", "not_computable"):
         return
-    if slip.unnoticed:
-        _is_stated(project, slip.unnoticed, found)
+    if found.verdict != "refused":
+        if found.worst > WRONG:
+            _is_stated(project, slip.unnoticed or slip.cause.partition(" ")[0], found)
         return
-    assert found.verdict != "accepted" or (slip.harmless and found.worst < WRONG), found
-    if found.verdict == "restricted":
-        assert found.worst < WRONG, found
-    named = found.first.startswith(slip.cause) if slip.cause else any(slip.words in r for r in found.reasons)
-    assert named or slip.harmless, found
+    by_model = bool(slip.cause) and found.first.startswith(slip.cause)
+    assert by_model or (bool(slip.words) and any(slip.words in reason for reason in found.reasons)), found
 
 
 def _is_stated(project: Path, quantity: str, found: Fate) -> None:
     """The certificate's table says that an error of this kind stays unnoticed and does as much."""
     table = pd.read_parquet(project / "results" / "model_alternatives.parquet")
-    own = table[(table["quantity"] == quantity) & (table["scope"] != "strip")]
+    own = table[table["quantity"].str.startswith(quantity) & (table["scope"] != "strip")]
+    assert len(own), found
     moved = own["moved_by_detectable"].where(own["t"].notna(), np.inf)
     assert moved.max() > found.worst, found
 
 
 @pytest.mark.timeout(7200)
 def test_flights_without_a_slip_are_accepted_and_their_errors_are_as_large_as_stated(tmp_path: Path) -> None:
-    """Random lever arms up to 2 m, misalignments, mounts and angle systems; all of it stated rightly."""
+    """Random lever arms up to 2 m, misalignments up to 2°, mounts, angle systems; all stated rightly."""
     random = np.random.default_rng(2026)
     fates = []
     for number in range(CLEAN):
         arm = [float(f"{value:.2f}") for value in random.uniform(-2.0, 2.0, 3)]
         mount = int(random.choice([0, 90, 180, 270]))
         angles = str(random.choice(["heading-pitch-roll", "omega-phi-kappa"]))
-        boresight = [float(f"{value:.4f}") for value in random.uniform(-0.1, 0.1, 3)]
+        boresight = [float(f"{value:.4f}") for value in random.uniform(-2.0, 2.0, 3)]
         project = flown(
             tmp_path / f"flight{number}",
             1000 + number,

@@ -189,6 +189,32 @@ def test_one_of_two_cameras_turned(block: Path, named, share: int) -> None:
     assert "180°" in said
 
 
+@pytest.mark.parametrize("angles", [HEADINGS, OMEGA_PHI_KAPPA])
+def test_an_ordinary_misalignment_is_where_the_adjustment_begins(tmp_path: Path, angles: str) -> None:
+    """Two degrees, as of a camera that was never calibrated; only where the boresight is estimated."""
+    true = (1.5, -2.0, 1.0)
+    project = simulated(tmp_path / "block", "uce-high", angles, f"truth.boresight_deg={list(true)}")
+    held, free = ('adjustment.free=["gnss_shift"]', 'adjustment.free=["boresight", "gnss_shift"]')
+    outcome = carry_out(
+        aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "free", (free,))
+    )
+    assert outcome.error is None, outcome.error
+    said = next(text for text in outcome.summary.problems if "misalignment of camera and INS" in text)
+    about = [float(value) for value in re.findall(r"(?:roll|pitch|yaw) ([+-][\d.]+)°", said)]
+    assert about == pytest.approx(true, abs=0.1)
+    found = {item.parameter: item for item in outcome.summary.parameters or ()}
+    for name, value in zip(("roll", "pitch", "yaw"), true, strict=True):
+        item = found[f"boresight_{name}"]
+        assert item.value is not None
+        assert item.sigma is not None
+        assert abs(item.value - value) < 4.0 * item.sigma
+    outcome = carry_out(
+        aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "held", (held,))
+    )
+    assert outcome.summary.status == "input_error"
+    assert "free the boresight" in str(outcome.error)
+
+
 @pytest.fixture(scope="module")
 def with_lever_arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The antenna 0.35 m before, 0.12 m to the left of and 1.20 m above the camera."""

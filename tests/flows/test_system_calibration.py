@@ -102,8 +102,16 @@ def test_the_record_holds_the_tables_values_and_their_full_covariance(
     c, z = names.index(("focal_length", "UCE-80")), names.index(("gnss_shift_z", "1"))
     both = pairs[pairs["parameter_a"].isin(["focal_length", "gnss_shift_z"])]
     both = both[both["parameter_b"].isin(["focal_length", "gnss_shift_z"])]
-    expected = float(both["correlation"].iloc[0])
-    assert matrix[c, z] / np.sqrt(matrix[c, c] * matrix[z, z]) == pytest.approx(expected)
+    formal = float(both["correlation"].iloc[0]) * np.prod([table.loc[names[k], "sigma"] for k in (c, z)])
+    effects = pd.read_parquet(accepted.directory / "model_alternative_effects.parquet")
+    by_held = 0.0
+    for held in record.held:
+        own = effects[(effects["quantity"] == held.quantity) & (effects["entity"] == held.entity)]
+        of = own.set_index(["parameter", "parameter_entity"])["effect"]
+        by_held += held.sigma**2 * of[names[c]] * of[names[z]]
+    assert {held.quantity for held in record.held} >= {"lever_arm_z", "time_offset", "control_shift_z"}
+    assert matrix[c, z] == pytest.approx(formal + by_held)
+    assert abs(by_held) > 0.01 * abs(formal)
     assert np.linalg.eigvalsh(matrix / np.outer(*[np.sqrt(np.diagonal(matrix))] * 2)).min() > 0.0
 
 
@@ -221,10 +229,14 @@ def test_the_report_shows_the_verdicts_and_both_methods(accepted: RunOutcome) ->
     parameters = pd.read_parquet(accepted.directory / "parameters.parquet")
     rows_of = parameters.set_index(parameters["parameter"] + "@" + parameters["entity"])
     verdicts = page.tables["calibration"]
+    of_calibration = {
+        f"{item['parameter']}@{item['entity']}": item["sigma"] for item in figures(accepted)["parameters"]
+    }
     assert len(verdicts.keys) == 9
     for key in verdicts.keys:
-        for column in ("sigma", "change"):
-            assert float(verdicts.numbers[key, column].data) == rows_of.loc[key, column]
+        assert float(verdicts.numbers[key, "change"].data) == rows_of.loc[key, "change"]
+        # With what was held.
+        assert float(verdicts.numbers[key, "sigma"].data) == of_calibration[key] > rows_of.loc[key, "sigma"]
     steps = page.tables["calibration-steps"]
     compared = figures(accepted)["two_step"]["parameters"]
     assert len(steps.keys) == len(compared) == 6

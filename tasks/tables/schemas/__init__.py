@@ -16,6 +16,7 @@ from tasks.tables.schemas.adjustment import (
 )
 from tasks.tables.schemas.columns import Column, ColumnType, TableSchema
 from tasks.tables.schemas.deliveries import (
+    APPROXIMATE_BORESIGHT,
     APPROXIMATE_POINTS,
     CAMERAS,
     CONTROL_POINTS,
@@ -45,6 +46,7 @@ SCHEMAS: dict[str, TableSchema] = {
         EXPOSURES,
         CONTROL_POINTS,
         APPROXIMATE_POINTS,
+        APPROXIMATE_BORESIGHT,
         EXTERIOR_ORIENTATIONS,
         OBJECT_POINTS,
         RESIDUALS,
@@ -68,6 +70,7 @@ SCHEMAS: dict[str, TableSchema] = {
 }
 
 __all__ = [
+    "APPROXIMATE_BORESIGHT",
     "APPROXIMATE_POINTS",
     "CAMERAS",
     "CHECK_POINTS",

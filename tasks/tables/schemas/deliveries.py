@@ -119,6 +119,18 @@ CONTROL_POINTS = TableSchema(
     XYZ_M,
 )
 
+APPROXIMATE_BORESIGHT = TableSchema(
+    "approximate_boresight",
+    "A camera's boresight with which the adjustment begins: as given, or as the tie points show it.",
+    (
+        CAMERA,
+        number("roll_deg", "deg", "boresight roll"),
+        number("pitch_deg", "deg", "boresight pitch"),
+        number("yaw_deg", "deg", "boresight yaw"),
+    ),
+    ("camera",),
+)
+
 APPROXIMATE_POINTS = TableSchema(
     "approximate_points",
     "An object point intersected from the given orientations.",

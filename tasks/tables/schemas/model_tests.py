@@ -39,6 +39,7 @@ MODEL_ALTERNATIVE_EFFECTS = TableSchema(
         text("entity", "see model_alternatives"),
         text("scope", "see model_alternatives"),
         text("part", "see model_alternatives"),
+        text("unit", "unit of the alternative"),
         text("parameter", "name of the parameter that is moved"),
         text("parameter_entity", "camera, flight or strip it belongs to"),
         number("effect", "units", "change of the parameter for one unit of the alternative, in their units"),

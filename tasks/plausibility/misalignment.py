@@ -1,0 +1,114 @@
+"""The misalignment of camera and INS, roughly, from the tie points: where a first calibration begins.
+
+A camera is mounted some tenths of a degree, up to two degrees, off the axes of the INS, which nobody knows
+before the first calibration. Rays of tie points then miss each other by hundreds of pixels wherever images of
+different headings, heights or strips meet. What minimises these misses is good enough to begin with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from adjust.arrays import Floats
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import State
+from tasks.block.given_orientations import GivenOrientations
+from tasks.plausibility.declared_accuracy import TieLimits
+from tasks.plausibility.orientations import best_slip, ray_residuals, sample_of_rays
+
+#: Larger than this, radians, it is no misalignment any more but a slip.
+LARGEST = np.deg2rad(3.0)
+# It must leave this part of the residuals at most.
+_LEFT = 0.3
+_MOST_TRIALS = 30
+# A slip that leaves no more than this many times as much explains it as well.
+_AS_WELL = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Misalignment:
+    """What the tie points say.
+
+    Attributes
+    ----------
+    given : the orientations with it.
+    angles : (c, 3) roll, pitch, yaw of every camera beside the given boresight, radians.
+    median_px : median residual that it leaves.
+    """
+
+    given: GivenOrientations
+    angles: Floats
+    median_px: float
+
+    @property
+    def sentence(self) -> str:
+        """What was found, for people."""
+        found = "; ".join(
+            f"camera {name} roll {roll:+.2f}°, pitch {pitch:+.2f}°, yaw {yaw:+.2f}°"
+            for name, (roll, pitch, yaw) in zip(
+                self.given.mountings.names, np.rad2deg(self.angles), strict=True
+            )
+        )
+        return (
+            f"The tie points show a misalignment of camera and INS: {found} beside the given boresight. The "
+            "adjustment begins there; state it as boresight_deg if it is known."
+        )
+
+
+def misalignment(
+    given: GivenOrientations, rays: ImagePoints, state: State, points: int, limits: TieLimits
+) -> Misalignment | None:
+    """The misalignment that explains how far rays miss each other; None if none does, or a slip does as well.
+
+    Parameters
+    ----------
+    state : with the given orientations.
+    limits : above which an explanation is looked for at all.
+    """
+    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
+    now_px = ray_residuals(rays, state, points, pixel_size).median_px
+    if now_px <= limits.suspicious_px:
+        return None
+    sample = sample_of_rays(rays, points)
+    several = int(sample.point.max()) + 1
+    cameras = len(given.mountings.cameras)
+    # Robust against mismatches, and blunt where the rays do not meet at all.
+    blunt = float(np.clip(now_px, 1.0, 1e4)) if np.isfinite(now_px) else 1e4
+
+    def residuals(angles: Floats) -> Floats:
+        trial = _turned(given, angles.reshape(cameras, 3))
+        found = ray_residuals(sample, _state_of(state, trial), several, pixel_size).residual_px
+        return np.clip(np.nan_to_num(found, nan=10.0 * blunt), -10.0 * blunt, 10.0 * blunt).ravel()
+
+    start = np.zeros(3 * cameras)
+    found = least_squares(
+        residuals,
+        start,
+        loss="soft_l1",
+        f_scale=0.1 * blunt,
+        x_scale=1e-3,
+        max_nfev=_MOST_TRIALS,
+    )
+    angles = found.x.reshape(cameras, 3)
+    turned = _turned(given, angles)
+    left = ray_residuals(rays, _state_of(state, turned), points, pixel_size).median_px
+    if np.abs(angles).max() > LARGEST or left > _LEFT * now_px:
+        return None
+    slip, of_slip = best_slip(given, sample, state, now_px, pixel_size)
+    if slip is not None and of_slip <= _AS_WELL * left:
+        return None
+    return Misalignment(turned, angles, left)
+
+
+def _turned(given: GivenOrientations, angles: Floats) -> GivenOrientations:
+    """Orientations whose boresight is the given one and small angles (c, 3) more."""
+    boresight = given.mountings.boresight + angles
+    return replace(given, mountings=replace(given.mountings, boresight=boresight))
+
+
+def _state_of(state: State, given: GivenOrientations) -> State:
+    centre, local_from_camera = given.orientations()
+    return replace(state, projection_centre=centre, local_from_camera=local_from_camera)
