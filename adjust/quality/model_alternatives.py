@@ -23,9 +23,10 @@ from typing import Protocol
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup, Term
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
+from adjust.quality.model_alternatives_kernel import add_products
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
 from adjust.solve.full_vectors import SparseVectors, inverse_products
@@ -235,45 +236,40 @@ class _Products:
         self, group: ObservationGroup, equations: Linearization, columns: Sequence[tuple[int, Floats]]
     ) -> None:
         """Add what a group contributes; columns (n, m) of the alternatives with these numbers."""
-        white = whiten(group, equations)
+        white, present = whiten(group, equations), group.stochastic.present
         numbers = np.array([k for k, _ in columns])
-        flat = np.empty((len(columns), white.misclosure.size))
-        present = group.stochastic.present
-        for row, (k, column) in enumerate(columns):
-            whitened = group.stochastic.whitened(np.where(present, column, 0.0))
-            flat[row] = whitened.ravel()
-            self._add_load(k, white, whitened)
-        self.own[np.ix_(numbers, numbers)] += flat @ flat.T
-
-    def _add_load(self, k: int, white: Linearization, column: Floats) -> None:
-        """Add Aᵀ C of one alternative; the observations it does not touch are passed over."""
-        rows = np.flatnonzero(column.any(axis=1))
-        if len(rows) == 0:
-            return
-        own = column[rows]
+        whitened = np.empty((*white.misclosure.shape, len(columns)))
+        for place, (_, column) in enumerate(columns):
+            whitened[:, :, place] = group.stochastic.whitened(np.where(present, column, 0.0))
+        flat = whitened.reshape(-1, len(columns))
+        self.own[np.ix_(numbers, numbers)] += flat.T @ flat
         for term in white.terms:
-            products = np.einsum("nmd,nm->nd", term.jacobian[rows], own)
-            index = term.index[rows]
             if term.block == EXTERIOR_ORIENTATION:
-                self.load.of_exposures[:, :, k] += _summed(index, products, self.layout.images)
+                self.load.of_exposures[:, :, numbers] += _summed(term, whitened, self.layout.images)
             elif term.block == OBJECT_POINT:
-                self.load.points_of(k)[:] += _summed(index, products, self.layout.points)
+                of_points = _summed(term, whitened, self.layout.points)
+                for place, k in enumerate(numbers):
+                    self.load.points_of(int(k))[:] += of_points[:, :, place]
             else:
-                columns = self.layout.columns[term.block]
-                free = columns >= 0
+                places = self.layout.columns[term.block]
+                free = places >= 0
                 if free.any():
-                    self.load.of_border[columns[free], k] += _summed(index, products, len(columns))[free]
+                    summed = _summed(term, whitened, len(places))
+                    self.load.of_border[np.ix_(places[free], numbers)] += summed[free]
 
 
-def _summed(index: Ints, values: Floats, count: int) -> Floats:
-    """Sums (count, d) of rows (n, d) by their index."""
-    sums = [np.bincount(index, weights=values[:, d], minlength=count) for d in range(values.shape[1])]
-    return np.stack(sums, axis=1)
+def _summed(term: Term, columns: Floats, count: int) -> Floats:
+    """Aᵀ C (count, d, k) of one term with columns (n, m, k)."""
+    result = np.zeros((count, term.jacobian.shape[2], columns.shape[2]))
+    add_products(term.index, np.ascontiguousarray(term.jacobian), columns, result)
+    return result
 
 
 def _present(group: ObservationGroup, equations: Linearization) -> Linearization:
     """The equations with zeros for what takes no part."""
     present = group.stochastic.present
+    if present.all():
+        return equations
     terms = tuple(
         Term(one.block, one.index, np.where(present[:, :, None], one.jacobian, 0.0))
         for one in equations.terms

@@ -146,18 +146,35 @@ def subtract_product(square: Floats, left: Floats, right: Floats) -> None:
 
 
 def solve_lower(lower: Floats, x: Floats) -> None:
-    """X = L⁻¹ x in place; lower (p, p), x (p,)."""
+    """X = L⁻¹ x in place; lower (p, p), x (p,) or (p, k) with contiguous rows."""
+    if x.ndim > 1:
+        _solve_many(lower, x, _TRANSPOSED)
+        return
     _DTRSV(
         _LOWER, _PLAIN, _NOT_UNIT, byref(c_int(len(x))), lower.ctypes.data, _step(lower), x.ctypes.data, _NEXT
     )  # fmt: skip
 
 
 def solve_lower_transposed(lower: Floats, x: Floats) -> None:
-    """X = L⁻ᵀ x in place; lower (p, p), x (p,)."""
+    """X = L⁻ᵀ x in place; lower (p, p), x (p,) or (p, k) with contiguous rows."""
+    if x.ndim > 1:
+        _solve_many(lower, x, _PLAIN)
+        return
     _DTRSV(
         _LOWER, _TRANSPOSED, _NOT_UNIT, byref(c_int(len(x))), lower.ctypes.data, _step(lower), x.ctypes.data,
         _NEXT,
     )  # fmt: skip
+
+
+def _solve_many(lower: Floats, x: Floats, side: Any) -> None:
+    """xᵀ L⁻ᵀ (transposed) or xᵀ L⁻¹ in place: rows of x (p, k) are columns of its transpose."""
+    p, k = x.shape
+    if p and k:
+        transposed = x.T
+        _DTRSM(
+            _RIGHT, _LOWER, side, _NOT_UNIT, byref(c_int(k)), byref(c_int(p)), _ONE, lower.ctypes.data,
+            _step(lower), transposed.ctypes.data, _step(transposed),
+        )  # fmt: skip
 
 
 def _step(matrix: Floats) -> Any:

@@ -25,7 +25,7 @@ def subtract_eliminated(
     of_exterior = np.zeros((1, 2, 6))
     of_system = np.zeros((1, 2, compact.shape[1]))
     of_point = np.zeros((1, 2, 3))
-    solved = np.zeros((3, width))
+    solved, seen = np.zeros((3, width)), np.zeros(width)
     base = point_start[first_point]
     for j in range(first_point, last_point):
         if not active_point[j]:
@@ -48,16 +48,19 @@ def subtract_eliminated(
                 i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
                 inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
+            # The vectors innermost: they lie beside each other in memory.
             for c in range(2):
                 for t in range(width):
-                    seen = (
+                    seen[t] = (
                         of_point[0, c, 0] * solved[0, t]
                         + of_point[0, c, 1] * solved[1, t]
                         + of_point[0, c, 2] * solved[2, t]
                     )
-                    for k in range(6):
-                        rhs_exposure[e, k, t] -= of_exterior[0, c, k] * seen
-                    for s in range(compact.shape[1]):
-                        g = compact[e, s]
-                        if g >= 0:
-                            rhs_border[g, t] -= of_system[0, c, s] * seen
+                for k in range(6):
+                    for t in range(width):
+                        rhs_exposure[e, k, t] -= of_exterior[0, c, k] * seen[t]
+                for s in range(compact.shape[1]):
+                    g = compact[e, s]
+                    if g >= 0:
+                        for t in range(width):
+                            rhs_border[g, t] -= of_system[0, c, s] * seen[t]

@@ -107,11 +107,7 @@ def inverse_products(
         of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, point_factor, load)
         y = _forward_substituted(point_factor, at_points, system.active_point).reshape(-1, len(numbers))
         products[np.ix_(numbers, numbers)] = y.T @ y
-    exposures, border = np.empty_like(of_exposures), np.empty_like(of_border)
-    for t in range(count):
-        exposures[:, :, t], border[:, t] = factorization.factor.solve(
-            np.ascontiguousarray(of_exposures[:, :, t]), np.ascontiguousarray(of_border[:, t])
-        )
+    exposures, border = factorization.factor.solve(of_exposures, of_border)
     products += of_exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + of_border.T @ border
     return products, border
 
@@ -139,12 +135,12 @@ def solve_full(
     rhs_exposure, rhs_border = _reduced(system, state, normals.point_factor, right_hand_sides)
     parts = (rhs_exposure, rhs_border, right_hand_sides.of_points)
     found = FullVectors(*(np.empty_like(part) for part in parts))
+    found.of_exposures[:], found.of_border[:] = factorization.factor.solve(rhs_exposure, rhs_border)
     for t in range(right_hand_sides.count):
-        exposures, border = factorization.factor.solve(
-            np.ascontiguousarray(rhs_exposure[:, :, t]), np.ascontiguousarray(rhs_border[:, t])
+        exposures, border = (
+            np.ascontiguousarray(part[..., t]) for part in (found.of_exposures, found.of_border)
         )
         with_load = replace(normals, point_rhs=np.ascontiguousarray(right_hand_sides.of_points[:, :, t]))
-        found.of_exposures[:, :, t], found.of_border[:, t] = exposures, border
         found.of_points[:, :, t] = substitute_back(system, state, with_load, exposures, border)
     return found
 

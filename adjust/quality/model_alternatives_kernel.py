@@ -1,0 +1,20 @@
+"""Sums of products of derivatives and columns of alternatives, compiled."""
+
+from adjust.compiled import kernel
+
+
+@kernel
+def add_products(index, jacobian, columns, result):
+    """Add Aᵀ C of n observations to the unknowns they touch.
+
+    index (n,) which; jacobian (n, m, d); columns (n, m, k); result (count, d, k) is changed.
+    """
+    n, m, d = jacobian.shape
+    for i in range(n):
+        touched = index[i]
+        for c in range(m):
+            for j in range(d):
+                derivative = jacobian[i, c, j]
+                if derivative != 0.0:
+                    for t in range(columns.shape[2]):
+                        result[touched, j, t] += derivative * columns[i, c, t]
