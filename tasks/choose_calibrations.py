@@ -38,9 +38,7 @@ def choose_calibrations(
     used = sorted(set(read_table(exposures)["camera"]))
     chosen = []
     for name, found in approved_calibrations({name: cameras[name] for name in used}, project).items():
-        approval = found.approval
-        by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
-        sentence = f"The camera {name} has {found.label} of the registry, valid {found.validity}{by}."
+        sentence = f"The camera {name} has {found.label} of the registry, {found.standing}."
         shares = bool(own_control & set(found.record.inputs.values()))
         chosen.append(
             RegisteredCalibration(name, found.sealed.content, found.sealed.digest, sentence, shares)

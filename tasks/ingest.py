@@ -6,12 +6,13 @@ what only looks odd becomes a sentence in the notes.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
-from tasks.importing.cameras import write_cameras
+from tasks.importing.cameras import taken_from_registry, write_cameras
 from tasks.importing.control import control_columns
 from tasks.importing.exposures import exposure_columns
 from tasks.importing.image_points import usable_image_points
@@ -63,7 +64,7 @@ def import_exposures(
     write_cameras(folder / "cameras.parquet", cameras)
     columns, extra, notes = exposure_columns(sources, tuple(cameras), frame)
     write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
-    write_notes(folder, notes)
+    write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
 
 
 @stored("import_image_points")

@@ -31,7 +31,12 @@ def with_registered_cameras(project: Project) -> Project:
     if not wanting:
         return project
     filled = {
-        name: _filled(name, wanting[name], found.record, f"{REGISTRY}, {found.label}, {found.sealed.digest}")
+        name: _filled(
+            name,
+            wanting[name],
+            found.record,
+            f"{REGISTRY}, {found.label}, {found.standing}, {found.sealed.digest}",
+        )
         for name, found in approved_calibrations(wanting, project.project).items()
     }
     return project.model_copy(update={"cameras": {**project.cameras, **filled}})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -12,7 +12,7 @@ import pandas as pd
 from adjust.camera.interior import FrameCamera, PixelOrigin
 from tasks.formats.records import CameraRecord
 from tasks.formats.register import CAMERA_FORMATS
-from tasks.settings.cameras import CameraInput
+from tasks.settings.cameras import REGISTRY, CameraInput
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import CAMERAS
 
@@ -93,3 +93,20 @@ def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:
         )
         for row in table.to_dict("records")
     }
+
+
+def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
+    """Sentences about cameras that were filled: what was taken, and what was not."""
+    return tuple(
+        f"Camera {name} has {source.rpartition(', ')[0]} of the registry: c {camera.focal_length_mm:.4f} mm, "
+        f"principal point {_listed(camera.principal_point_mm or (), 4)} mm, boresight "
+        f"{_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} m. A GNSS shift "
+        "belongs to the flight it was found in and is not taken over."
+        for name, camera in cameras.items()
+        for kind, _, source in (str(camera.calibration or "").partition(", "),)
+        if kind == REGISTRY and source
+    )
+
+
+def _listed(values: Sequence[float], decimals: int) -> str:
+    return f"({', '.join(f'{value:.{decimals}f}' for value in values)})"

@@ -82,6 +82,18 @@ class StoredCalibration:
         return self.record.flight.flown
 
     @property
+    def standing(self) -> str:
+        """Until when it holds, who says so, and what spoke against it: wherever it is used."""
+        approval, verdict = self.approval, self.record.verdict
+        by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
+        against = ""
+        if verdict == "refused" and approval is not None:
+            against = f"; its own calibration refused it, and it was approved although: {approval.although}"
+        elif verdict == "restricted":
+            against = f"; accepted with restrictions: {' '.join(self.record.restrictions)}"
+        return f"valid {self.validity}{by}{against}"
+
+    @property
     def label(self) -> str:
         """How sentences call it."""
         return f"calibration {self.id} ({self.record.camera.name}, version {self.version})"

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tasks.calibration.record import CalibratedCamera
+from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.errors import InputError
+from tasks.importing.cameras import taken_from_registry
 from tasks.registered_cameras import with_registered_cameras
 from tasks.registry.registry import Registry
 from tasks.settings.cameras import CameraIdentity
@@ -53,10 +54,43 @@ def test_a_camera_gets_the_values_of_its_record(
     assert camera.lever_arm_m == (0.3, 0.2, 0.4)  # held at 0.3 there, and not spoken of
     assert (camera.columns, camera.pixel_origin, camera.identity.body) == (100, "corner", "B")
     stored = registry.contents().calibrations[0]
-    assert camera.calibration == f"registry, {stored.label}, {stored.sealed.digest}"
+    assert camera.calibration == f"registry, {stored.label}, {stored.standing}, {stored.sealed.digest}"
     # The keys of the stages, and with them the results, change with the record.
     assert camera.key_content() != given.cameras["C"].key_content()
     assert with_registered_cameras(given).key_content() == with_registered_cameras(given).key_content()
+
+
+def test_what_was_taken_is_said_with_who_approved_it_and_what_was_not(
+    registry: Registry, write_project: Write, tmp_path: Path
+) -> None:
+    given = project(write_project, tmp_path, *WANTED, BODY)
+    assert taken_from_registry(given.cameras) == ()
+    (said,) = taken_from_registry(with_registered_cameras(given).cameras)
+    stored = registry.contents().calibrations[0]
+    assert said.startswith(f"Camera C has {stored.label}, valid ")
+    assert ", approved by ben on " in said
+    assert f"c {VALUES[0]:.4f} mm" in said
+    assert "A GNSS shift belongs to the flight" in said
+    assert stored.sealed.digest not in said
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"verdict": "refused", "reasons": ("One height.",)}, "approved although: the only flight there is"),
+        (
+            {"verdict": "restricted", "restrictions": ("Strip 3 is off.",)},
+            "with restrictions: Strip 3 is off.",
+        ),
+    ],
+)
+def test_what_speaks_against_a_calibration_is_said_wherever_it_is_used(
+    registry: Registry, changes: dict[str, object], words: str
+) -> None:
+    given = record(changed(1), name=CAMERA.name, camera=CAMERA)
+    add(registry, CalibrationRecord.model_validate({**given.model_dump(), **changes}))
+    stored = approve(registry, 2, date(2024, 5, 25), although="the only flight there is")
+    assert words in stored.standing
 
 
 def test_another_approved_calibration_is_another_key(
