@@ -23,6 +23,7 @@ from tasks.settings.calibration import AcceptanceLimits
 #: A sentence, and whether it refuses the calibration or restricts it only.
 Objection: TypeAlias = tuple[bool, str]
 _PRIOR = "prior:"
+_OF_STRIPS = ("prior:gnss_strip", "prior:gnss_drift")
 _AXES = ("east", "north", "up")
 _DIRECT_GROUPS = {
     "control_points": "control points",
@@ -204,13 +205,15 @@ def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Ob
     if known.empty:
         return
     largest = float(special.ndtri(1.0 - 0.5 * limits.error_probability / len(known)))
-    for row in known[known["standardized"].abs() > largest].to_dict("records"):
-        family = str(row["group"]).removeprefix(_PRIOR)
+    known = known.assign(size=known["standardized"].abs())
+    for (group, component), own in known[known["size"] > largest].groupby(["group", "component"], sort=False):
+        worst = own.sort_values("size").to_dict("records")[-1]
+        several = f" ({len(own)} of them)" if len(own) > 1 else ""
         yield (
-            not family.startswith(("gnss_strip", "gnss_drift")),
-            f"The given value of {row['component']} contradicts the flight: it differs by "
-            f"{abs(row['residual']):.4g} {row['unit']}, {abs(row['standardized']):.1f} of what its σ "
-            f"({row['sigma']:.3g} {row['unit']}) allows. Check adjustment.priors.",
+            not str(group).startswith(_OF_STRIPS),
+            f"Given values of {quantity_words(str(component))} contradict the flight{several}: they differ "
+            f"by up to {abs(worst['residual']):.3g} {worst['unit']}, {worst['size']:.1f} of what their σ "
+            f"({worst['sigma']:.3g} {worst['unit']}) allows. Check adjustment.priors.",
         )
 
 

@@ -16,13 +16,20 @@ from tasks.certificate.origin_section import origin_section, verification_sectio
 from tasks.certificate.parameter_section import parameter_section
 from tasks.certificate.statistics_section import statistics_section
 from tasks.certificate.use_section import use_section
-from tasks.certificate.verdict_section import brief_section, verdict_section, verdict_sentence
+from tasks.certificate.verdict_section import (
+    brief_section,
+    reasons_section,
+    verdict_section,
+    verdict_sentence,
+)
 
 
 def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> CertificateContent:
     """Everything the certificate says; `software` made the documents."""
     record = material.record
+    reasons = reasons_section(material)
     sections = [
+        *([] if reasons is None else [reasons]),
         identity_section(material),
         brief_section(material),
         flight_section(material),

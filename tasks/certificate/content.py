@@ -165,7 +165,7 @@ class Section:
 _TITLES: Mapping[Verdict, str] = {
     "accepted": "Calibration certificate",
     "restricted": "Calibration certificate with restrictions",
-    "refused": "Refused calibration",
+    "refused": "Calibration not accepted",
 }
 
 

@@ -31,12 +31,20 @@ def verdict_sentence(record: CalibrationRecord) -> str:
     if record.verdict == "restricted":
         number = len(record.restrictions)
         what = "one restriction" if number == 1 else f"{number} restrictions"
-        return f"Accepted with {what}, see limits and verdict: use it only as they allow."
+        return f"Accepted with {what}: use it only as they allow."
     if len(record.reasons) == 1:
-        return f"Refused: {record.reasons[0]}"
+        return f"Not accepted: {record.reasons[0]}"
     number = len(record.reasons)
-    words = f"Refused for {number} reasons, see limits and verdict." if number else "Refused."
+    words = f"Not accepted, for {number} reasons." if number else "Not accepted."
     return f"{words} None of the values may be used."
+
+
+def reasons_section(material: CertificateMaterial) -> Section | None:
+    """Why the calibration is not accepted, or what restricts its use, before everything else."""
+    record = material.record
+    named = (("Not accepted, because", record.reasons), ("Restrictions of use", record.restrictions))
+    blocks = tuple(Sentences(heading, items) for heading, items in named if items)
+    return Section("reasons", "Verdict", blocks) if blocks else None
 
 
 def brief_section(material: CertificateMaterial) -> Section:
@@ -100,13 +108,9 @@ def _brief(item: CalibratedParameter) -> Fact:
 
 
 def verdict_section(material: CertificateMaterial) -> Section:
-    """Verdict with reasons, what is said of each parameter, and the limits of the project."""
+    """Verdict, what is said of each parameter, and the limits of the project."""
     record = material.record
     blocks: list[Block] = [Words(verdict_sentence(record))]
-    if record.reasons:
-        blocks.append(Sentences("Reasons", record.reasons))
-    if record.restrictions:
-        blocks.append(Sentences("Restrictions", record.restrictions))
     blocks.append(Listing(determinability_table(material), ("because",)))
     gates = gate_table(material.results.summary.gates)
     if gates.rows:

@@ -255,16 +255,28 @@ def test_only_independent_check_points_carry_a_statement(
 def test_a_refused_calibration_is_for_no_use(calibration: Calibration) -> None:
     reasons = ("σ of c is 9.7 µm, allowed 2 µm: fly a second height",)
     content = calibration.content(changed(calibration.record, verdict="refused", reasons=reasons))
-    assert content.sentence == f"Refused: {reasons[0]}"
-    assert content.title == "Refused calibration"
+    assert content.sentence == f"Not accepted: {reasons[0]}"
+    assert content.title == "Calibration not accepted"
     assert "certificate –" not in page_of(content)
     assert calibration.content().title == "Calibration certificate"
     use = section(calibration, "use", verdict="refused", reasons=reasons)
     assert sentences(use, "The values hold for") == ""
     assert sentences(use, "This certificate must not be used").startswith("For production at all")
-    verdict = section(calibration, "verdict", verdict="refused", reasons=reasons)
-    assert sentences(verdict, "Reasons") == reasons[0]
+    assert content.sections[0].name == "reasons"
+    assert sentences(content.sections[0], "Not accepted, because") == reasons[0]
+    assert calibration.content().sections[0].name == "camera"
     assert sentences(section(calibration, "use"), "The values hold for") != ""
+
+
+def test_a_restriction_stands_first_and_the_values_may_be_used(calibration: Calibration) -> None:
+    said = ("Strip 3 sits otherwise.",)
+    content = calibration.content(changed(calibration.record, verdict="restricted", restrictions=said))
+    assert content.title == "Calibration certificate with restrictions"
+    assert content.sentence == "Accepted with one restriction: use it only as they allow."
+    assert sentences(content.sections[0], "Restrictions of use") == said[0]
+    use = section(calibration, "use", verdict="restricted", restrictions=said)
+    assert sentences(use, "The values hold for") != ""
+    assert "For production at all" not in sentences(use, "This certificate must not be used")
 
 
 @pytest.mark.parametrize(
