@@ -126,5 +126,17 @@ def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:
         search = search.more(adjuster, back)
     raise InconsistentBlockError(
         f"After {adjuster.options.most_passes} passes of rejection there are still standardized residuals "
-        f"above {rule.critical_value}. The critical value is too small for these weights."
+        f"above {rule.critical_value}. σ0 of what is left: {_sigmas0(search.adjusted)}. σ of a group far "
+        "above 1 are stated too small; if none is, the critical value is too small."
     )
+
+
+def _sigmas0(adjusted: Adjusted) -> str:
+    """σ0 of every group with redundancy, in words."""
+    found = []
+    for group, item in zip(adjusted.observations.groups, adjusted.residuals, strict=True):
+        redundancy = float(np.nansum(item.redundancy))
+        if redundancy > 1.0:
+            sigma0 = float(np.sqrt(item.weighted_squares / redundancy))
+            found.append(f"{group.name.replace('_', ' ')} {sigma0:.2f}")
+    return ", ".join(found)
