@@ -156,6 +156,12 @@ class AlternativeTests:
         solved = np.linalg.solve(correlation, scale * self.score[chosen])
         return float(scale * self.score[chosen] @ solved), scale * solved
 
+    @property
+    def correlation(self) -> Floats:
+        """(k, k) of the scores: alternatives near ±1 explain the same misclosures; NaN where not told."""
+        spread = np.sqrt(self._own)
+        return self.normal / spread[:, None] / spread
+
     def together(self, members: Sequence[int]) -> tuple[float, int]:
         """T of some alternatives together, and its degrees of freedom: what can be told of them at all."""
         chosen = [k for k in members if self.distinguishable[k]]

@@ -165,7 +165,17 @@ def _finding(
     moved = quantity_words(str(moving["moves"]))
     moves = f"{moved} of {moving['moves_entity']}" if moving["moves"] else ""
     effect = f" It moves {moves} by {moved_by:.1f} σ." if moves else ""
-    sentence = f"{text} (t = {abs(t):.1f}).{effect} {words.remedy}"
+    # Components of the same thing are no other cause.
+    own = {quantity_words(str(row["quantity"])) for row in rows}
+    named = dict.fromkeys(
+        other
+        for row in rows
+        if isinstance(row["alike"], str)
+        for other in row["alike"].split(", ")
+        if other not in own
+    )
+    alike = f" Nearly the same would be: {', '.join(named)}." if named else ""
+    sentence = f"{text} (t = {abs(t):.1f}).{alike}{effect} {words.remedy}"
     return ModelFinding(number, kind, entity, scope, part, t, moves, moved_by, sentence)
 
 

@@ -13,6 +13,7 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from tasks.block.model_alternatives import Alternative
+from tasks.block.model_findings import alternative_words
 from tasks.block.parameter_tables import reported_unit
 from tasks.block.result_tables import AdjustedBlock
 from tasks.storage.json_text import JSON
@@ -23,6 +24,8 @@ from tasks.tables.parquet import write_table
 ERROR_PROBABILITY = 0.005
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
 _SCATTER_PROBABILITY = 0.001
+# Scores correlated by more than this cannot be told from each other by chance; so many are named.
+_ALIKE, _MOST_ALIKE = 0.7, 3
 # With fewer strips their scatter says nothing.
 _FEW_STRIPS = 4
 _KEY = ("quantity", "entity", "scope", "part")
@@ -138,12 +141,24 @@ class ExaminedModel:
                 "rank": rank,
                 "explained": explained * factor,
                 "explained_sigma": beside * self.scale * factor,
+                "alike": [self._alike(k) if rank[k] else None for k in range(len(factor))],
                 "moves": [names[k][0] if names else None for k in most],
                 "moves_entity": [names[k][1] if names else None for k in most],
                 "moved_by_detectable": np.abs(by) * tests.detectable * self.scale,
                 "moved_by_estimate": np.abs(by * size),
             }
         )
+
+    def _alike(self, k: int) -> str | None:
+        """Other alternatives, of no single strip, that would look nearly the same, the likest first."""
+        likeness = np.abs(np.nan_to_num(self.found.tests.correlation[k]))
+        others = [
+            alternative_words({"quantity": item.quantity, "scope": item.scope, "part": item.part})
+            for j in np.argsort(-likeness, kind="stable")
+            for item in (self.alternatives[j],)
+            if likeness[j] > _ALIKE and j != k and item.scope != "strip"
+        ]
+        return ", ".join(others[:_MOST_ALIKE]) or None
 
     def effects(self) -> pd.DataFrame:
         """The rows of model_alternative_effects.parquet."""

@@ -103,6 +103,7 @@ class Fate:
     verdict : of the flight; ``input_error`` or ``not_computable`` where there is no calibration.
     reasons : of the verdict.
     first : the quantity of the likeliest model alternative, and where; empty without one.
+    alike : what is named as nearly the same as the likeliest.
     worst : largest error of a certified parameter, in its σ; NaN without one.
     errors : of all of them.
     """
@@ -110,6 +111,7 @@ class Fate:
     verdict: str
     reasons: tuple[str, ...] = ()
     first: str = ""
+    alike: str = ""
     worst: float = float("nan")
     errors: tuple[float, ...] = field(default=())
 
@@ -155,7 +157,12 @@ def fate_of(outcome: RunOutcome, project: Path) -> Fate:
     causes = outcome.summary.model_extra["model_findings"]
     first = " ".join(str(causes[0][key]) for key in ("quantity", "scope", "part")).strip() if causes else ""
     worst = float(np.abs(errors).max()) if errors else float("nan")
-    return Fate(found["verdict"], tuple(found["reasons"]), first, worst, errors)
+    alike = (
+        str(causes[0]["sentence"]).partition("Nearly the same would be: ")[2].partition(".")[0]
+        if causes
+        else ""
+    )
+    return Fate(found["verdict"], tuple(found["reasons"]), first, alike, worst, errors)
 
 
 def in_strips(pattern: str) -> Callable[[Table], pd.Series]:
@@ -287,7 +294,7 @@ SLIPS: tuple[Slip, ...] = (
     Slip("refraction applied twice", "refraction", stated=('adjustment.refraction="standard"',)),
     Slip("radial distortion of 5 µm", "brown", image_points=distorted(k1=5e-3 / 40.0**3)),
     Slip("affinity of 100 ppm", "brown", image_points=distorted(affinity=1e-4)),
-    Slip("focal length 20 µm longer above", "gnss_height_scale", image_points=longer(20e-3 / 80.0)),
+    Slip("focal length 20 µm longer above", "focal_length", image_points=longer(20e-3 / 80.0)),
     Slip("GNSS σ five times too small", words="GNSS", stated=("inputs.exposures.sigma.position_m=0.01",)),
     Slip(
         "INS σ five times too small",

@@ -46,7 +46,9 @@ def test_a_slip_is_refused_or_stated_as_what_this_flight_cannot_notice(
         if found.worst > WRONG:
             _is_stated(project, slip.unnoticed or slip.cause.partition(" ")[0], found)
         return
-    by_model = bool(slip.cause) and found.first.startswith(slip.cause)
+    # The first cause, or one that is named as nearly the same.
+    alike = slip.cause.partition(" ")[0].replace("_", " ").replace("gnss", "GNSS")
+    by_model = bool(slip.cause) and (found.first.startswith(slip.cause) or alike in found.alike)
     assert by_model or (bool(slip.words) and any(slip.words in reason for reason in found.reasons)), found
 
 

@@ -23,6 +23,7 @@ MODEL_ALTERNATIVES = TableSchema(
         count("rank", "place among those that explain the misclosures together; 0: not among them"),
         number("explained", "see unit", "size together with those; null if not among them", nullable=True),
         number("explained_sigma", "see unit", "its standard deviation; null likewise", nullable=True),
+        text("alike", "other alternatives that would look nearly the same; null: none", nullable=True),
         text("moves", "calibrated parameter that an undetected one moves most; null: none", nullable=True),
         text("moves_entity", "camera or flight of that parameter", nullable=True),
         number("moved_by_detectable", "", "how far, for the smallest found, in its sigma", nullable=True),

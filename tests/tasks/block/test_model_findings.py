@@ -24,6 +24,7 @@ def row(quantity: str, rank: int, explained: float, **changed: object) -> dict[s
         "explained": explained,
         "explained_sigma": 0.01,
         "rank": rank,
+        "alike": None,
         "moves": "gnss_shift_z",
         "moves_entity": "1",
         "moved_by_estimate": abs(explained) * 10.0,
@@ -58,6 +59,17 @@ def test_the_same_thing_in_two_strips_is_two_causes() -> None:
     assert "in strip E00: roll +0.02 ± 0.001°" in first.sentence
     assert "in strip E01" in second.sentence
     assert alternative_words(rows[0]) == "boresight roll in strip E00"
+
+
+def test_what_would_look_the_same_is_named_beside_it() -> None:
+    rows = [
+        row("time_offset", 1, 0.002, unit="s", entity="1", alike="lever arm x, principal point x"),
+        row("lever_arm_x", 2, 0.1, alike="lever arm y"),
+        row("lever_arm_y", 3, 0.1, alike=None),
+    ]
+    time, arm = model_findings(pd.DataFrame(rows))
+    assert "Nearly the same would be: lever arm x, principal point x." in time.sentence
+    assert "Nearly the same" not in arm.sentence
 
 
 def test_nothing_significant_is_no_finding() -> None:

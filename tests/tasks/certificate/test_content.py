@@ -315,3 +315,17 @@ def test_a_line_flown_forward_and_reverse_shows_two_arrows_beside_it(calibration
     middle = plot.y.at(0.0)
     assert f'cy="{middle + BESIDE:.1f}"' in forward
     assert f'cy="{middle - BESIDE:.1f}"' in reverse
+
+
+def test_what_no_flight_can_tell_is_an_assumption_with_its_effect(
+    calibration: Calibration, tables: dict[str, dict[str, Any]]
+) -> None:
+    """Half a pixel of the principal point: the other reading of the pixel's origin."""
+    half_um = 0.5 * calibration.record.camera.pixel_um
+    for item in calibration.record.parameters:
+        if item.parameter.startswith("principal_point") and item.sigma is not None:
+            key = f"{item.parameter}@{item.entity}"
+            assert number_in(tables["assumptions"], key, "change") == half_um
+            in_sigma = number_in(tables["assumptions"], key, "in_sigma")
+            assert in_sigma == pytest.approx(1e-3 * half_um / item.sigma)
+    assert len(tables["assumptions"]["rows"]) == 2  # a local system has one north only
