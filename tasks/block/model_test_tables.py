@@ -28,6 +28,7 @@ _SCATTER_PROBABILITY = 0.001
 _ALIKE, _MOST_ALIKE = 0.7, 3
 # With fewer strips their scatter says nothing.
 _FEW_STRIPS = 4
+_DIVISIONS = ("flight", "height", "direction")
 _KEY = ("quantity", "entity", "scope", "part")
 
 
@@ -54,6 +55,11 @@ class ExaminedModel:
         """|t| above which an alternative is significant."""
         tested = max(int(self.found.tests.distinguishable.sum()), 1)
         return float(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / tested))
+
+    @property
+    def found_from(self) -> float:
+        """Size, in its σ, from which an alternative is significant with a probability of 80 %."""
+        return self.critical + float(special.ndtri(0.8))
 
     @cached_property
     def order(self) -> tuple[int, ...]:
@@ -137,14 +143,14 @@ class ExaminedModel:
                 "estimate": tests.estimate * factor,
                 "sigma": tests.sigma * self.scale * factor,
                 "t": tests.t / self.scale,
-                "detectable": tests.detectable * self.scale * factor,
+                "detectable": self.found_from * tests.sigma * self.scale * factor,
                 "rank": rank,
                 "explained": explained * factor,
                 "explained_sigma": beside * self.scale * factor,
                 "alike": [self._alike(k) if rank[k] else None for k in range(len(factor))],
                 "moves": [names[k][0] if names else None for k in most],
                 "moves_entity": [names[k][1] if names else None for k in most],
-                "moved_by_detectable": np.abs(by) * tests.detectable * self.scale,
+                "moved_by_detectable": np.abs(by) * self.found_from * tests.sigma * self.scale,
                 "moved_by_estimate": np.abs(by * size),
             }
         )
@@ -179,12 +185,23 @@ class ExaminedModel:
         return pd.concat(parts) if parts and names else pd.DataFrame()
 
     def _moved_sigmas(self) -> Floats:
-        """(h, k) change of the calibrated parameters by b = 1, in their standard deviations."""
+        """(h, k) change of the calibrated parameters by b = 1, in their standard deviations.
+
+        A parameter that differs between flights, heights or directions has two values and one result: it is
+        wrong by what it is moved for one of them, and by that less b for the other.
+        """
         own = self._calibrated()
         spread = self.adjusted.sigma0 * np.sqrt(
             np.diagonal(self.adjusted.result.cofactor.reduced.corner)[own]
         )
-        return self.found.tests.effect[own] / spread[:, None]
+        effect = self.found.tests.effect[own].copy()
+        names = [name for name, kept in zip(self._names(), own, strict=True) if kept]
+        for k, item in enumerate(self.alternatives):
+            for row, (name, entity) in enumerate(names):
+                differs = item.scope in _DIVISIONS and name == item.quantity and item.entity in ("", entity)
+                if differs and abs(effect[row, k] - 1.0) > abs(effect[row, k]):
+                    effect[row, k] -= 1.0
+        return effect / spread[:, None]
 
     def _names(self) -> list[tuple[str, str]]:
         return [(name, entity) for name, entity, _ in self.adjusted.result.layout.border_names()]

@@ -82,8 +82,8 @@ def unnoticed_table(material: Material) -> Table:
     )
     rows = tuple(_unnoticed_row(row) for row in shown.head(MOST).to_dict("records"))
     note = (
-        "Found with a probability of 80 % in a test at 0.1 %. Without a number: this block cannot tell it "
-        "from the parameter it moves, whatever its size; that it is zero is an assumption. All in "
+        "Found with a probability of 80 % beside all other tests. Without a number: this block cannot tell "
+        "it from the parameter it moves, whatever its size; that it is zero is an assumption. All in "
         "model_alternatives.parquet and model_alternative_effects.parquet."
     )
     return Table("unnoticed-errors", "Errors that may stay unnoticed", columns, rows, note)

@@ -1,7 +1,7 @@
 """Slips in the delivery of a simulated calibration flight, one row each, and what becomes of each.
 
 Two flights in four directions: 148 exposures of 80 mm at 780 and 2,340 m with 84 control and 40 check points,
-and 104 of 120 mm at 1,500 and 3,000 m without check points. Lever arm, GNSS shift, misalignment and interior
+and 104 of 120 mm at 1,400 and 3,000 m without check points. Lever arm, GNSS shift, misalignment and interior
 orientation differ from what the project states as they do in reality.
 """
 
@@ -41,10 +41,10 @@ GEOMETRIES: Mapping[str, tuple[str, ...]] = {
         "camera.focal_length_mm=120.0",
         "points.count=1200",
         "points.detection=0.5",
-        "flight.0.height_m=1500.0",
+        "flight.0.height_m=1400.0",
         "flight.0.lines=2",
         "flight.0.exposures=8",
-        "flight.1.height_m=1500.0",
+        "flight.1.height_m=1400.0",
         "flight.1.lines=2",
         "flight.1.exposures=8",
         "flight.2.height_m=3000.0",

@@ -19,7 +19,7 @@ MODEL_ALTERNATIVES = TableSchema(
         number("estimate", "see unit", "size of it alone; null if it cannot be told", nullable=True),
         number("sigma", "see unit", "its standard deviation", nullable=True),
         number("t", "", "estimate over its standard deviation", nullable=True),
-        number("detectable", "see unit", "smallest size found with 80 % at 0.1 %", nullable=True),
+        number("detectable", "see unit", "size from which it is significant with 80 %", nullable=True),
         count("rank", "place among those that explain the misclosures together; 0: not among them"),
         number("explained", "see unit", "size together with those; null if not among them", nullable=True),
         number("explained_sigma", "see unit", "its standard deviation; null likewise", nullable=True),
