@@ -82,8 +82,11 @@ def test_data() -> Path:
 @pytest.fixture(scope="session")
 def prefect_server() -> Iterator[None]:
     """Prefect's temporary server, once for all tests that need one."""
+    from prefect.logging.configuration import ensure_logging_setup
     from prefect.testing.utilities import prefect_test_harness
 
+    # Prefect takes all handlers away when it sets up logging: in a test, that of `caplog`.
+    ensure_logging_setup()
     with prefect_test_harness(server_startup_timeout=120):
         yield
 
