@@ -176,11 +176,11 @@ class AlternativeTests:
         chosen = list(members)
         return np.sqrt(np.diagonal(np.linalg.inv(self.normal[np.ix_(chosen, chosen)])))
 
-    def explanation(self, critical: float) -> tuple[int, ...]:
+    def explanation(self, critical: Floats | float) -> tuple[int, ...]:
         """The alternatives that explain the misclosures together, each after those before it.
 
-        The first has the largest |t|; every further one has the largest beside all before it and exceeds
-        the critical value, too (detection, identification, adaptation: Teunissen 2006, ch. 4).
+        The first has the largest |t| of those that exceed their critical value, one or (k,); every further one likewise,
+        beside all before it (detection, identification, adaptation: Teunissen 2006, ch. 4).
         """
         found: list[int] = []
         score, normal, own = self.score.copy(), self.normal.copy(), np.nan_to_num(self._own)
@@ -189,9 +189,10 @@ class AlternativeTests:
             # What the ones before it leave of an alternative may be rounding alone.
             told = left > _LEFT_OVER * own
             t = np.where(told, score, 0.0) / np.sqrt(np.where(told, left, 1.0))
-            best = int(np.argmax(np.abs(t))) if len(t) else 0
-            if not len(t) or abs(t[best]) <= critical:
+            significant = np.flatnonzero(np.abs(t) > critical)
+            if not len(significant):
                 return tuple(found)
+            best = int(significant[np.argmax(np.abs(t[significant]))])
             found.append(best)
             column = normal[:, best] / normal[best, best]
             score = score - column * score[best]

@@ -22,6 +22,8 @@ from tasks.tables.parquet import write_table
 
 #: Probability that any alternative of a complete model is called significant, shared among all of them.
 ERROR_PROBABILITY = 0.005
+# Beyond the critical value, in σ: the power of 80 %.
+_POWER = float(special.ndtri(0.8))
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
 _SCATTER_PROBABILITY = 0.001
 # Scores correlated by more than this cannot be told from each other by chance; so many are named.
@@ -50,16 +52,24 @@ class ExaminedModel:
         """Factor of all σ: σ0 where it is above 1; σ that are stated too large make nothing significant."""
         return max(1.0, self.adjusted.result.test.sigma0)
 
-    @property
-    def critical(self) -> float:
-        """|t| above which an alternative is significant."""
-        tested = max(int(self.found.tests.distinguishable.sum()), 1)
-        return float(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / tested))
+    @cached_property
+    def critical(self) -> Floats:
+        """(k,) |t| above which an alternative is significant.
+
+        The probability of a false alarm is shared in proportion to how far an error that is just found would
+        move a calibrated parameter (weighted Bonferroni: Genovese, Roeder and Wasserman 2006), one σ at least.
+        """
+        tested = self.found.tests.distinguishable
+        alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER
+        moved = np.abs(self._moved_sigmas).max(axis=0, initial=0.0) * self.found.tests.sigma * self.scale
+        weight = np.where(tested, np.maximum(alike * np.nan_to_num(moved), 1.0), 0.0)
+        share = weight / max(weight.sum(), 1.0)
+        return np.asarray(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY * np.where(tested, share, 1.0)))
 
     @property
-    def found_from(self) -> float:
-        """Size, in its σ, from which an alternative is significant with a probability of 80 %."""
-        return self.critical + float(special.ndtri(0.8))
+    def found_from(self) -> Floats:
+        """(k,) size, in its σ, from which an alternative is significant with a probability of 80 %."""
+        return self.critical + _POWER
 
     @cached_property
     def order(self) -> tuple[int, ...]:
@@ -73,7 +83,7 @@ class ExaminedModel:
 
     def figures(self) -> dict[str, JSON]:
         """For summary.json: how far all of them together move a parameter, and what they do not explain."""
-        moved = np.abs(self._moved_sigmas()[:, list(self.order)] @ self.joint[1])
+        moved = np.abs(self._moved_sigmas[:, list(self.order)] @ self.joint[1])
         return {
             "moved_by_findings": float(moved.max(initial=0.0)),
             "strip_scatter": [item for key in self._of_strips() if (item := self._scatter(*key)) is not None],
@@ -108,7 +118,7 @@ class ExaminedModel:
             return None
         own = tests.estimate[members] ** 2 - (self.scale * tests.sigma[members]) ** 2
         scatter = float(np.sqrt(max(float(np.median(own)), own.mean(), 0.0)))
-        every = self._moved_sigmas()[:, members]
+        every = self._moved_sigmas[:, members]
         factor = self.alternatives[members[0]].factor
         return {
             "quantity": quantity,
@@ -132,7 +142,7 @@ class ExaminedModel:
         beside = np.full(len(factor), np.nan)
         if self.order:
             beside[list(self.order)] = tests.joint_sigma(self.order)
-        moved = self._moved_sigmas()
+        moved = self._moved_sigmas
         most = np.argmax(np.abs(moved), axis=0) if len(moved) else np.zeros(len(factor), dtype=np.int64)
         by = moved[most, np.arange(len(factor))] if len(moved) else np.zeros(len(factor))
         names = [name for name, own in zip(self._names(), self._calibrated(), strict=True) if own]
@@ -184,6 +194,7 @@ class ExaminedModel:
         ]
         return pd.concat(parts) if parts and names else pd.DataFrame()
 
+    @cached_property
     def _moved_sigmas(self) -> Floats:
         """(h, k) change of the calibrated parameters by b = 1, in their standard deviations.
 
