@@ -12,6 +12,7 @@ from tasks import publish as publishing
 from tasks import two_step
 from tasks.calibration import applied_cameras, describe, judge
 from tasks.calibration.control_alone import control_alone
+from tasks.calibration.evidence import model_refuses
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
@@ -20,6 +21,7 @@ from tasks.settings.inputs import ExposuresInput
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON
+from tasks.storage.notes import read_notes
 from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
 
@@ -99,6 +101,13 @@ def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> On
                 break
             held = {**held, **found}
         undetermined = undetermined_after(judged)
+    # First with the stated σ: estimated ones would hide an error of the model as noise of its group.
+    found_first = read_notes(adjusted["notes"]).figures
+    calibration = used.calibration
+    if calibration.variance_components and not model_refuses(found_first, calibration.limits):
+        weighting = used.adjustment.model_copy(update={"variance_components": True})
+        used = used.model_copy(update={"adjustment": weighting})
+        adjusted = adjusted_block(used, store, block)
     return OneStep(used, adjusted, tuple(history))
 
 

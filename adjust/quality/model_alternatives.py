@@ -179,8 +179,8 @@ class AlternativeTests:
     def explanation(self, critical: Floats | float) -> tuple[int, ...]:
         """The alternatives that explain the misclosures together, each after those before it.
 
-        The first has the largest |t| of those that exceed their critical value, one or (k,); every further one likewise,
-        beside all before it (detection, identification, adaptation: Teunissen 2006, ch. 4).
+        The first has the largest |t| of those that exceed their critical value, one or (k,); every further
+        one likewise, beside all before it (detection, identification, adaptation: Teunissen 2006, ch. 4).
         """
         found: list[int] = []
         score, normal, own = self.score.copy(), self.normal.copy(), np.nan_to_num(self._own)

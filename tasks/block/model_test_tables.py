@@ -57,7 +57,7 @@ class ExaminedModel:
         """(k,) |t| above which an alternative is significant.
 
         The probability of a false alarm is shared in proportion to how far an error that is just found would
-        move a calibrated parameter (weighted Bonferroni: Genovese, Roeder and Wasserman 2006), one σ at least.
+        move a calibrated parameter, one σ at least (weighted Bonferroni; Genovese, Roeder, Wasserman 2006).
         """
         tested = self.found.tests.distinguishable
         alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER

@@ -113,12 +113,13 @@ def variance_sentences(result: AdjustmentResult) -> list[str]:
     for component in result.variance_components:
         if component.estimated and not component.lower <= 1.0 <= component.upper:
             unit, factor = reported_unit_of(result.groups[component.part.group].group)
+            part = part_words(component.part.name)
             sentences.append(
-                f"The stated σ of {_in_words(component)} do not agree with the residuals: they are "
-                f"{component.factor:.2f} ({component.lower:.2f} to {component.upper:.2f}) times as large, in "
-                f"the median {component.sigma * factor:.3g} {unit}; the adjustment uses these."
+                f"The stated σ of {part} do not agree with the residuals: they are "
+                f"{component.factor:.2f} ({component.lower:.2f} to {component.upper:.2f}) times as large, "
+                f"in the median {component.sigma * factor:.3g} {unit}; the adjustment uses these."
             )
-    kept = [_in_words(item) for item in result.variance_components if not item.estimated]
+    kept = [part_words(item.part.name) for item in result.variance_components if not item.estimated]
     if kept:
         sentences.append(
             f"Too little redundancy to estimate the σ of {', '.join(kept)}: they stay as stated."
@@ -126,8 +127,12 @@ def variance_sentences(result: AdjustmentResult) -> list[str]:
     return sentences
 
 
-def _in_words(component: VarianceComponent) -> str:
-    return component.part.name.replace("_", " ").replace("prior:", "the priors of ").replace(":", " ")
+def part_words(part: str) -> str:
+    """A part of the observations as people write it: ``GNSS positions in height``."""
+    group, _, components = part.partition(" ")
+    words = group.replace("_", " ").replace("prior:", "the priors of ").replace(":", " ")
+    words = words.replace("gnss", "GNSS").replace("ins ", "INS ")
+    return f"{words} in {components}" if components in ("plan", "height") else f"{words} {components}".strip()
 
 
 def with_estimated_sigmas(surveyed: SurveyedPoints, result: AdjustmentResult) -> SurveyedPoints:

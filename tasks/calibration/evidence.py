@@ -16,6 +16,7 @@ import pandas as pd
 from scipy import special
 
 from tasks.block.model_findings import quantity_words, shown_unit
+from tasks.block.variance_figures import part_words
 from tasks.calibration.two_step_comparison import StepComparison
 from tasks.quality_gates import GateResult
 from tasks.settings.calibration import AcceptanceLimits
@@ -67,6 +68,7 @@ class Evidence:
             *_of_restored(self.adjusted, limits),
             *_of_model(self.adjusted, limits),
             *_of_groups(self.adjusted, limits),
+            *_of_components(self.adjusted, limits),
             *_of_rejections(self.residuals, self.images, limits),
             *_of_priors(self.residuals, limits),
             *_of_check_points(self.direct, limits),
@@ -87,9 +89,13 @@ def _of_restored(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Itera
             yield (
                 True,
                 f"The stated σ of the {name} are too small: with all of them σ0 of the group is "
-                f"{float(item['sigma0']):.2f}, and no error of the model explains it. Correct them, or have "
-                "them estimated (adjustment.variance_components = true).",
+                f"{float(item['sigma0']):.2f}, and no error of the model explains it. Correct them.",
             )
+
+
+def model_refuses(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> bool:
+    """Whether an error of the model was found that refuses a calibration, whatever else is right."""
+    return any(refuses for refuses, _ in _of_model(adjusted, limits))
 
 
 def _of_model(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
@@ -157,8 +163,23 @@ def _of_groups(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterato
             yield (
                 True,
                 f"The stated σ of the {_GROUPS[name]} are too {what}: σ0 of the group is "
-                f"{float(sigma0):.2f}, not within {1.0 / factor:.2f} and {factor:.2f}. Correct them, or "
-                "have them estimated (adjustment.variance_components = true).",
+                f"{float(sigma0):.2f}, not within {1.0 / factor:.2f} and {factor:.2f}. Correct them.",
+            )
+
+
+def _of_components(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+    """Stated σ in whose place estimated ones were used; where larger, an unknown error may be in them."""
+    for item in (adjusted["variance_components"] or {"components": ()})["components"]:
+        if not item["estimated"]:
+            continue
+        small = float(item["factor_lower"]) > limits.sigma0_factor
+        if small or float(item["factor_upper"]) < 1.0 / limits.sigma0_factor:
+            part = part_words(str(item["part"]))
+            yield (
+                small and not str(item["part"]).startswith(_PRIOR),
+                f"The stated σ of {part} are too {'small' if small else 'large'}: they are "
+                f"{float(item['factor']):.2f} ({float(item['factor_lower']):.2f} to "
+                f"{float(item['factor_upper']):.2f}) times as large, which was used. Correct them.",
             )
 
 

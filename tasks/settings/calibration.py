@@ -114,6 +114,12 @@ class CalibrationSettings(Settings):
         "Strip biases of GNSS belong to it: taken for white noise, they make everything look better than "
         "it is.",
     )
+    variance_components: bool = Field(
+        default=True,
+        description="Whether, where the stated σ hide no error of the model, the last adjustment estimates "
+        "the σ of every group (adjustment.variance_components): the σ of the certificate then rest on what "
+        "each group shows, not on one σ0 for all of them.",
+    )
     two_step: bool = Field(
         default=True,
         description="Whether the block is also adjusted on control alone and the differences to GNSS and INS "

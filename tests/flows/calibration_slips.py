@@ -81,6 +81,7 @@ class Slip:
     flight : what was flown otherwise.
     exposures, control, image_points : what was done to the delivered tables.
     unnoticed : the quantity of which an error stays unnoticed and does the same, where that is so.
+    of : the slips of which it consists.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Slip:
     control: Edit | None = None
     image_points: Edit | None = None
     unnoticed: str = ""
+    of: tuple[Slip, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -303,3 +305,36 @@ SLIPS: tuple[Slip, ...] = (
     ),
     Slip("a failed gate", words="gate", stated=("gates.sigma0.max=0.5",)),
 )  # fmt: skip
+
+
+def _both(first: str, second: str) -> Slip:
+    """Two slips in one delivery."""
+    one, other = (next(slip for slip in SLIPS if slip.name == name) for name in (first, second))
+    edits: dict[str, Edit] = {}
+    for name in ("exposures", "control", "image_points"):
+        for edit in filter(None, (getattr(one, name), getattr(other, name))):
+            edits[name] = _after(edits[name], edit) if name in edits else edit
+    return Slip(f"{first}, {second}", stated=(*one.stated, *other.stated), of=(one, other), **edits)
+
+
+def _after(first: Edit, second: Edit) -> Edit:
+    return lambda table: second(first(table))
+
+
+PAIRS: tuple[Slip, ...] = (
+    _both("lever arm 10 cm wrong along x", "2 ms late"),
+    _both("lever arm with flipped sign", "control 30 cm too high"),
+    _both("lever arm forgotten", "remounted by 0.02°"),
+    _both("lever arm 10 cm wrong along y", "one control point 1 m wrong"),
+    _both("10 ms late", "lever arm x and y swapped"),
+    _both("high strips 10 cm too high", "focal length 20 µm longer above"),
+    _both("high strips 10 cm too high", "control noise 10 cm"),
+    _both("one strip 50 cm too high", "one strip turned by 0.05°"),
+    _both("control tilted by 0.01°", "control scale 200 ppm"),
+    _both("control turned by 0.01°", "remounted by 0.02° about the vertical"),
+    _both("remounted by 0.004°", "INS σ five times too small"),
+    _both("refraction applied twice", "radial distortion of 5 µm"),
+    _both("image σ five times too large", "lever arm 10 cm wrong along x"),
+    _both("image σ five times too large", "focal length 20 µm longer above"),
+    _both("GNSS σ five times too small", "one direction 20 cm to the east"),
+)

@@ -188,6 +188,21 @@ def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_pat
     assert any("no two-step calibration" in text for text in outcome.summary.problems)
 
 
+def test_image_points_stated_too_coarse_change_nothing_but_a_remark(
+    flight: Path, record: CalibrationRecord, tmp_path: Path
+) -> None:
+    change = ("inputs.image_points.sigma=0.006", "calibration.two_step=false")
+    outcome = calibrated(flight, *change, out=tmp_path)
+    assert outcome.error is None, outcome.error
+    coarse = CalibrationRecord.model_validate_json((tmp_path / "calibration.json").read_text())
+    assert (coarse.verdict, coarse.reasons) == ("restricted", ())
+    assert "σ of image points are too large: they are 0.20" in " ".join(coarse.restrictions)
+    for one, other in zip(coarse.parameters, record.parameters, strict=True):
+        if other.sigma is not None:
+            assert one.sigma == pytest.approx(other.sigma, rel=0.01)
+            assert abs(one.value - other.value) < 0.02 * other.sigma
+
+
 @pytest.mark.slow
 def test_additional_parameters_are_released_last(flight: Path, tmp_path: Path) -> None:
     selection = 'adjustment.self_calibration.parameters="bluh:1-12"'

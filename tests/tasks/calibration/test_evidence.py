@@ -24,6 +24,7 @@ ADJUSTED: dict[str, Any] = {
     "moved_by_findings": 0.0,
     "strip_scatter": [],
     "restored_groups": [],
+    "variance_components": None,
     "groups": [{"group": name, "sigma0": 1.0, "redundancy": 300.0} for name in GROUPS],
 }
 FINDING = {"moved_by": 5.0, "sentence": "The lever arm looks wrong."}
@@ -96,6 +97,14 @@ def sigma0(group: str, value: float, redundancy: float = 300.0) -> Evidence:
     return adjusted(groups=[*others, {"group": group, "sigma0": value, "redundancy": redundancy}])
 
 
+def component(part: str, lower: float, upper: float) -> Evidence:
+    """A part whose σ were estimated."""
+    factor = {"factor": (lower * upper) ** 0.5, "factor_lower": lower, "factor_upper": upper}
+    item = {"part": part, "estimated": True, **factor}
+    kept = {"part": "control_points plan", "estimated": False, "factor_lower": None, "factor_upper": None}
+    return adjusted(variance_components={"components": [kept, item]})
+
+
 def checked(**changes: list[float]) -> Evidence:
     return replace(GOOD, direct={**DIRECT, **changes})
 
@@ -121,6 +130,10 @@ def test_without_anything_against_it_a_flight_is_accepted() -> None:
         (adjusted(restored_groups=[{"group": "control_points", "sigma0": 4.0}]), "σ of the control points"),
         (sigma0("image_points", 0.21), "σ of the image points are too large"),
         (sigma0("ins_attitudes", 1.8), "σ of the INS attitudes are too small"),
+        (
+            component("gnss_positions height", 1.6, 2.1),
+            "σ of GNSS positions in height are too small: they are 1.83",
+        ),
         (replace(GOOD, residuals=rejected("control_points", 4)), "4 of 50 control points"),
         (replace(GOOD, residuals=rejected("ins_attitudes", 50, 50)), "50 of 100 INS attitudes"),
         (
@@ -150,6 +163,8 @@ def test_every_kind_of_evidence_refuses_by_itself(evidence: Evidence, words: str
     [
         (adjusted(model_findings=[{**FINDING, "moved_by": 0.4}], moved_by_findings=0.4), "lever arm"),
         (adjusted(strip_scatter=[{**SCATTER, "moved_by": 0.7}]), "boresight pitch"),
+        (component("image_points", 0.20, 0.21), "σ of image points are too large"),
+        (component("prior:gnss_strip_bias", 1.6, 3.0), "σ of the priors of GNSS strip bias are too small"),
         (replace(GOOD, residuals=most_of_a_strip()), "5 of 7 GNSS positions of strip 00"),
         (replace(GOOD, residuals=contradicting("prior:gnss_strip_bias")), "contradict the flight"),
     ],
@@ -165,6 +180,7 @@ def test_what_moves_nothing_by_much_restricts(evidence: Evidence, words: str) ->
 def test_single_gross_errors_and_groups_that_say_little_are_no_evidence() -> None:
     assert replace(GOOD, residuals=rejected("control_points", 2)).objections(LIMITS) == ((), ())
     assert sigma0("control_points", 3.0, redundancy=5.0).objections(LIMITS) == ((), ())
+    assert component("ins_attitudes yaw", 1.3, 2.5).objections(LIMITS) == ((), ())
 
 
 def test_limits_are_those_of_the_project() -> None:
