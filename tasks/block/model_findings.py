@@ -30,7 +30,8 @@ _KINDS: Mapping[str, _Kind] = {
     ),
     "boresight": _Kind(
         "Camera {entity} and INS sit otherwise to each other{where}: {size}",
-        "Was one of them remounted, or the INS aligned anew? Then calibrate these exposures by themselves.",
+        "Was one of them remounted, or the INS aligned anew? Then give that flight a camera of its own "
+        "(inputs.exposures.flights).",
     ),
     "focal_length": _Kind(
         "The focal length of camera {entity} differs{where} by {size}",

@@ -17,7 +17,7 @@ from adjust.calibration.flight_pattern import FlightPattern
 from tasks.calibration.evidence import Evidence
 from tasks.calibration.held_quantities import HeldQuantity, held_sigmas, with_held
 from tasks.calibration.judge import recognised_pattern
-from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
 from tasks.calibration.quantities import is_calibrated
 from tasks.calibration.record import (
     CalibratedCamera,
@@ -96,6 +96,11 @@ def describe_calibration(
     evidence = _evidence(stages, outputs, figures, gates, steps)
     of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
+    by_height = flights_by_height(images, pattern)
+    if by_height is not None and any(
+        item.parameter == "focal_length" and item.verdict == "not_determinable" for item in verdicts.values()
+    ):
+        of_flight = of_flight.beside((by_height,), ())
     material = _Material(
         table,
         pairs,

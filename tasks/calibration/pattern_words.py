@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
 from tasks.block.separability import listed
@@ -26,3 +27,21 @@ def height_words(pattern: FlightPattern) -> str:
     if len(heights) == 1:
         return f"one height ({heights[0]} above ground)"
     return f"{len(heights)} heights ({listed(heights)} above ground, ratio {pattern.height_ratio:.1f})"
+
+
+def flights_by_height(images: pd.DataFrame, pattern: FlightPattern) -> str | None:
+    """What to declare where every flight of images.parquet has one height only; None where that is not so.
+
+    With a GNSS shift of its own in every height, nothing tells a focal length from the shifts.
+    """
+    height = images.groupby("flight")["height_above_ground_m"].median().to_numpy()
+    level = np.argmin(np.abs(np.log(height[:, None] / pattern.heights)), axis=1)
+    spread = images.groupby("flight")["height_above_ground_m"].agg(lambda own: own.max() / own.min())
+    if len(set(level.tolist())) < 2 or (spread > np.sqrt(pattern.height_ratio)).any():
+        return None
+    names = listed([f"'{name}'" for name in sorted(images["flight"].unique())])
+    return (
+        f"The flights {names} have one height each, and each has a GNSS shift of its own, which the focal "
+        "length cannot be told from. If they are parts of one flight with one GNSS solution, declare it: "
+        "inputs.exposures.flights.NAME.part_of."
+    )

@@ -16,6 +16,7 @@ from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import EXPOSURE_FORMATS
+from tasks.importing.declared_flights import with_declared_flights
 from tasks.importing.exposure_angles import (
     ConvertedAngles,
     convert_angles,
@@ -86,7 +87,8 @@ def exposure_columns(
 
 
 def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
-    records = EXPOSURE_FORMATS[source.format](source.file, source.angles.order)
+    delivered = EXPOSURE_FORMATS[source.format](source.file, source.angles.order)
+    records = with_declared_flights(delivered, source.flights)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
     if source.angles.reference == "grid":

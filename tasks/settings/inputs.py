@@ -54,6 +54,23 @@ class ExposureSigma(Settings):
     )
 
 
+class DeliveredFlight(Settings):
+    """What is known of a flight besides what its exposures say."""
+
+    part_of: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Flight it is a part of, such as one height of it: parts of one flight have one GNSS "
+        "solution, and so one GNSS shift and time offset. With a shift of its own for each height no flight "
+        "determines a focal length.",
+    )
+    camera: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="Camera its exposures are of, in the place of the delivered one. After a remount or "
+        "another focus: one more camera of the project file, with an interior orientation, boresight and "
+        "lever arm of its own.",
+    )
+
+
 class ExposuresInput(Settings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
@@ -71,6 +88,11 @@ class ExposuresInput(Settings):
     angles: Angles = Field(description="What the three angles are.")
     sigma: ExposureSigma = Field(
         default_factory=ExposureSigma, description="Standard deviations; those of a row beat them."
+    )
+    flights: dict[str, DeliveredFlight] = Field(
+        default_factory=dict,
+        description='Single flights by their delivered names, e.g. `high = { part_of = "1" }` or '
+        '`"day 2" = { camera = "UCE-80 remounted" }`.',
     )
 
 

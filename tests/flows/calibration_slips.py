@@ -192,6 +192,11 @@ def added(chosen: Callable[[Table], pd.Series] | None = None, **changes: float) 
     return edit
 
 
+def in_flight(name: str) -> Callable[[Table], pd.Series]:
+    """Which exposures belong to a flight."""
+    return lambda table: table["flight"] == name
+
+
 def later(seconds: float, chosen: Callable[[Table], pd.Series] | None = None) -> Edit:
     """Positions of a moment later."""
 

@@ -9,7 +9,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.flows.calibration_slips import GEOMETRIES, PAIRS, SLIPS, STATED, Fate, Slip, fate, flown, with_slip
+from tests.flows.calibration_slips import (
+    GEOMETRIES,
+    LEVER_ARM,
+    PAIRS,
+    SLIPS,
+    STATED,
+    Fate,
+    Slip,
+    added,
+    fate,
+    flown,
+    in_flight,
+    with_slip,
+)
 
 #: An error of a certified parameter beyond this, in its σ, must not be accepted.
 WRONG = 3.0
@@ -62,6 +75,38 @@ def _moved_by_unnoticed(project: Path, slips: tuple[Slip, ...]) -> float:
     )
     kinds = [slip.unnoticed or slip.cause.partition(" ")[0] for slip in slips]
     return float(sum(moved[table["quantity"].str.startswith(kind)].max() for kind in kinds if kind))
+
+
+def test_heights_that_are_called_flights_are_told_apart_or_declared_as_one(tmp_path: Path) -> None:
+    names = [f"flight.{number}.flight={'low' if number < 2 else 'high'}" for number in range(4)]
+    project = flown(tmp_path / "delivery", SEED, *names)
+    apart = fate(with_slip(project, Slip("none"), tmp_path / "apart"))
+    assert apart.verdict == "refused"
+    assert "'high' and 'low' have one height each" in apart.reasons[0]
+    declared = "inputs.exposures.flights={low={part_of='1'}, high={part_of='1'}}"
+    together = fate(with_slip(project, Slip("none"), tmp_path / "together"), (declared,))
+    assert together.verdict == "accepted"
+    assert together.worst < WRONG
+
+
+def test_a_remounted_camera_with_a_name_of_its_own_has_its_own_calibration(tmp_path: Path) -> None:
+    days = ("flight.1.flight=day 2", "flight.3.flight=day 2")
+    turned = Slip("remounted", exposures=added(in_flight("day 2"), pitch=0.02))
+    delivered = with_slip(flown(tmp_path / "delivery", SEED, *days), turned, tmp_path / "one")
+    one = fate(delivered)
+    assert one.verdict == "refused"
+    assert one.first == "boresight flight 1"
+    project = with_slip(tmp_path / "delivery", turned, tmp_path / "two") / "project.toml"
+    before, _, rest = project.read_text().partition("[cameras.UCE-80]")
+    camera, _, after = rest.partition("\n[")
+    project.write_text(f"{before}[cameras.UCE-80]{camera}\n[cameras.again]{camera}\n[{after}")
+    stated = (
+        "inputs.exposures.flights={'day 2'={camera='again'}}",
+        f"cameras.again.lever_arm_m={list(LEVER_ARM)}",
+    )
+    two = fate(project.parent, stated)
+    assert two.verdict == "accepted"
+    assert two.worst < WRONG
 
 
 @pytest.mark.timeout(7200)

@@ -130,6 +130,43 @@ def test_a_heading_against_grid_north_becomes_a_true_one(delivery):
     np.testing.assert_allclose(row["heading_deg"], 90.0 + np.degrees(gamma), atol=1e-10)
 
 
+FLIGHTS = """image,camera,strip,flight,x,y,z,omega,phi,kappa
+I1,CAM,S1,low,500000,5300000,2000,0,0,0
+I2,CAM,S1,high,500000,5300000,4000,0,0,0
+I3,CAM,,high,500100,5300000,4000,0,0,0
+I4,CAM,S1,,500200,5300000,4000,0,0,0
+"""
+
+
+def test_parts_of_one_flight_count_as_one_and_keep_their_strips_apart(delivery):
+    delivery.write(exposures=FLIGHTS)
+    declared = "inputs.exposures.flights={low={part_of='1'}, high={part_of='1'}}"
+    table = delivery.table(delivery.exposures(declared), "exposures")
+    assert table["flight"].fillna("").tolist() == ["1", "1", "1", ""]
+    assert table["strip"].fillna("").tolist() == ["low S1", "high S1", "", "S1"]
+
+
+def test_a_flight_after_a_remount_has_a_camera_of_its_own(delivery):
+    delivery.write(exposures=FLIGHTS)
+    own = "inputs.exposures.flights={high={camera='CAM2'}}"
+    with pytest.raises(InputError, match="CAM2") as raised:
+        delivery.exposures(own)
+    assert raised.value.entity == "I2"
+    first = delivery.texts["project"].partition("[cameras.CAM]")[2].partition("[inputs")[0]
+    delivery.change("project", "[inputs.image_points]", f"[cameras.CAM2]{first}[inputs.image_points]")
+    table = delivery.table(delivery.exposures(own), "exposures")
+    assert table["camera"].tolist() == ["CAM", "CAM2", "CAM2", "CAM"]
+    assert table["strip"].fillna("").tolist() == ["S1", "S1", "", "S1"]
+
+
+def test_a_declared_flight_that_is_not_there_is_named(delivery):
+    delivery.write(exposures=FLIGHTS)
+    with pytest.raises(InputError) as raised:
+        delivery.exposures("inputs.exposures.flights={hgh={part_of='1'}}")
+    assert raised.value.entity == "hgh"
+    assert "Its flights are: high, low." in raised.value.remedy
+
+
 def test_an_image_given_twice_names_both_lines(delivery):
     delivery.change("exposures", "I3,CAM", "I1,CAM")
     with pytest.raises(InputError) as raised:

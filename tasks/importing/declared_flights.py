@@ -1,0 +1,43 @@
+"""What the project file says of delivered flights: parts of one flight, and cameras that were remounted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pyarrow.compute as pc
+
+from tasks.errors import InputError
+from tasks.formats.records import ExposureRecords
+from tasks.nearest_name import did_you_mean
+from tasks.settings.inputs import DeliveredFlight
+
+
+def with_declared_flights(
+    records: ExposureRecords, declared: Mapping[str, DeliveredFlight]
+) -> ExposureRecords:
+    """The exposures with the flights and cameras they count for; strips of a part get its name in front.
+
+    Raises
+    ------
+    InputError
+        If no exposure is of a flight that is declared.
+    """
+    camera, strip, flight = records.camera, records.strip, records.flight
+    for name, own in declared.items():
+        mine = pc.fill_null(pc.equal(records.flight, name), False)
+        if not pc.any(mine).as_py():
+            names = sorted(pc.unique(records.flight.drop_null()).to_pylist())
+            known = f"Its flights are: {', '.join(names)}." if names else "It names no flights."
+            raise InputError(
+                f"inputs.exposures.flights declares the flight '{name}', of which the file has no exposure.",
+                f"{known} {did_you_mean(name, names)}".strip(),
+                file=records.file,
+                entity=name,
+            )
+        if own.camera is not None:
+            camera = pc.if_else(mine, own.camera, camera)
+        if own.part_of is not None:
+            strip = pc.if_else(mine, pc.binary_join_element_wise(name, strip, " "), strip)
+            flight = pc.if_else(mine, own.part_of, flight)
+    return replace(records, camera=camera, strip=strip, flight=flight)
