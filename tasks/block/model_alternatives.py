@@ -1,7 +1,8 @@
 """What the model of a block may lack: every alternative that is tested, one row each.
 
 Parameters that are held, or that differ between flights, heights, directions or strips; errors of time and
-height scale of GNSS; the datum of the control; refraction; image errors that no parameter describes.
+height scale of GNSS; the north of the attitudes; the datum of the control; refraction; image errors that no
+parameter describes.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from adjust.camera.additional.register import additional_parameters
 from adjust.camera.refraction import refracted_image_points, refraction_coefficient
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     BORESIGHT,
@@ -54,6 +56,8 @@ _IMAGE_ERRORS = "brown"
 _PER_MILLION = 1e-6
 # Less than this part of its height is no relief, or no second height, that a scale could show in.
 _FLAT = 1e-3
+# Radians; a local system has one north only.
+_NO_CONVERGENCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +117,7 @@ def model_alternatives(
     return (
         *_of_parameters(material),
         *_of_positions(material),
+        *_of_attitudes(material),
         *_of_control(material),
         *_of_image_points(material, cameras),
     )
@@ -223,6 +228,19 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
     height = material.block.frame.height(material.block.projection_centre)[gnss.image]
     if np.ptp(height) > 0.5 * np.abs(np.median(height)):
         yield _scaled("gnss_height_scale", gnss.name, _columns(2, height - height.mean()))
+
+
+def _of_attitudes(material: _Material) -> Iterator[Alternative]:
+    """The other north: attitudes turned by the convergence of the meridians, where that differs from zero."""
+    ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
+    if ins is None:
+        return
+    enu = material.given.local_from_enu[ins.image]
+    grid = np.swapaxes(enu, 1, 2) @ material.given.local_from_grid[ins.image]
+    convergence = np.arctan2(grid[:, 1, 0], grid[:, 0, 0])
+    if np.abs(convergence).max(initial=0.0) > _NO_CONVERGENCE:
+        turned = np.einsum("nji,nj->ni", ins.observed, enu[:, :, 2]) * convergence[:, None]
+        yield Alternative("convergence", "", "all", "", "1", 1.0, ObservationAlternative(ins.name, turned))
 
 
 def _of_control(material: _Material) -> Iterator[Alternative]:

@@ -50,6 +50,11 @@ _KINDS: Mapping[str, _Kind] = {
         "The heights of the GNSS positions have another scale than the rest: {size}",
         "Check whether these heights are ellipsoidal and in metres.",
     ),
+    "convergence": _Kind(
+        "The attitudes look as if they were counted from the other north: {size} of the angle between grid "
+        "and true north is in them",
+        "Check angles.reference; 100 % is true for grid north, −100 % grid for true north.",
+    ),
     "control_shift": _Kind(
         "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
         "Check datum and height system (geoid undulation) of both.",

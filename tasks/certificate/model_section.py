@@ -63,11 +63,16 @@ def _origin(material: CertificateMaterial) -> tuple[Row, ...]:
 
 
 def _north(material: CertificateMaterial) -> tuple[Row, ...]:
-    """Whether attitudes count from true or grid north: the convergence of the meridians in the yaw."""
+    """Whether attitudes count from true or grid north: the convergence of the meridians in the yaw.
+
+    Where the convergence differs enough between the exposures the tests of the model tell.
+    """
+    tests = material.results.model_alternatives
+    told = tests[(tests["quantity"] == "convergence") & (tests["detectable"] < 1.0)]
     project = material.results.project
     frame = MapFrame.of(project.project.crs, project.project.heights)
     places = material.images[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
-    if frame.is_local or len(places) == 0:
+    if frame.is_local or len(places) == 0 or len(told):
         return ()
     angle = float(np.rad2deg(np.mean(frame.convergence(places))))
     references = sorted(
