@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
-import pandas as pd
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
@@ -16,33 +13,18 @@ from adjust.calibration.elimination_rules import PRESETS
 from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection, columns_of
 from adjust.errors import AdjustmentError, DatumDefectError
 from adjust.model_tests import examined_model
-from adjust.observations.base import ObservationGroup
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS
 from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
-from tasks.approximate import USED, oriented_images
+from tasks.assembled_block import AssembledBlock, DeliveredTables, assembled_block
 from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
-from tasks.block.block_input import (
-    SurveyedPoints,
-    block_of,
-    gnss_positions,
-    image_point_observations,
-    ins_attitudes,
-    priors,
-    surveyed_points,
-)
-from tasks.block.block_input import (
-    control_points as control_observations,
-)
-from tasks.block.given_orientations import GivenOrientations
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
 from tasks.block.model_test_tables import ExaminedModel, write_model_alternatives
 from tasks.block.parameter_tables import write_parameters
-from tasks.block.refracted_rays import without_refraction
-from tasks.block.residual_grid import block_grids, with_given_corrections
+from tasks.block.residual_grid import BlockGrids, block_grids
 from tasks.block.residual_grid_figures import (
     residual_grid_figures,
     residual_grid_sentences,
@@ -55,18 +37,15 @@ from tasks.block.result_tables import (
     write_exterior_orientations,
     write_object_points,
 )
-from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
 from tasks.block.self_calibration_tables import (
     eliminated_parameters,
     self_calibration_figures,
     self_calibration_sentences,
     write_self_calibration,
 )
-from tasks.block.strip_motion import require_motion
 from tasks.block.surveyed_differences import write_control_residuals
 from tasks.block.variance_figures import with_estimated_sigmas
 from tasks.coordinates.crs import MapFrame
-from tasks.coordinates.local_frame import local_from_map
 from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
 from tasks.plausibility.lever_arm import lever_arm_suspicions, suspicions_without_rejection
@@ -106,46 +85,60 @@ def adjust_bundle(
     NotComputableError
         If the datum is not determined or the iteration diverges.
     """
-    map_frame = MapFrame.of(project.crs, project.heights)
-    measured, camera_table = read_table(image_points), read_table(cameras)
-    approximate = read_table(approximate_points)
-    given, frame, _ = oriented_images(read_table(exposures), camera_table, measured, map_frame)
-    require_motion(given, adjustment)
-    surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
-    if "control" not in adjustment.observe:
-        surveyed = replace(surveyed, is_check=np.ones_like(surveyed.is_check))
+    delivered = DeliveredTables(
+        read_table(exposures),
+        read_table(cameras),
+        read_table(image_points),
+        read_table(control_points),
+        read_table(approximate_points),
+        read_table(approximate_boresight),
+    )
+    prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
+    estimated = _estimated(prepared, adjustment)
+    write_notes(folder, _written(folder, prepared, estimated, adjustment))
 
-    start = approximate[approximate["status"] == USED]
-    x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
-    calibration = block_self_calibration(given, camera_table, adjustment.self_calibration)
-    begin = given.with_boresight(read_table(approximate_boresight)).orientations()
-    block = block_of(frame, given, tuple(start["point"]), x_in_local, adjustment, calibration, begin)
-    observations, rows = _observations(block, given, surveyed, measured, adjustment, calibration)
-    rays, fields = with_given_corrections(observations.image_points, block, adjustment.residual_grid)
-    observations = replace(observations, image_points=rays)
-    arms = (given.mountings.names, given.mountings.lever_arm)
+
+@dataclass(frozen=True, eq=False)
+class _Estimated:
+    """The adjusted block; with additional parameters, how they were chosen."""
+
+    adjusted: AdjustedBlock
+    selection: SelectedAdjustment | None
+    grids: BlockGrids
+
+
+def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estimated:
+    options = _options(settings)
     try:
-        block, result, selection = _adjusted(block, observations, adjustment)
+        block, result, selection = _adjusted(prepared.block, prepared.observations, settings)
     except NotComputableError as error:
-        slips = suspicions_without_rejection(*arms, block, observations, _options(adjustment))
+        slips = suspicions_without_rejection(
+            *prepared.lever_arms, prepared.block, prepared.observations, options
+        )
         raise NotComputableError(" ".join((*slips, str(error)))) from error
     grids = block_grids(
         block,
-        observations,
+        prepared.observations,
         result,
-        fields,
-        camera_table,
-        adjustment.residual_grid,
-        _options(adjustment),
+        prepared.fields,
+        prepared.cameras,
+        settings.residual_grid,
+        options,
         _report,
     )
     result = grids.result
+    sigma0 = result.test.sigma0 if settings.sigma0 == "a_posteriori" and result.test.redundancy > 0 else 1.0
+    surveyed = with_estimated_sigmas(prepared.surveyed, result)
+    adjusted = AdjustedBlock(block, result, *prepared.frames, sigma0, surveyed, prepared.never_used)
+    return _Estimated(adjusted, selection, grids)
 
-    never_used = np.ones(len(measured), dtype=bool)
-    never_used[rows] = False
-    sigma0 = result.test.sigma0 if adjustment.sigma0 == "a_posteriori" and result.test.redundancy > 0 else 1.0
-    surveyed = with_estimated_sigmas(surveyed, result)
-    adjusted = AdjustedBlock(block, result, map_frame, frame, sigma0, surveyed, measured[never_used])
+
+def _written(
+    folder: Path, prepared: AssembledBlock, estimated: _Estimated, settings: AdjustmentSettings
+) -> Notes:
+    """Write the tables; returns figures and remarks."""
+    adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
+    cameras = adjusted.block.cameras
     write_exterior_orientations(folder, adjusted)
     write_object_points(folder, adjusted)
     write_residuals(folder, adjusted)
@@ -153,75 +146,42 @@ def adjust_bundle(
     eliminated: frozenset[tuple[str, str]] = frozenset()
     problems: tuple[str, ...] = ()
     own_figures: JSON = None
-    if calibration is not None and selection is not None:
-        offered = write_self_calibration(folder, selection, calibration, sigma0)
+    if prepared.calibration is not None and selection is not None:
+        offered = write_self_calibration(folder, selection, prepared.calibration, adjusted.sigma0)
         eliminated = eliminated_parameters(offered)
-        own_figures = self_calibration_figures(selection, offered, adjustment)
+        own_figures = self_calibration_figures(selection, offered, settings)
         problems = tuple(self_calibration_sentences(selection))
-    parameters = write_parameters(folder, adjusted, adjustment.confidence, eliminated)
-    tested = _examined_model(adjusted, given, observations, camera_table, _options(adjustment))
-    alternatives = write_model_alternatives(folder, tested)
-    findings = model_findings(alternatives)
-    write_residual_grid(folder, block.cameras, grids.grids, grids.fields, adjustment.confidence)
-    write_residual_autocorrelation(folder, block.cameras, grids)
-    figures = adjustment_figures(adjusted, adjustment, parameters) | {
-        "self_calibration": own_figures,
-        "model_findings": [item.to_json() for item in findings],
-        **tested.figures(),
-        "residual_grid": residual_grid_figures(block.cameras, grids, adjustment.confidence),
-    }
-    of_images = residual_grid_sentences(block.cameras, grids, adjustment.confidence)
-    slips = lever_arm_suspicions(*arms, block, result)
+    parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
+    examined = _examined_model(prepared, adjusted, settings)
+    findings = model_findings(write_model_alternatives(folder, examined))
+    write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
+    write_residual_autocorrelation(folder, cameras, grids)
+    slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
     said = (
         *slips,
         *(item.sentence for item in findings),
-        *adjustment_problems(adjusted, adjustment),
+        *adjustment_problems(adjusted, settings),
         *problems,
-        *of_images,
+        *residual_grid_sentences(cameras, grids, settings.confidence),
     )
-    write_notes(folder, Notes(said, figures, slips))
-
-
-def _observations(
-    block: Block,
-    given: GivenOrientations,
-    surveyed: SurveyedPoints,
-    measured: pd.DataFrame,
-    settings: AdjustmentSettings,
-    calibration: BlockSelfCalibration | None,
-) -> tuple[Observations, np.ndarray]:
-    """All observation groups of the block, and the rows of the image point table that are in it."""
-    rays, rows = image_point_observations(
-        measured, block.images, block.points, block.camera_of_image, calibration
-    )
-    if settings.refraction == "standard":
-        rays = without_refraction(rays, block)
-    others: list[ObservationGroup] = []
-    control = control_observations(block, surveyed)
-    if "control" in settings.observe and control is not None:
-        others.append(control)
-    if "gnss" in settings.observe:
-        others.append(gnss_positions(block, given, settings))
-    if "ins" in settings.observe and given.attitude_observed.any():
-        others.append(ins_attitudes(given, settings))
-    others += priors(block, settings)
-    prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
-    return Observations(rays, tuple(others if prior is None else [*others, prior])), rows
+    figures = adjustment_figures(adjusted, settings, parameters) | {
+        "self_calibration": own_figures,
+        "model_findings": [item.to_json() for item in findings],
+        **examined.figures(),
+        "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
+    }
+    return Notes(said, figures, slips)
 
 
 def _examined_model(
-    adjusted: AdjustedBlock,
-    given: GivenOrientations,
-    observations: Observations,
-    cameras: pd.DataFrame,
-    options: AdjustmentOptions,
+    prepared: AssembledBlock, adjusted: AdjustedBlock, settings: AdjustmentSettings
 ) -> ExaminedModel:
     """The alternatives of the model, tested at the adjusted values."""
-    alternatives = model_alternatives(adjusted.block, given, observations, cameras)
+    block = adjusted.block
+    alternatives = model_alternatives(block, prepared.given, prepared.observations, prepared.cameras)
     models = [item.model for item in alternatives]
-    return ExaminedModel(
-        adjusted, alternatives, examined_model(adjusted.block, adjusted.result, models, options)
-    )
+    found = examined_model(block, adjusted.result, models, _options(settings))
+    return ExaminedModel(adjusted, alternatives, found)
 
 
 def _options(settings: AdjustmentSettings) -> AdjustmentOptions:

@@ -236,12 +236,12 @@ class ExaminedModel:
         return np.array(factors, dtype=np.float64)
 
 
-def write_model_alternatives(folder: Path, tested: ExaminedModel) -> pd.DataFrame:
+def write_model_alternatives(folder: Path, examined: ExaminedModel) -> pd.DataFrame:
     """Both tables; returns that of the alternatives."""
-    table = tested.table()
+    table = examined.table()
     for schema, rows in (
         (schemas.MODEL_ALTERNATIVES, table),
-        (schemas.MODEL_ALTERNATIVE_EFFECTS, tested.effects()),
+        (schemas.MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
     ):
         columns = {
             column.name: rows[column.name].to_numpy() if column.name in rows else np.zeros(0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, cast
@@ -15,7 +15,7 @@ import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
 from tasks.calibration.evidence import Evidence
-from tasks.calibration.held_quantities import HeldQuantity, held_sigmas, with_held
+from tasks.calibration.held_quantities import held_sigmas, with_held
 from tasks.calibration.judge import recognised_pattern
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
 from tasks.calibration.quantities import is_calibrated
@@ -125,7 +125,7 @@ def describe_calibration(
             camera=_camera(material.cameras, camera, given[camera]),
             parameters=_parameters(material, camera),
             covariance=_covariance(material, camera),
-            held=tuple(RecordedHeld(**asdict(item)) for item in known.held),
+            held=known.held,
             flight=_flight(material, camera, name, crs, flown, counts),
             sigma0=float(figures["sigma0"]),
             redundancy=round(float(figures["redundancy"])),
@@ -171,7 +171,7 @@ class _Material:
     images: pd.DataFrame
     cameras: pd.DataFrame
     figures: Mapping[str, Any]
-    held: tuple[HeldQuantity, ...]
+    held: tuple[RecordedHeld, ...]
 
     def rows(self, camera: str) -> pd.DataFrame:
         """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
@@ -317,7 +317,7 @@ def _figures(
             for item in material.verdicts.values()
             if is_calibrated(item.parameter)
         ],
-        "held": [asdict(item) for item in material.held],
+        "held": [item.model_dump() for item in material.held],
         "releases": list(releases),
         "two_step": None if steps is None else steps.to_json(),
     }

@@ -18,31 +18,11 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from tasks.calibration.record import RecordedHeld
 from tasks.settings.calibration import HeldSigmas
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 _AXES = ("x", "y", "z")
-
-
-@dataclass(frozen=True)
-class HeldQuantity:
-    """One quantity that was held.
-
-    Attributes
-    ----------
-    quantity, entity, unit : as in model_alternatives.parquet.
-    sigma : how well it is known.
-    moves, moves_entity : the parameter of whose σ it makes the largest part.
-    part : that part, its effect over the σ with everything.
-    """
-
-    quantity: str
-    entity: str
-    unit: str
-    sigma: float
-    moves: str
-    moves_entity: str
-    part: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +37,7 @@ class WithHeld:
 
     parameters: pd.DataFrame
     correlations: pd.DataFrame
-    held: tuple[HeldQuantity, ...]
+    held: tuple[RecordedHeld, ...]
 
 
 def with_held(
@@ -88,8 +68,16 @@ def with_held(
         _with_sigmas(parameters, keys, spread),
         _correlations(keys, covariance, spread),
         tuple(
-            HeldQuantity(*key, sigmas[key[0]], *keys[most], float(np.abs(share[most]) / spread[most]))
-            for key, share in shares.items()
+            RecordedHeld(
+                quantity=quantity,
+                entity=entity,
+                unit=unit,
+                sigma=sigmas[quantity],
+                moves=keys[most][0],
+                moves_entity=keys[most][1],
+                part=float(np.abs(share[most]) / spread[most]),
+            )
+            for (quantity, entity, unit), share in shares.items()
             for most in (int(np.argmax(np.abs(share) / spread)),)
         ),
     )

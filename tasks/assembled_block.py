@@ -1,0 +1,133 @@
+"""From the delivered tables to a block with its observations, ready to be adjusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats
+from adjust.block import Block
+from adjust.observations.base import ObservationGroup
+from adjust.solve.normal_equations import Observations
+from tasks.approximate import USED, oriented_images
+from tasks.block.block_input import (
+    SurveyedPoints,
+    block_of,
+    gnss_positions,
+    image_point_observations,
+    ins_attitudes,
+    priors,
+    surveyed_points,
+)
+from tasks.block.block_input import (
+    control_points as control_observations,
+)
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.refracted_rays import without_refraction
+from tasks.block.residual_grid import Fields, with_given_corrections
+from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
+from tasks.block.strip_motion import require_motion
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.settings.adjustment import AdjustmentSettings
+
+
+@dataclass(frozen=True, eq=False)
+class DeliveredTables:
+    """The tables an adjustment starts from."""
+
+    exposures: pd.DataFrame
+    cameras: pd.DataFrame
+    image_points: pd.DataFrame
+    control_points: pd.DataFrame
+    approximate_points: pd.DataFrame
+    approximate_boresight: pd.DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class AssembledBlock:
+    """A block with its observations, ready to be adjusted.
+
+    Attributes
+    ----------
+    frames : of the map and of the adjustment.
+    never_used : rows of the image points that are of no object point.
+    cameras : cameras.parquet.
+    fields : given residual grids.
+    """
+
+    frames: tuple[MapFrame, AdjustmentFrame]
+    given: GivenOrientations
+    block: Block
+    observations: Observations
+    surveyed: SurveyedPoints
+    never_used: pd.DataFrame
+    cameras: pd.DataFrame
+    calibration: BlockSelfCalibration | None
+    fields: Fields
+
+    @property
+    def lever_arms(self) -> tuple[tuple[str, ...], Floats]:
+        """Names of the cameras, and their given lever arms."""
+        return self.given.mountings.names, self.given.mountings.lever_arm
+
+
+def assembled_block(
+    delivered: DeliveredTables, map_frame: MapFrame, settings: AdjustmentSettings
+) -> AssembledBlock:
+    """The block of the delivered tables, with approximate values and everything that was observed."""
+    approximate, measured = delivered.approximate_points, delivered.image_points
+    given, frame, _ = oriented_images(delivered.exposures, delivered.cameras, measured, map_frame)
+    require_motion(given, settings)
+    surveyed = surveyed_points(delivered.control_points, map_frame, frame, near=approximate)
+    if "control" not in settings.observe:
+        surveyed = replace(surveyed, is_check=np.ones_like(surveyed.is_check))
+    start = approximate[approximate["status"] == USED]
+    x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
+    calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
+    begin = given.with_boresight(delivered.approximate_boresight).orientations()
+    block = block_of(frame, given, tuple(start["point"]), x_in_local, settings, calibration, begin)
+    observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
+    rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
+    never_used = np.ones(len(measured), dtype=bool)
+    never_used[rows] = False
+    return AssembledBlock(
+        (map_frame, frame),
+        given,
+        block,
+        replace(observations, image_points=rays),
+        surveyed,
+        measured[never_used],
+        delivered.cameras,
+        calibration,
+        fields,
+    )
+
+
+def _observations(
+    block: Block,
+    given: GivenOrientations,
+    surveyed: SurveyedPoints,
+    measured: pd.DataFrame,
+    settings: AdjustmentSettings,
+    calibration: BlockSelfCalibration | None,
+) -> tuple[Observations, np.ndarray]:
+    """All observation groups of the block, and the rows of the image point table that are in it."""
+    rays, rows = image_point_observations(
+        measured, block.images, block.points, block.camera_of_image, calibration
+    )
+    if settings.refraction == "standard":
+        rays = without_refraction(rays, block)
+    others: list[ObservationGroup] = []
+    control = control_observations(block, surveyed)
+    if "control" in settings.observe and control is not None:
+        others.append(control)
+    if "gnss" in settings.observe:
+        others.append(gnss_positions(block, given, settings))
+    if "ins" in settings.observe and given.attitude_observed.any():
+        others.append(ins_attitudes(given, settings))
+    others += priors(block, settings)
+    prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
+    return Observations(rays, tuple(others if prior is None else [*others, prior])), rows
