@@ -24,6 +24,8 @@ from tasks.tables.parquet import write_table
 ERROR_PROBABILITY = 0.005
 # Beyond the critical value, in σ: the power of 80 %.
 _POWER = float(special.ndtri(0.8))
+# How far an error that is just found moves a parameter, in σ: less and more count as much as these.
+_GRAVITY = (1.0, 30.0)
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
 _SCATTER_PROBABILITY = 0.001
 # Scores correlated by more than this cannot be told from each other by chance; so many are named.
@@ -57,12 +59,12 @@ class ExaminedModel:
         """(k,) |t| above which an alternative is significant.
 
         The probability of a false alarm is shared in proportion to how far an error that is just found would
-        move a calibrated parameter, one σ at least (weighted Bonferroni; Genovese, Roeder, Wasserman 2006).
+        move a calibrated parameter, 1 to 30 σ (weighted Bonferroni; Genovese, Roeder and Wasserman 2006).
         """
         tested = self.found.tests.distinguishable
         alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER
         moved = np.abs(self._moved_sigmas).max(axis=0, initial=0.0) * self.found.tests.sigma * self.scale
-        weight = np.where(tested, np.maximum(alike * np.nan_to_num(moved), 1.0), 0.0)
+        weight = np.where(tested, np.clip(alike * np.nan_to_num(moved), *_GRAVITY), 0.0)
         share = weight / max(weight.sum(), 1.0)
         return np.asarray(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY * np.where(tested, share, 1.0)))
 

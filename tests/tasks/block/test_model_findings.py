@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunRequest, carry_out
 from tasks.block.model_findings import alternative_words, model_findings, shown_unit
+from tasks.block.model_test_tables import ERROR_PROBABILITY
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 
@@ -111,6 +114,18 @@ def test_every_alternative_has_words_a_unit_and_a_remedy_of_its_own(tested: pd.D
         assert "{" not in finding.sentence
         assert finding.sentence.endswith((".", ")"))
         assert shown_unit(str(own["unit"].iloc[0]))[0] > 0.0
+
+
+def test_the_graver_an_unnoticed_error_the_sooner_it_is_significant(tested: pd.DataFrame) -> None:
+    """All critical values together keep the probability of a false alarm."""
+    known = tested[tested["t"].notna()]
+    critical = known["detectable"] / known["sigma"] - stats.norm.ppf(0.8)
+    assert 2.0 * stats.norm.sf(critical).sum() == pytest.approx(ERROR_PROBABILITY)
+    moved_by_sigma = known["moved_by_detectable"] / (known["detectable"] / known["sigma"])
+    order = np.argsort(moved_by_sigma.to_numpy())
+    assert (np.diff(critical.to_numpy()[order]) < 1e-9).all()
+    assert 3.0 < critical.min() < critical.max() - 0.3
+    assert critical.max() < 5.5
 
 
 def test_what_cannot_be_told_has_no_numbers_but_says_what_it_moves(tested: pd.DataFrame) -> None:
