@@ -64,19 +64,16 @@ class TextTable:
         empty = column.isna().to_numpy()
         if not may_be_empty and empty.any():
             raise self._error(int(np.argmax(empty)), f"The column '{name}' is empty here.", "Fill it in.")
-        for code, text in enumerate(column.cat.categories.astype(str)):
+        for text in column.dropna().unique():
             trouble = trouble_in(text)
             if trouble is not None:
-                row = int(np.argmax(column.cat.codes.to_numpy() == code))
+                row = int(np.argmax((column == text).to_numpy()))
                 raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
         return self.remarks(name)
 
     def remarks(self, name: str) -> pa.Array:
         """A column of any text (n,), verbatim; empty fields are null."""
-        column = self._frame[name]
-        categories = pa.array(column.cat.categories.astype(str).to_numpy(dtype=object), pa.string())
-        codes = pa.array(column.cat.codes.to_numpy().astype(np.int32), mask=column.isna().to_numpy())
-        return pa.DictionaryArray.from_arrays(codes, categories).cast(pa.string())
+        return pa.array(self._frame[name], pa.string(), from_pandas=True)
 
     def numbers(self, names: Sequence[str], *, may_be_empty: bool = False) -> NDArray[np.float64]:
         """Columns as numbers (n, len(names)); NaN where a field is empty or the column does not exist.
@@ -198,8 +195,7 @@ def read_table_text(
         bytes that are not text in this encoding; or naming the file: no rows.
     """
     options = _options(names, separator, encoding)
-    kinds: dict[str, Any] = {name: np.float64 if name in numeric else "category" for name in names}
-    kinds[_REMAINDER] = "category"
+    kinds: dict[str, Any] = {name: np.float64 if name in numeric else object for name in (*names, _REMAINDER)}
     try:
         frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
     except UnicodeDecodeError as error:
@@ -282,7 +278,7 @@ def _not_a_number(
     first_line: int,
 ) -> InputError:
     """Read everything as text and name the first field that is not a number."""
-    frame = pd.read_csv(io.BytesIO(content), dtype=str, **options)
+    frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
     bad = np.zeros((len(frame), len(numeric)), dtype=bool)
     for position, name in enumerate(numeric):
         given = frame[name].notna()

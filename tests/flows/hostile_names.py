@@ -37,12 +37,12 @@ def fly(folder: Path) -> Path:
     simulation = load_simulation("uce-high", ("points.count=400",))
     file = simulate_project(simulation, folder).project_file
     names = _Names()
-    _rename(folder / "image_points.csv", {"image": names.of, "point": names.of})
-    _rename(
+    renamed(folder / "image_points.csv", {"image": names.of, "point": names.of})
+    renamed(
         folder / "exposures.csv",
         {"image": names.of, "strip": names.of, "flight": names.of, "camera": lambda _: CAMERA},
     )
-    _rename(folder / "control.csv", {"point": names.of})
+    renamed(folder / "control.csv", {"point": names.of})
     text = file.read_text(encoding="utf-8")
     old = simulation.camera.name
     text = text.replace(f"[cameras.{old}]", toml_text({"cameras": {CAMERA: {"columns": 1}}}).split("\n")[0])
@@ -64,7 +64,8 @@ class _Names:
         return self._given[name]
 
 
-def _rename(file: Path, columns: dict[str, Callable[[str], str]]) -> None:
+def renamed(file: Path, columns: dict[str, Callable[[str], str]]) -> None:
+    """Change the names in columns of a CSV file."""
     with file.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     for row in rows:

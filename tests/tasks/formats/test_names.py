@@ -1,0 +1,87 @@
+"""Names are text, verbatim: what looks like a number, a missing value or a date is a name as any other."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
+from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
+from tasks.plain_text import LONGEST_NAME, trouble_in
+
+#: Names that something on the way may take for a number, nothing, or each other.
+TRICKY = (
+    "12", "012", "0012", "+12", "12.0", "12.", "1e5", "100000", "1E5", "-0", "0", "00", "0x10", "1_000", "٣",
+    "nan", "NaN", "NA", "N/A", "null", "NULL", "None", "inf", "-inf", "true", "True", "TRUE", "#N/A", "<NA>",
+    "2024-05-02", "1/2", "p1", "P1", "ß", "SS", "ss", "a b", "a  b", "Ä", "A\u0308", "1" * 40, "9" * 39 + "8",
+)  # fmt: skip
+
+blank_free = st.one_of(
+    st.sampled_from([name for name in TRICKY if " " not in name]),
+    st.text(
+        st.characters(min_codepoint=0x21, max_codepoint=0x24F, exclude_characters='"'),
+        min_size=1,
+        max_size=30,
+    ),
+    st.integers(0, 10**40).map(str),
+    st.integers(0, 9999).map("{:06d}".format),
+).filter(lambda name: trouble_in(name) is None and not any(c.isspace() for c in name))
+any_name = st.one_of(
+    blank_free,
+    st.sampled_from(TRICKY),
+    st.text(min_size=1, max_size=40).filter(lambda name: name.strip(" \t") == name and bool(name)),
+).filter(lambda name: trouble_in(name) is None)
+lists = st.lists(any_name, min_size=1, max_size=8)
+
+
+def written(folder: Path, header: str, rows: list[list[str]]) -> Path:
+    file = folder / "table.csv"
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(header.split(","))
+        writer.writerows(rows)
+    return file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("names")
+
+
+@given(names=lists)
+def test_csv_readers_keep_every_name(folder: Path, names: list[str]) -> None:
+    rows = [[name, name, "1", "2"] for name in names]
+    points = read_csv_image_points(written(folder, "image,point,x,y", rows))
+    assert points.image.to_pylist() == points.point.to_pylist() == names
+    control = read_csv_control(written(folder, "point,x,y,z", [[name, "1", "2", "3"] for name in names]))
+    assert control.point.to_pylist() == names
+    rows = [[*[name] * 4, *"123456"] for name in names]
+    header = "image,camera,strip,flight,x,y,z,omega,phi,kappa"
+    exposures = read_csv_exposures(written(folder, header, rows), "omega-phi-kappa")
+    for column in (exposures.image, exposures.camera, exposures.strip, exposures.flight):
+        assert isinstance(column, pa.Array)
+        assert column.to_pylist() == names
+
+
+@given(names=st.lists(blank_free, min_size=1, max_size=8))
+def test_ign_readers_keep_every_name(folder: Path, names: list[str]) -> None:
+    file = folder / "table.txt"
+    encodable = [name for name in names if _in_latin(name)] or ["0012"]
+    file.write_text("".join(f"{name} {name} 1.5 2.5\n" for name in encodable), encoding="utf-8")
+    points = read_ign_mes(file)
+    assert points.point.to_pylist() == points.image.to_pylist() == encodable
+    file.write_text("".join(f"{name} 3 1.5 2.5 3.5\n" for name in encodable), encoding="utf-8")
+    assert read_ign_app(file).point.to_pylist() == encodable
+    file.write_text("".join(f"{name} 1 2 3 4 5 6 {name}\n" for name in encodable), encoding="utf-8")
+    exposures = read_ign_opk(file, "omega-phi-kappa")
+    assert exposures.image.to_pylist() == exposures.camera.to_pylist() == encodable
+
+
+def _in_latin(name: str) -> bool:
+    """Whether a name is the same in every encoding these files have."""
+    return name.isascii() and len(name) <= LONGEST_NAME
