@@ -8,6 +8,7 @@ that is known beforehand, and the projection centre lies at A − R_INS l with t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
@@ -16,6 +17,7 @@ import pandas as pd
 from adjust.arrays import Bools, Floats, Ints
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
+from tasks.block.strip_names import strip_names
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
 from tasks.importing.cameras import frame_cameras
@@ -137,15 +139,20 @@ class GivenOrientations:
         """(n,) index into ``flights``."""
         return pd.Index(self.flights).get_indexer(pd.Index(self.flight)).astype(np.int64)
 
+    @cached_property
+    def strip_names(self) -> tuple[str, ...]:
+        """(n,) names that differ between flights, too; empty where not known."""
+        return tuple(strip_names(self.flight, self.strip))
+
     @property
     def strips(self) -> tuple[str, ...]:
         """Names of the strips, ascending; one without a name if none is known."""
-        return tuple(sorted(set(self.strip)))
+        return tuple(sorted(set(self.strip_names)))
 
-    @property
+    @cached_property
     def strip_of_image(self) -> Ints:
         """(n,) index into ``strips``."""
-        return pd.Index(self.strips).get_indexer(pd.Index(self.strip)).astype(np.int64)
+        return pd.Index(self.strips).get_indexer(pd.Index(self.strip_names)).astype(np.int64)
 
     @property
     def has_attitude(self) -> Bools:

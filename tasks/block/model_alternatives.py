@@ -130,8 +130,7 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
             yield _Part("flight", name, given.flight_of_image == number)
     height = block.frame.height(block.projection_centre) - ground_heights(observations.image_points, block)
     heading = given.headings()
-    labels = np.array([f"{a}/{b}" for a, b in zip(given.flight, given.strip, strict=True)])
-    strip = np.unique(labels, return_inverse=True)[1].astype(np.int64)
+    strip = given.strip_of_image
     known = np.isfinite(height) & (height > 0.0) & np.isfinite(heading)
     if known.any():
         pattern = flight_pattern(heading[known], height[known], strip[known])
@@ -143,12 +142,8 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
         names = [f"{np.rad2deg(value):.0f}°" for value in pattern.directions]
         yield from _division("direction", names, _nearest(turn, known))
     if all(given.strip):
-        several = len(given.flights) > 1
-        for number in np.unique(strip):
-            images = strip == number
-            first = int(np.flatnonzero(images)[0])
-            of_flight = f" of flight {given.flight[first]}" if several else ""
-            yield _Part("strip", f"{given.strip[first]}{of_flight}", images)
+        for number, name in enumerate(given.strips):
+            yield _Part("strip", name, strip == number)
 
 
 def _nearest(distance: Floats, known: Bools) -> Ints:

@@ -17,15 +17,20 @@ def strip_motion(given: GivenOrientations) -> StripMotion:
     """Strip, time since its middle and velocity of every exposure.
 
     The velocity is the derivative of the observed positions by time (central differences, one-sided at
-    the ends of a strip); times and velocities are zero where the delivery has no times.
+    the ends of a strip; heads that exposed at one moment share theirs); times and velocities are zero where
+    the delivery has no times or no strips.
     """
     since, velocity = np.zeros(len(given.image)), np.zeros_like(given.observed)
     strip = given.strip_of_image
     for index in strips_in_time(strip, given.time_s):
-        time = given.time_s[index]
-        since[index] = time - 0.5 * (time[0] + time[-1])
-        if len(index) > 1:
-            velocity[index] = np.gradient(given.observed[index], time, axis=0)
+        if not given.strips[strip[index[0]]]:
+            continue
+        time, place, count = np.unique(given.time_s[index], return_inverse=True, return_counts=True)
+        since[index] = given.time_s[index] - 0.5 * (time[0] + time[-1])
+        if len(time) > 1:
+            mean = np.zeros((len(time), 3))
+            np.add.at(mean, place, given.observed[index] / count[place, None])
+            velocity[index] = np.gradient(mean, time, axis=0)[place]
     return StripMotion(strip, since, velocity)
 
 
@@ -42,10 +47,7 @@ def over_time(
     """Weights of some images (k,) with errors correlated along their strips; None: as they are."""
     if correlation_s is None:
         return model
-    names = [(given.flight[i], given.strip[i]) for i in rows]
-    number = {name: index for index, name in enumerate(dict.fromkeys(names))}
-    strip = np.array([number[name] for name in names], dtype=np.int64)
-    return model.correlated(GaussMarkov(strip, given.time_s[rows], correlation_s))
+    return model.correlated(GaussMarkov(given.strip_of_image[rows], given.time_s[rows], correlation_s))
 
 
 def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> None:
@@ -54,11 +56,11 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     Raises
     ------
     InputError
-        If a strip bias or drift is free without strips, or a drift or time offset without times; if a
-        correlation time is given without either, or with two exposures of a strip at the same time.
+        If a strip bias, drift or time offset is free without strips, or one of the last two without times;
+        if a correlation time is given without either, or with two exposures of a strip at the same time.
     """
     require_successive_times(given, settings)
-    for parameter in ("gnss_strip_bias", "gnss_drift"):
+    for parameter in ("gnss_strip_bias", "gnss_drift", "time_offset"):
         if parameter in settings.free and not all(given.strip):
             raise InputError(
                 "The exposures name no strips.",

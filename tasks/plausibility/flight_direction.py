@@ -21,8 +21,8 @@ def check_flight_direction(given: GivenOrientations) -> list[str]:
     Strips are taken in the order of time, or of the image names where there is no time. A half turn
     is named only if all strips show it, because names may count against the flight.
     """
-    quarters = {strip: _quarter(given, strip) for strip in sorted(set(given.strip)) if strip}
-    known = [quarter for quarter in quarters.values() if quarter is not None]
+    quarters = [_quarter(given, number) for number, strip in enumerate(given.strips) if strip]
+    known = [quarter for quarter in quarters if quarter is not None]
     if len(known) == 0:
         return []
     sideways = [quarter for quarter in known if quarter % 2 == 1]
@@ -39,9 +39,9 @@ def check_flight_direction(given: GivenOrientations) -> list[str]:
     ]
 
 
-def _quarter(given: GivenOrientations, strip: str) -> int | None:
+def _quarter(given: GivenOrientations, strip: int) -> int | None:
     """Quarter turns from the forward axis to the track of a strip; None if it is too short or unclear."""
-    index = np.array([i for i, name in enumerate(given.strip) if name == strip])
+    index = np.flatnonzero(given.strip_of_image == strip)
     if len(index) < 3:
         return None
     if np.isfinite(given.time_s[index]).all():

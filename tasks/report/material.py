@@ -12,6 +12,7 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.calibration.residual_grid import LEAST_REDUNDANCY
 from adjust.camera.interior import FrameCamera
+from tasks.block.strip_names import strip_names
 from tasks.importing.cameras import frame_cameras
 from tasks.report.figures import AdjustmentFigures
 from tasks.settings.project import Project
@@ -74,7 +75,7 @@ class Material:
         terrain in the image, the block's where the image has none).
         """
         table = self.images[self.images["x_m"].notna()].copy()
-        table["strip"] = table["strip"].fillna("").astype(str)
+        table["strip"] = strip_names(table["flight"].fillna(""), table["strip"].fillna(""))
         table = table.sort_values(["strip", "image"], kind="stable", ignore_index=True)
         height = table["height_above_ground_m"].to_numpy(np.float64)
         known = self.object_points["z_m"].to_numpy(np.float64)

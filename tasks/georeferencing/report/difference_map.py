@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from tasks.block.strip_names import strip_names
 from tasks.georeferencing.point_differences import INDEPENDENT
 from tasks.georeferencing.report.material import CheckMaterial
 from tasks.report import axes, markup, palette
@@ -56,7 +57,8 @@ def _strips(material: CheckMaterial, plot: MapPlot) -> Markup:
         return Markup("")
     lines = []
     named = exposures[exposures["strip"].notna()]
-    for name, strip in named.groupby("strip", sort=True):
+    names = strip_names(named["flight"].fillna(""), named["strip"])
+    for name, strip in named.groupby(names, sort=True):
         ordered = strip.sort_values(["time_s", "image"], kind="stable")
         x, y = (scale.of(ordered[c].to_numpy(np.float64)) for scale, c in ((plot.x, "x_m"), (plot.y, "y_m")))
         path = markup.path_of(x, y)

@@ -1,0 +1,89 @@
+"""Two flights that number their strips alike: motion, biases and names belong to the strips of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunOutcome, RunRequest, carry_out
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+
+CHANGES = (
+    "points.count=600",
+    "points.detection=0.6",
+    'flight.1.flight="2"',
+    'flight.3.flight="2"',
+    "truth.time_offset_s=0.004",
+)
+FREE = (
+    'adjustment.free=["boresight", "gnss_shift", "gnss_strip_bias", "time_offset", "focal_length", '
+    '"principal_point"]'
+)
+
+
+def flown(folder: Path, strip: str | None) -> Path:
+    """A flight whose strips have names of their own, are numbered in each flight, or have no names."""
+    simulate_project(load_simulation("uce-calibration", CHANGES), folder)
+    file = folder / "exposures.csv"
+    table = pd.read_csv(file, dtype={"flight": str})
+    if strip == "numbered":
+        table["strip"] = table.groupby("flight")["strip"].transform(lambda own: pd.factorize(own)[0] + 1)
+    elif strip is None:
+        table["strip"] = None
+    table.to_csv(file, index=False)
+    return folder
+
+
+def adjusted(folder: Path) -> RunOutcome:
+    return carry_out(aerial_triangulation, RunRequest(folder / "project.toml", folder / "results", (FREE,)))
+
+
+def test_flights_that_number_their_strips_alike_give_what_others_give(tmp_path: Path) -> None:
+    found = {}
+    for naming in ("unique", "numbered"):
+        folder = flown(tmp_path / naming, naming)
+        outcome = adjusted(folder)
+        assert outcome.error is None, outcome.error
+        found[naming] = pd.read_parquet(folder / "results" / "parameters.parquet")
+    same = [name for name in found["unique"].columns if name != "entity"]
+    for parameter, own in found["unique"].groupby("parameter"):
+        other = found["numbered"][found["numbered"]["parameter"] == parameter]
+        pd.testing.assert_frame_equal(
+            own[same].sort_values("value", ignore_index=True),
+            other[same].sort_values("value", ignore_index=True),
+            rtol=1e-6,
+        )
+    offsets = found["numbered"][found["numbered"]["parameter"] == "time_offset"]
+    assert (np.abs(offsets["value"] - 0.004) < 3.5 * offsets["sigma"]).all()
+    biases = set(found["numbered"].loc[found["numbered"]["parameter"] == "gnss_strip_bias_x", "entity"])
+    assert {"1 of flight 1", "1 of flight 2"} <= biases
+
+
+def test_times_without_strips_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    outcome = adjusted(flown(tmp_path, None))
+    assert outcome.summary.status == "input_error"
+    assert "The exposures name no strips" in str(outcome.error)
+
+
+def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> None:
+    folder = flown(tmp_path, "numbered")
+    file = folder / "exposures.csv"
+    table = pd.read_csv(file, dtype=str)
+    # The same camera once more at the same moment, as a second head delivers it.
+    again = table.assign(image="B" + table["image"])
+    pd.concat([table, again]).to_csv(file, index=False)
+    points = pd.read_csv(folder / "image_points.csv", dtype=str)
+    pd.concat([points, points.assign(image="B" + points["image"])]).to_csv(
+        folder / "image_points.csv", index=False
+    )
+    outcome = adjusted(folder)
+    assert outcome.error is None, outcome.error
+    parameters = pd.read_parquet(folder / "results" / "parameters.parquet")
+    (first, second) = parameters[parameters["parameter"] == "time_offset"].itertuples()
+    assert first.value == pytest.approx(0.004, abs=3.5 * first.sigma)
+    assert second.value == pytest.approx(0.004, abs=3.5 * second.sigma)
