@@ -53,25 +53,31 @@ def parameter_table(
                 "unit": unit,
                 "sigma": np.nan,
                 "sigma_prior": np.nan,
+                "sigma_over_prior": np.nan,
                 "t": np.nan,
                 "status": "fixed",
             }
             if column >= 0:
                 sigma = adjusted.sigma0 * float(np.sqrt(cofactor[column]))
                 prior = priors.get((family.name, entity, component), np.nan)
+                # The prior takes part with its stated weight, whatever σ0 turns out to be.
+                ratio = float(np.sqrt(cofactor[column])) / prior
                 t = (value - given) / sigma
                 row |= {"sigma": sigma * factor, "sigma_prior": prior * factor, "t": t}
-                row["status"] = _status(sigma, prior * adjusted.sigma0, float(own_part[column]), t, limit)
+                row |= {
+                    "sigma_over_prior": ratio,
+                    "status": _status(ratio, float(own_part[column]), t, limit),
+                }
             elif (row["parameter"], row["entity"]) in eliminated:
                 row["status"] = "eliminated"
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _status(sigma: float, prior: float, own_part: float, t: float, limit: float) -> str:
+def _status(sigma_over_prior: float, own_part: float, t: float, limit: float) -> str:
     if own_part < INSEPARABLE:
         return "not_determinable"
-    if np.isfinite(prior) and sigma > PRIOR_ONLY * prior:
+    if sigma_over_prior > PRIOR_ONLY:
         return "prior_only"
     return "significant" if abs(t) > limit else "not_significant"
 

@@ -154,12 +154,11 @@ def _of_parameter(
     limits: AcceptanceLimits,
 ) -> ParameterVerdict:
     name, entity, unit, status = (str(row[key]) for key in ("parameter", "entity", "unit", "status"))
-    sigma, prior = _number(row["sigma"]), _number(row["sigma_prior"])
+    sigma, ratio = _number(row["sigma"]), _number(row["sigma_over_prior"])
     if sigma is None:
         because = "It was offered and eliminated as not significant." if status == "eliminated" else ""
         return ParameterVerdict(name, entity, "held", because)
     limit = sigma_limit(name, limits)
-    ratio = None if prior is None else sigma / prior
     said = _Said(name, sigma, unit, limit, ratio, strongest, pattern, limits)
     verdict, because = _judged(status, said) if is_calibrated(name) else _of_strip(said)
     return ParameterVerdict(name, entity, verdict, f"{because}.", sigma, limit, ratio, strongest)

@@ -31,6 +31,7 @@ def expected_parameters(expected: APriori) -> pd.DataFrame:
                 "change": 0.0,
                 "sigma": sigma * factor,
                 "sigma_prior": prior * factor,
+                "sigma_over_prior": sigma / prior,
                 "unit": unit,
                 "t": 0.0,
                 "status": status,

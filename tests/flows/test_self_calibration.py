@@ -95,6 +95,9 @@ def test_a_prior_holds_what_the_block_does_not_know(radial: Path) -> None:
     sigma0 = outcome.summary.to_json()["sigma0"]
     assert isinstance(sigma0, float)
     assert (own["sigma"] <= 1.001 * sigma0 * own["sigma_prior"]).all()
+    # σ contains σ0, the stated σ of the prior does not: without it both are on one scale.
+    scaled = own["sigma"] / (sigma0 * own["sigma_prior"])
+    assert own["sigma_over_prior"].to_numpy() == pytest.approx(scaled.to_numpy())
     assert (own["status"] == "prior_only").sum() > 20
 
 

@@ -14,6 +14,12 @@ PARAMETERS = TableSchema(
         number("change", "see unit", "adjusted minus initial value"),
         number("sigma", "see unit", "standard deviation", nullable=True),
         number("sigma_prior", "see unit", "standard deviation of the given initial value", nullable=True),
+        number(
+            "sigma_over_prior",
+            "",
+            "sigma over sigma_prior, both for one σ0; near 1 all was known before",
+            nullable=True,
+        ),
         text("unit", "unit of value, change and the sigmas"),
         number("t", "", "change over its standard deviation", nullable=True),
         text(

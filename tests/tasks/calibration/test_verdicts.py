@@ -50,6 +50,7 @@ def table(sigmas: dict[str, float], **changed: object) -> pd.DataFrame:
                 "value": 0.0,
                 "change": 0.0,
                 "sigma": sigma,
+                "sigma_over_prior": sigma / change if isinstance(change, float) else NAN,
                 "sigma_prior": change if isinstance(change, float) else NAN,
                 "unit": unit,
                 "t": NAN,

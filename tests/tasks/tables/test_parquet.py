@@ -249,7 +249,7 @@ CONTRACT = {
     "exterior_orientations": "image x_m y_m z_m omega_deg phi_deg kappa_deg sigma_x_m sigma_omega_deg",
     "object_points": "point x_m y_m z_m sigma_x_m sigma_y_m sigma_z_m rays",
     "residuals": "group image point component residual sigma unit redundancy standardized mdb status",
-    "parameters": "parameter entity value change sigma sigma_prior unit t status",
+    "parameters": "parameter entity value change sigma sigma_prior sigma_over_prior unit t status",
     "correlations": "parameter_a entity_a parameter_b entity_b correlation",
     "control_residuals": "point dx_m dy_m dz_m rays",
     "check_points": "point dx_m dy_m dz_m rays",
