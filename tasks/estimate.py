@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from adjust.adjustment import adjust_block
@@ -130,6 +130,8 @@ def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estim
     sigma0 = result.test.sigma0 if settings.sigma0 == "a_posteriori" and result.test.redundancy > 0 else 1.0
     surveyed = with_estimated_sigmas(prepared.surveyed, result)
     adjusted = AdjustedBlock(block, result, *prepared.frames, sigma0, surveyed, prepared.never_used)
+    # What the corrections by mean residuals have changed belongs to the selection, too.
+    selection = None if selection is None else replace(selection, result=result)
     return _Estimated(adjusted, selection, grids)
 
 
@@ -216,7 +218,8 @@ def _adjusted(
         if not columns_of(block.layout, ADDITIONAL_PARAMETERS).any():
             return block, adjust_block(block, observations, options, _report), None
         rules = PRESETS.get(settings.self_calibration.elimination)
-        found = adjust_with_selection(block, observations, options, rules, _report, _tell)
+        known = 1.0 if settings.sigma0 == "a_priori" else None
+        found = adjust_with_selection(block, observations, options, rules, _report, _tell, known)
         return found.block, found.result, found
     except DatumDefectError as error:
         remedy = f" {_FREE_NETWORK}" if error.of_block and options.free_network is None else ""

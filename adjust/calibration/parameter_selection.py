@@ -39,6 +39,7 @@ class SelectedAdjustment:
     full : all free system parameters together, before any was dropped.
     offered : place of the unknowns then; its columns are those of ``full`` and of the decisions.
     elimination : the decisions; None where no rules were given.
+    sigma0 : a known σ0 that all tests used; None: that of the estimates.
     """
 
     block: Block
@@ -46,6 +47,7 @@ class SelectedAdjustment:
     full: LinearEstimate
     offered: ParameterLayout
     elimination: Elimination | None
+    sigma0: float | None
 
 
 def adjust_with_selection(
@@ -55,6 +57,7 @@ def adjust_with_selection(
     rules: EliminationRules | None,
     progress: Progress | None = None,
     tell: Callable[[Elimination], None] | None = None,
+    sigma0: float | None = None,
 ) -> SelectedAdjustment:
     """Adjust a block whose free additional parameters are candidates for elimination.
 
@@ -62,6 +65,7 @@ def adjust_with_selection(
     ----------
     rules : by which they are dropped; None keeps them all.
     tell : called with the decisions before the block is adjusted again.
+    sigma0 : a known σ0 for the tests; None: that of the estimates.
 
     Raises
     ------
@@ -72,20 +76,20 @@ def adjust_with_selection(
     candidates = columns_of(layout, ADDITIONAL_PARAMETERS)
     if rules is None:
         result = adjust_block(block, observations, options, progress)
-        return SelectedAdjustment(block, result, LinearEstimate.of(normals_of_result(result)), layout, None)
+        full = LinearEstimate.of(normals_of_result(result))
+        return SelectedAdjustment(block, result, full, layout, None, sigma0)
     start, full, first = _all_together(block, observations, options, candidates, progress)
-    elimination = eliminate(full, candidates, rules)
+    elimination = eliminate(full, candidates, rules, sigma0)
     if tell is not None:
         tell(elimination)
     if first is not None and not elimination.eliminated.any():
-        return SelectedAdjustment(block, first, full, layout, elimination)
+        return SelectedAdjustment(block, first, full, layout, elimination, sigma0)
     reduced = with_held(start, layout, elimination.eliminated)
     kept = without_priors_of_held(reduced, observations)
     result = adjust_block(reduced, kept, options, progress)
     # The values to start from are no longer the given ones.
-    return SelectedAdjustment(
-        with_held(block, layout, elimination.eliminated), result, full, layout, elimination
-    )
+    left = with_held(block, layout, elimination.eliminated)
+    return SelectedAdjustment(left, result, full, layout, elimination, sigma0)
 
 
 def columns_of(layout: ParameterLayout, family: str) -> Bools:

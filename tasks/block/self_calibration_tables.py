@@ -97,9 +97,10 @@ class _AllTogether:
         variance = np.where(estimate.free, np.diagonal(estimate.cofactor), np.nan)
         correlation = np.nan_to_num(correlation_matrix(estimate.cofactor))
         np.fill_diagonal(correlation, 0.0)
-        sigma = np.asarray(estimate.sigma0 * np.sqrt(variance))
+        scale = estimate.sigma0 if selection.sigma0 is None else selection.sigma0
+        sigma = np.asarray(scale * np.sqrt(variance))
         names = selection.offered.border_names()
-        return cls(names, estimate.change, sigma, t_values(estimate), correlation)
+        return cls(names, estimate.change, sigma, t_values(estimate, selection.sigma0), correlation)
 
     def row(self, column: int) -> dict[str, object]:
         """Columns of the table that speak of it."""
@@ -165,7 +166,7 @@ def _group_tests(selection: SelectedAdjustment, text: str) -> list[JSON]:
         members[chosen[chosen >= 0]] = True
         if not (members & selection.full.free).any():
             continue
-        test = group_test(selection.full, members, _ERROR_PROBABILITY)
+        test = group_test(selection.full, members, _ERROR_PROBABILITY, selection.sigma0)
         found.append(
             {
                 "group": part.title,
@@ -192,7 +193,7 @@ def _difference_of_flights(selection: SelectedAdjustment) -> list[JSON]:
             if not of_one_camera or not both.any():
                 continue
             pair: tuple[Ints, Ints] = (columns[first][both], columns[second][both])
-            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY)
+            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0)
             found.append(
                 {
                     "first": one,

@@ -176,6 +176,13 @@ def test_additional_parameters_first_and_then_the_grid(run) -> None:
         sets["sigma0"], rel=1e-6
     )
     assert figures["sigma0"] < 0.95 * sets["sigma0"]
+    own, of_block = (
+        pd.read_parquet(both.directory / f"{name}.parquet").set_index("parameter")
+        for name in ("self_calibration", "parameters")
+    )
+    left = own.index[own["sigma"].notna()]
+    for column in ("value", "sigma"):
+        assert own.loc[left, column].tolist() == pytest.approx(of_block.loc[left, column].tolist(), rel=1e-12)
     # The parameters that were kept are estimated together with the corrections.
     kept = [item for item in figures["parameters"] if item["parameter"].startswith("bluh:")]
     assert {item["parameter"] for item in kept if item["sigma"] is not None} == {

@@ -61,6 +61,23 @@ def test_a_radial_error_is_found_and_what_models_nothing_is_eliminated(radial: P
     assert outcome.summary.to_json()["sigma0"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_known_sigma0_decides_what_is_eliminated(radial: Path) -> None:
+    """Image points stated four times too coarse: with σ0 = 1 nothing is significant any more."""
+    coarse = (f'{PARAMETERS}="bluh:1-12"', "inputs.image_points.sigma=0.0048")
+    free = run(radial, *coarse)
+    found = table(free, "self_calibration").set_index("parameter")
+    known = run(radial, *coarse, 'adjustment.sigma0="a_priori"')
+    other = table(known, "self_calibration").set_index("parameter")
+    figures = free.summary.to_json()["self_calibration"]
+    assert isinstance(figures, dict)
+    sigma0 = figures["sigma0_of_all"]
+    assert isinstance(sigma0, float)
+    assert sigma0 < 0.5
+    np.testing.assert_allclose(other["t_of_all"], sigma0 * found["t_of_all"], rtol=1e-6)
+    np.testing.assert_allclose(other["sigma_of_all"], found["sigma_of_all"] / sigma0, rtol=1e-6)
+    assert (other["decision"] == "is significant").sum() < (found["decision"] == "is significant").sum()
+
+
 def test_too_many_parameters_for_the_block_are_taken_out_by_name(tmp_path: Path) -> None:
     """52 parameters, 20 images of one height, few points."""
     project = simulated(
