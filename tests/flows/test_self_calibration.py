@@ -62,8 +62,8 @@ def test_a_radial_error_is_found_and_what_models_nothing_is_eliminated(radial: P
 
 
 def test_a_known_sigma0_decides_what_is_eliminated(radial: Path) -> None:
-    """Image points stated four times too coarse: with σ0 = 1 nothing is significant any more."""
-    coarse = (f'{PARAMETERS}="bluh:1-12"', "inputs.image_points.sigma=0.0048")
+    """Image points stated twenty times too coarse: with σ0 = 1 nothing is significant any more."""
+    coarse = (f'{PARAMETERS}="bluh:1-12"', "inputs.image_points.sigma=0.024")
     free = run(radial, *coarse)
     found = table(free, "self_calibration").set_index("parameter")
     known = run(radial, *coarse, 'adjustment.sigma0="a_priori"')
