@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from tasks.certificate.content import Block, Fact, Facts, Section, Words
+from tasks.certificate.content import Block, Fact, Facts, Figure, Section, Words
+from tasks.certificate.image_axes import image_axes
 from tasks.certificate.material import CertificateMaterial
 from tasks.report.table import Number
+from tasks.settings.cameras import CameraIdentity
 
 NOT_DECLARED = "not declared"
 _PRODUCTS = {
@@ -20,10 +22,7 @@ def identity_section(material: CertificateMaterial) -> Section:
     half = (camera.columns * camera.pixel_um * 1e-3, camera.rows * camera.pixel_um * 1e-3)
     parts = (
         Fact("name", "camera", (camera.name,)),
-        Fact("body", "camera body, serial number", (identity.body or NOT_DECLARED,)),
-        Fact("lens", "lens, serial number", (identity.lens or NOT_DECLARED,)),
-        Fact("imu", "inertial unit, serial number", (identity.imu or NOT_DECLARED,)),
-        Fact("mount", "installation in the aircraft", (identity.mount or NOT_DECLARED,)),
+        *(Fact(key, label, (value,) if value else ()) for key, label, value in _declared(identity)),
         Fact("product", "image", (_PRODUCTS[identity.product],)),
         Fact(
             "size_px",
@@ -43,26 +42,39 @@ def identity_section(material: CertificateMaterial) -> Section:
         ),
     )
     blocks: list[Block] = [Facts("camera", "", parts)]
-    missing = [words for words, value in _serials(material).items() if value is None]
+    missing = [label.partition(",")[0] for _, label, value in _declared(identity) if not value]
     if missing:
         blocks.append(
             Words(
-                f"The project does not declare: {', '.join(missing)}. Without it this certificate cannot be "
-                "told from one of another unit of the same name.",
+                f"The project does not declare: {', '.join(missing)}. What is filled in by hand is no part "
+                "of the record that the verification code proves.",
                 "note",
             )
         )
+    blocks.append(
+        Figure(
+            "image-axes",
+            "Axes of the image as it lies on the screen, seen from above: pixels are counted from the "
+            "top-left corner, x and y from the format centre. The principal point lies towards the side "
+            "that is shown; its distance is not to scale.",
+            "Image axes, principal point and direction of flight",
+            image_axes(material),
+            0.62,
+        )
+    )
     return Section("camera", "Camera", tuple(blocks))
 
 
-def _serials(material: CertificateMaterial) -> dict[str, str | None]:
-    identity = material.record.camera.identity
-    return {
-        "camera body": identity.body,
-        "lens": identity.lens,
-        "inertial unit": identity.imu,
-        "installation": identity.mount,
-    }
+def _declared(identity: CameraIdentity) -> tuple[tuple[str, str, str | None], ...]:
+    """Key, label and value of what only the project can say about the camera."""
+    return (
+        ("manufacturer", "manufacturer", identity.manufacturer),
+        ("type", "type", identity.type),
+        ("body", "camera body, serial number", identity.body),
+        ("lens", "lens, serial number", identity.lens),
+        ("imu", "inertial unit, serial number", identity.imu),
+        ("mount", "installation in the aircraft", identity.mount),
+    )
 
 
 def _decimals(value: float) -> int:
