@@ -142,10 +142,12 @@ class Signature:
     ----------
     role : what is signed as, under the line.
     name : printed with it; empty where nobody is named.
+    filled : printed on the line; empty: to be written by hand.
     """
 
     role: str
     name: str = ""
+    filled: str = ""
 
 
 @dataclass(frozen=True)

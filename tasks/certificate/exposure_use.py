@@ -11,11 +11,12 @@ from tasks.report.table import Column, Number, Row, Table, text_column
 _MOST_NAMES = 12
 # An image of fewer points is oriented by GNSS and INS almost alone.
 _FEW_POINTS = 6
+_ALWAYS = ("delivered", "used", "not_used")
 _OBSERVED = (("gnss_positions", "GNSS position"), ("ins_attitudes", "INS attitude"))
 
 
 def exposure_table(material: CertificateMaterial) -> Table:
-    """Delivered and used exposures, and of all others how many for which reason."""
+    """Delivered and used exposures, and how many are not used or lack something, for which reason."""
     results, camera = material.results, material.record.camera.name
     delivered = material.exposures[material.exposures["camera"] == camera]["image"]
     oriented = set(material.images["image"])
@@ -25,15 +26,16 @@ def exposure_table(material: CertificateMaterial) -> Table:
     rows = [
         _row("delivered", "delivered", delivered, named=False),
         _row("used", "used", [name for name in delivered if name in oriented], named=False),
-        _row("without_points", "not used: no image point is measured in it", _out_of(out, measured, False)),
+        _row("not_used", "not used", out, named=False),
+        _row("without_points", "   no image point is measured in it", [n for n in out if n not in measured]),
         _row(
             "without_orientation",
-            "not used: no attitude, and alone in its strip",
+            "   no attitude, and alone in its strip",
             [name for name in out if name in measured and name not in in_block],
         ),
         _row(
             "not_adjusted",
-            "not used: not oriented by the adjustment",
+            "   not oriented by the adjustment",
             [name for name in out if name in in_block],
         ),
         _row("few_points", f"used with fewer than {_FEW_POINTS} image points", _few(material)),
@@ -61,11 +63,9 @@ def exposure_table(material: CertificateMaterial) -> Table:
         Column("count", "number"),
         text_column("names", "which"),
     )
-    return Table("exposures", "Exposures used and not used", columns, tuple(rows))
-
-
-def _out_of(names: list[str], known: set[str], inside: bool) -> list[str]:
-    return [name for name in names if (name in known) == inside]
+    # A reason without an exposure says nothing.
+    shown = tuple(row for row in rows if row.key in _ALWAYS or row.cells[2])
+    return Table("exposures", "Exposures used and not used", columns, shown)
 
 
 def _few(material: CertificateMaterial) -> list[str]:

@@ -44,7 +44,6 @@ def _facts(material: CertificateMaterial) -> tuple[Fact, ...]:
     flight, settings = material.record.flight, material.results.project.project
     flown = NOT_DECLARED if flight.flown is None else flight.flown.isoformat()
     frame = MapFrame.of(settings.crs, settings.heights).description
-    sigma = _control_sigmas(material)
     facts = [
         Fact("project", "project", (flight.project,)),
         Fact("flown", "date of the flight", (flown,)),
@@ -52,24 +51,20 @@ def _facts(material: CertificateMaterial) -> tuple[Fact, ...]:
         Fact("images", "images", (Number(flight.images),)),
         Fact("strips", "strips", (Number(flight.strips),)),
         Fact("heights_m", "flying heights above ground", numbers(flight.heights_m, 0), "m"),
+        Fact("ground_m", "height of the ground (median)", (Number(_ground(material), 0),), "m"),
         Fact("gsd_m", "ground sampling distance", numbers((g * 100 for g in flight.gsd_m), 1), "cm"),
         Fact("headings_deg", "flight directions", numbers(flight.headings_deg, 0), "°"),
         Fact("object_points", "object points", (Number(flight.object_points),)),
         Fact("image_points", "image points", (Number(flight.image_points),)),
         Fact("control_points", "control points", (Number(flight.control_points),)),
     ]
-    if sigma is not None:
-        facts.append(Fact("control_sigma_m", "σ of control east, north, up (median)", numbers(sigma, 3), "m"))
     return tuple(facts)
 
 
-def _control_sigmas(material: CertificateMaterial) -> tuple[float, ...] | None:
-    """Median σ of the control points, metres; None without any."""
-    points = material.results.control_points
-    own = points[points["role"] == "control"]
-    if own.empty:
-        return None
-    return tuple(float(own[f"sigma_{axis}_m"].median()) for axis in "xyz")
+def _ground(material: CertificateMaterial) -> float | None:
+    """Median height of the ground under the images, metres; None without images."""
+    ground = material.images["ground_m"]
+    return float(ground.median()) if len(ground) else None
 
 
 def level_table(material: CertificateMaterial) -> Table:

@@ -33,13 +33,6 @@ def identity_section(material: CertificateMaterial) -> Section:
         ),
         Fact("size_mm", "the same on the focal plane", (Number(half[0], 3), Number(half[1], 3)), "mm", " × "),
         Fact("pixel_um", "pixel", (Number(camera.pixel_um, _decimals(camera.pixel_um)),), "µm"),
-        Fact("mount_deg", "mounting κ, forward is", (_forward(camera.mount_deg),)),
-        Fact(
-            "calibration_axes_deg",
-            "axes of additional parameters, turn against the image",
-            (Number(camera.calibration_axes_deg),),
-            "°",
-        ),
     )
     blocks: list[Block] = [Facts("camera", "", parts)]
     missing = [label.partition(",")[0] for _, label, value in _declared(identity) if not value]
@@ -51,18 +44,33 @@ def identity_section(material: CertificateMaterial) -> Section:
                 "note",
             )
         )
-    blocks.append(
-        Figure(
-            "image-axes",
-            "Axes of the image as it lies on the screen, seen from above: pixels are counted from the "
-            "top-left corner, x and y from the format centre. The principal point lies towards the side "
-            "that is shown; its distance is not to scale.",
-            "Image axes, principal point and direction of flight",
-            image_axes(material),
-            0.62,
-        )
-    )
     return Section("camera", "Camera", tuple(blocks))
+
+
+def axes_section(material: CertificateMaterial) -> Section:
+    """How pixels and image coordinates are counted, and how the camera sits in the aircraft."""
+    camera = material.record.camera
+    origin = material.results.project.cameras[camera.name].pixel_origin
+    facts = (
+        Fact("mount_deg", "mounting κ, forward is", (_forward(camera.mount_deg),)),
+        Fact("pixel_origin", "pixel (0, 0) is the", (f"{origin} of the top-left pixel",)),
+        Fact(
+            "calibration_axes_deg",
+            "axes of additional parameters, turned by",
+            (Number(camera.calibration_axes_deg), "° counter-clockwise against x, y"),
+            joint="",
+        ),
+    )
+    drawing = Figure(
+        "image-axes",
+        "The image as it lies on the screen, the ground seen from above: pixels are counted from the "
+        "top-left corner, x and y from the format centre. The cross of the principal point shows its side of "
+        "the format centre; its distance is not to scale.",
+        "Image axes, principal point and direction of flight",
+        image_axes(material),
+        0.8,
+    )
+    return Section("axes", "Image axes and mounting", (Facts("axes", "", facts), drawing))
 
 
 def _declared(identity: CameraIdentity) -> tuple[tuple[str, str, str | None], ...]:

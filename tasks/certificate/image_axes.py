@@ -11,12 +11,13 @@ import numpy as np
 from markupsafe import Markup
 
 from tasks.certificate.material import CertificateMaterial
-from tasks.report import axes, markup, palette
+from tasks.report import markup, palette
 
-# The longer side of the image in the drawing, its middle, and the height of the drawing.
-_SIDE, _MIDDLE, _HEIGHT = 340.0, (0.5 * axes.WIDTH, 262.0), 530.0
-# How far from the middle the principal point is drawn, and the arrow of the flight from the image.
-_OFFSET, _BESIDE = 26.0, 26.0
+# Size of the drawing, the longer side of the image in it, and its middle.
+_WIDTH, _HEIGHT, _SIDE = 700.0, 500.0, 340.0
+_MIDDLE = (0.5 * _WIDTH, 0.5 * _HEIGHT)
+# How far from the middle the principal point is drawn.
+_OFFSET = 26.0
 
 
 def forward_in_image(mount_deg: int) -> tuple[int, int]:
@@ -38,7 +39,7 @@ def image_axes(material: CertificateMaterial) -> Markup:
         *_flight(half, forward_in_image(camera.mount_deg), camera.mount_deg),
     ]
     words = "Image axes, principal point and direction of flight"
-    return markup.svg(axes.WIDTH, _HEIGHT, words, markup.group("image-axes", parts))
+    return markup.svg(_WIDTH, _HEIGHT, words, markup.group("image-axes", parts))
 
 
 def _principal_point_um(material: CertificateMaterial) -> tuple[float, float]:

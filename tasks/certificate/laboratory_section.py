@@ -35,7 +35,9 @@ def signatures(material: CertificateMaterial) -> Signatures:
     settings = material.certificate
     people = [Signature(item.role, item.name) for item in settings.signatories]
     day = "" if settings.issued is None else settings.issued.isoformat()
-    return Signatures((Signature("Place, date", day), *(people or (Signature(role) for role in _ROLES))))
+    return Signatures(
+        (Signature("Place, date", filled=day), *(people or (Signature(role) for role in _ROLES)))
+    )
 
 
 def _given(text: str | None) -> tuple[str, ...]:

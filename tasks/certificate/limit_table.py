@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from tasks.block.model_findings import entity_words
 from tasks.calibration.record import CalibrationRecord
 from tasks.certificate.material import CertificateMaterial
-from tasks.certificate.quantities import has_result, quantity_of
-from tasks.certificate.words import entity_words
+from tasks.certificate.quantities import has_result, in_order, quantity_of
 from tasks.report.figures import gate_words, group_words
 from tasks.report.material import IMAGE_POINTS
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
@@ -50,16 +50,19 @@ def limit_table(material: CertificateMaterial) -> Table:
 
 
 def _row(
-    key: str, words: str, value: float | None, lower: float | None, upper: float | None, unit: str
+    key: str,
+    words: str,
+    value: float | None,
+    bounds: tuple[float | None, float | None],
+    unit: str = "",
+    decimals: int = 2,
 ) -> Row:
-    """A figure with its limits; one that does not exist keeps none."""
+    """A figure with its lower and upper limit; one that does not exist keeps none."""
+    lower, upper = bounds
     kept = value is not None and (lower is None or value >= lower) and (upper is None or value <= upper)
-    bounds = [bound for bound in (lower, upper) if bound]
-    decimals = max((decimals_for(bound, 2) for bound in bounds), default=0)
-    fine = max(decimals, decimals_for(value, 2) if value is not None and abs(value) < 1.0 else 0)
     cells = (
         words,
-        Number(value, fine),
+        Number(value, decimals),
         "" if lower is None else Number(lower, decimals),
         "" if upper is None else Number(upper, decimals),
         unit,
@@ -72,19 +75,20 @@ def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
     """σ of each calibrated parameter, and its part of the σ known before."""
     figures = material.results.figures.calibration
     limits = material.results.project.calibration.limits
-    items = {item.key: item for item in material.parameters}
-    for found in () if figures is None else figures.parameters:
-        item = items.get((found.parameter, found.entity))
-        if item is None or not has_result(item) or found.sigma is None:
+    found = {} if figures is None else {(item.parameter, item.entity): item for item in figures.parameters}
+    for item in in_order(material.parameters):
+        judged = found.get(item.key)
+        if judged is None or judged.sigma is None or not has_result(item):
             continue
-        quantity, factor = quantity_of(item), quantity_of(item).fine_factor
-        words = f"σ of {entity_words(found.parameter, found.entity)}"
-        key = f"sigma:{found.parameter}@{found.entity}"
-        if found.limit is not None:
-            yield _row(key, words, found.sigma * factor, None, found.limit * factor, quantity.fine_unit)
-        if found.sigma_over_prior is not None:
-            ratio = found.sigma_over_prior
-            yield _row(f"{key}:prior", f"{words} / σ before", ratio, None, limits.sigma_over_prior, "")
+        quantity = quantity_of(item)
+        words, key = f"σ of {entity_words(*item.key)}", f"sigma:{item.parameter}@{item.entity}"
+        if judged.limit is not None:
+            sigma, limit = (value * quantity.fine_factor for value in (judged.sigma, judged.limit))
+            decimals = decimals_for(min(sigma, limit))
+            yield _row(key, words, sigma, (None, limit), quantity.fine_unit, decimals)
+        if judged.sigma_over_prior is not None:
+            bounds = (None, limits.sigma_over_prior)
+            yield _row(f"{key}:prior", f"{words} / σ before", judged.sigma_over_prior, bounds)
 
 
 def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator[Row]:
@@ -92,11 +96,19 @@ def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator
     known = [item.parameter for item in record.parameters if has_result(item)]
     if any(name.startswith(_NEED_HEADINGS) for name in known):
         directions = float(len(record.flight.headings_deg))
-        yield _row("headings", "number of flight directions", directions, float(limits.headings), None, "")
+        yield _row(
+            "headings", "number of flight directions", directions, (float(limits.headings), None), decimals=0
+        )
     arm_and_point = all(any(n.startswith(f) for n in known) for f in ("principal_point", "lever_arm"))
     if record.flight.heights_m and ("focal_length" in known or arm_and_point):
         ratio = max(record.flight.heights_m) / min(record.flight.heights_m)
-        yield _row("height_ratio", "highest over lowest flying height", ratio, limits.height_ratio, None, "")
+        yield _row(
+            "height_ratio",
+            "highest over lowest flying height",
+            ratio,
+            (limits.height_ratio, None),
+            decimals=1,
+        )
 
 
 def _of_groups(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterator[Row]:
@@ -105,7 +117,7 @@ def _of_groups(material: CertificateMaterial, limits: AcceptanceLimits) -> Itera
     for group in material.results.figures.groups:
         if group.group in _OBSERVED and group.sigma0 is not None:
             words = f"σ0 of the {group_words(group.group)}"
-            yield _row(f"sigma0:{group.group}", words, group.sigma0, 1.0 / factor, factor, "")
+            yield _row(f"sigma0:{group.group}", words, group.sigma0, (1.0 / factor, factor))
     residuals = material.results.residuals
     entered = residuals[residuals["group"].isin(_OBSERVED) & (residuals["status"] != "not_used")]
     wrong = (
@@ -116,26 +128,19 @@ def _of_groups(material: CertificateMaterial, limits: AcceptanceLimits) -> Itera
     for name, own in wrong.any().groupby(level="group", sort=False):
         part = 100.0 * float(own.mean())
         words = f"rejected {group_words(str(name))}"
-        yield _row(f"rejected:{name}", words, part, None, 100.0 * limits.rejected_part, "%")
+        yield _row(f"rejected:{name}", words, part, (None, 100.0 * limits.rejected_part), "%", 1)
 
 
 def _of_global_test(material: CertificateMaterial) -> Iterator[Row]:
     test, sigma0 = material.results.figures.global_test, material.results.summary.sigma0
     if test is not None and test.lower is not None and test.upper is not None:
         words = f"σ0 of the adjustment, global test at {100 * test.confidence:g} %"
-        yield _row("global_test", words, sigma0, test.lower, test.upper, "")
+        yield _row("global_test", words, sigma0, (test.lower, test.upper), decimals=3)
 
 
 def _of_gates(material: CertificateMaterial) -> Iterator[Row]:
     for gate in material.results.summary.gates:
         if gate.name != _TOGETHER:
-            lower, upper = (None, gate.limit) if gate.bound == "max" else (gate.limit, None)
-            unit = _UNITS.get(gate.unit, gate.unit)
-            yield _row(
-                f"{gate.name}:{gate.bound}",
-                f"{gate_words(gate.name)} (project)",
-                gate.value,
-                lower,
-                upper,
-                unit,
-            )
+            bounds = (None, gate.limit) if gate.bound == "max" else (gate.limit, None)
+            words, unit = f"{gate_words(gate.name)} (project)", _UNITS.get(gate.unit, gate.unit)
+            yield _row(f"{gate.name}:{gate.bound}", words, gate.value, bounds, unit, 3)

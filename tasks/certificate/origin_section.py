@@ -49,7 +49,7 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
     """Annex: what the values were computed from and with what, and what made the document."""
     record = material.record
     blocks = (
-        Facts("project-file", "", _project_file(material.source)),
+        *_project_file(material.source),
         Listing(input_table(record), ("sha256",)),
         *beside(
             Listing(software_table("software", "Software of the calibration", record.software)),
@@ -59,12 +59,18 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
     return Section("origin", "Annex: deliveries and software", blocks)
 
 
-def _project_file(source: ProjectSource) -> tuple[Fact, ...]:
+def _project_file(source: ProjectSource) -> tuple[Block, ...]:
     """Digest of the project file, and what stood in the place of values of it."""
-    return (
+    replaced = "listed below" if source.overrides else "none"
+    facts = (
         Fact("project_file", "project file, SHA-256", (source.sha256 or "read from no file",)),
-        Fact("overrides", "values of it that were replaced for this run", source.overrides or ("none",)),
+        Fact("overrides", "values replaced for this run", (replaced,)),
     )
+    columns = (text_column("setting", "setting of the project file"), text_column("value", "replaced by"))
+    pairs = [text.partition("=") for text in source.overrides]
+    rows = tuple(Row(key, (key.strip(), value.strip())) for key, _, value in pairs)
+    table = Table("overrides", "Values replaced for this run", columns, rows)
+    return (Facts("project-file", "", facts), *([Listing(table, ("value",))] if rows else []))
 
 
 def input_table(record: CalibrationRecord) -> Table:

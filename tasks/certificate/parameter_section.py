@@ -12,7 +12,7 @@ import numpy as np
 
 from adjust.camera.interior import nominal_mounting
 from adjust.geometry import rotation
-from tasks.block.model_findings import shown_unit
+from tasks.block.model_findings import entity_words, shown_unit
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.additional_parameters import additional_blocks
@@ -20,7 +20,7 @@ from tasks.certificate.content import Block, Listing, Section, Words
 from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result, quantity_of
-from tasks.certificate.words import entity_words
+from tasks.certificate.words import AXES_NOTE
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
 #: Decimals of a value without σ: what is held is printed as finely as what is usually determined.
@@ -106,7 +106,8 @@ def held_table(material: CertificateMaterial) -> Table:
         )
         rows.append(Row(f"{item.quantity}@{item.entity}", cells))
     note = (
-        "Parts add up by their squares. How well each is known is a declaration of the project, not a result."
+        f"{AXES_NOTE} Parts add up by their squares. How well each is known is a declaration of the project, "
+        "not a result."
     )
     return Table("held-quantities", "What was held, as part of every σ", columns, tuple(rows), note)
 

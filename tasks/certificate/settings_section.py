@@ -30,6 +30,8 @@ _DATUM = {
     "free_network": "free network, inner constraints on approximate values",
 }
 _ROBUST = {"huber": "Huber", "cauchy": "Cauchy", "tukey": "Tukey", "biber": "modified M-estimation (BIBER)"}
+#: Ends of the names of priors, and their units.
+_PRIOR_UNITS = {"deg": "°", "m": "m", "m_s": "m/s", "s": "s", "mm": "mm"}
 _ELIMINATION = {
     "default": "default (correlation 0.90, total correlation 0.95, t of 99 %)",
     "bluh": "as BLUH (t below 1, correlations above 0.85)",
@@ -83,7 +85,7 @@ def _model(material: CertificateMaterial) -> tuple[Fact, ...]:
                 for item in exposures
             ),
         ),
-        Fact("lever_arm", "lever arm forward, right, down", *_lever_arm(material)),
+        _lever_arm(material),
         Fact("time_offset", "time offset", _time_offset(material)),
         Fact("datum", "datum", (_DATUM[settings.datum],)),
         Fact("grid", "corrections of the image by mean residuals", _grid(settings)),
@@ -100,14 +102,14 @@ def _additional(settings: AdjustmentSettings) -> tuple[str, ...]:
     )
 
 
-def _lever_arm(material: CertificateMaterial) -> tuple[tuple[Number | str, ...], str]:
-    """Given values and unit, or that it is estimated."""
+def _lever_arm(material: CertificateMaterial) -> Fact:
+    """Where the lever arm is held, or that it is estimated."""
     if "lever_arm" in material.results.project.adjustment.free:
-        return ("estimated",), ""
+        return Fact("lever_arm", "lever arm", ("estimated",))
     values = {item.parameter: item.given for item in material.record.parameters}
     given = material.results.project.cameras[material.record.camera.name].lever_arm_m
-    held = (values.get(f"lever_arm_{axis}", given[k]) for k, axis in enumerate("xyz"))
-    return ("held at", *numbers(held, 3)), "m"
+    held = numbers((values.get(f"lever_arm_{axis}", given[k]) for k, axis in enumerate("xyz")), 3)
+    return Fact("lever_arm", "lever arm forward, right, down, held at", held, "m")
 
 
 def _time_offset(material: CertificateMaterial) -> tuple[str, ...]:
@@ -128,25 +130,20 @@ def _grid(settings: AdjustmentSettings) -> tuple[str, ...]:
 
 def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
     results, camera = material.results, material.record.camera
-    settings, priors = results.project.adjustment, results.project.adjustment.priors
+    settings = results.project.adjustment
     own = material.exposures[material.exposures["camera"] == camera.name]
     measured = results.image_points[results.image_points["image"].isin(own["image"])]
     control = results.control_points[results.control_points["role"] == "control"]
     scale = 1e3 / camera.pixel_um
     image = [float(measured[f"sigma_{axis}_mm"].median()) for axis in "xy"]
     attitude = _attitude_sigmas(own)
-    known = {
-        parameter_family(name.rpartition("_")[0] if not name.endswith("_m_s") else "gnss_drift"): value
-        for name, value in priors
-        if value is not None and _is_free(name, settings)
-    }
     return (
         Fact("image_um", "image points x, y (median)", numbers((1e3 * v for v in image), 2), "µm"),
         Fact("image_px", "the same in pixels", numbers((scale * v for v in image), 2), "px"),
         Fact("control_m", "control east, north, up (median)", _medians(control, "sigma_{}_m", "xyz", 3), "m"),
         Fact("gnss_m", "GNSS positions east, north, up (median)", _medians(own, "sigma_{}_m", "xyz", 3), "m"),
         Fact("ins_deg", f"INS attitudes {attitude[0]} (median)", attitude[1], "°"),
-        Fact("priors", "initial values", tuple(f"{n} {_sizes(v)}" for n, v in known.items()) or (_NONE,), ""),
+        Fact("priors", "σ of initial values", _priors(settings)),
         Fact("gnss_correlation", "correlation time of GNSS errors", _seconds(settings.gnss_correlation_s)),
         Fact("ins_correlation", "correlation time of INS errors", _seconds(settings.ins_correlation_s)),
         Fact("components", "variance components", _components(material)),
@@ -163,8 +160,15 @@ def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
     )
 
 
-def _is_free(prior: str, settings: AdjustmentSettings) -> bool:
-    return any(prior.startswith(name) for name in settings.free)
+def _priors(settings: AdjustmentSettings) -> tuple[str, ...]:
+    """σ of the initial values of what is estimated, those that have one."""
+    found = []
+    for name in settings.free:
+        for unit, shown in _PRIOR_UNITS.items():
+            value = getattr(settings.priors, f"{name}_{unit}", None)
+            if value is not None:
+                found.append(f"{parameter_family(name)} {_sizes(value)} {shown}")
+    return tuple(found) or (_NONE,)
 
 
 def _attitude_sigmas(exposures: pd.DataFrame) -> tuple[str, tuple[Number, ...]]:

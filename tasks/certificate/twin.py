@@ -78,7 +78,9 @@ def _block(block: Block) -> JSON:
         }
     if isinstance(block, SideBySide):
         return {"kind": "side_by_side", "blocks": [_block(each) for each in block.blocks]}
-    places: list[JSON] = [{"role": place.role, "name": place.name} for place in block.places]
+    places: list[JSON] = [
+        {"role": place.role, "name": place.name, "filled": place.filled} for place in block.places
+    ]
     return {"kind": "signatures", "places": places}
 
 

@@ -119,7 +119,7 @@ def verdict_section(material: CertificateMaterial) -> Section:
     record = material.record
     blocks: list[Block] = [Words(verdict_sentence(record))]
     blocks.append(Listing(determinability_table(material), ("because",)))
-    blocks.append(Listing(limit_table(material), ("figure",)))
+    blocks.append(Listing(limit_table(material)))
     if record.remarks:
         blocks.append(Sentences("Remarks", tuple(in_words(remark) for remark in record.remarks)))
     said = {*record.remarks, *record.reasons, *record.restrictions}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from adjust.parameters import FAMILIES
+from tasks.block.model_findings import quantity_words
 
 _FAMILIES = {
     "boresight": "boresight misalignment",
@@ -20,7 +21,6 @@ _FAMILIES = {
     "focal_length": "focal length",
     "principal_point": "principal point",
 }
-_AXES = {"x", "y", "z"}
 # What is a setting, and its words; the longest first.
 _SETTINGS = {
     "adjustment.variance_components = true": "variance components",
@@ -49,6 +49,14 @@ _NAMES = re.compile(
     )
 )
 
+# What belongs to a flight is named by it: "GNSS shift z of 1" reads like a number.
+_OF_FLIGHT = re.compile(r"\b(GNSS shift [xyz]|time offset) of (?!flight )(?=\S)")
+#: What x, y and z are of.
+AXES_NOTE = (
+    "x, y, z: east, north, up of GNSS and control; forward, right, down of the lever arm; along columns and "
+    "against rows of the principal point."
+)
+
 
 def parameter_family(name: str) -> str:
     """A family of system parameters in words."""
@@ -57,15 +65,5 @@ def parameter_family(name: str) -> str:
 
 def in_words(sentence: str) -> str:
     """A sentence with words in the place of names of the code."""
-    return _NAMES.sub(lambda found: _SETTINGS.get(found[0], _component(found[0])), sentence)
-
-
-def _component(name: str) -> str:
-    return name.replace("gnss_", "GNSS ").replace("_", " ")
-
-
-def entity_words(parameter: str, entity: str) -> str:
-    """A parameter with what it is of: ``GNSS shift x of flight 1``, ``principal point x of UCE-80``."""
-    of_flight = parameter.startswith(("gnss_", "time_offset"))
-    of = f" of flight {entity}" if of_flight else f" of {entity}" if entity else ""
-    return f"{_component(parameter)}{of}"
+    plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), sentence)
+    return _OF_FLIGHT.sub(r"\1 of flight ", plain)

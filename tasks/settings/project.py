@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from typing import ClassVar, Literal
 
@@ -40,7 +40,7 @@ class ProjectSettings(Settings):
 
 @dataclass(frozen=True)
 class ProjectSource:
-    """Where the settings of a project are from.
+    """Where the settings of a project are from; two projects are the same wherever they were read from.
 
     Attributes
     ----------
@@ -48,8 +48,8 @@ class ProjectSource:
     overrides : texts ``a.b.c=VALUE`` that replaced values of it.
     """
 
-    sha256: str = ""
-    overrides: tuple[str, ...] = ()
+    sha256: str = field(default="", compare=False)
+    overrides: tuple[str, ...] = field(default=(), compare=False)
 
 
 class Project(Settings):
