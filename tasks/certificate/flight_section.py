@@ -21,7 +21,7 @@ def flight_section(material: CertificateMaterial) -> Section:
         Facts("flight", "", _facts(material)),
         Listing(level_table(material)),
         Listing(strip_group_table(material)),
-        Listing(exposure_table(material), ("names",)),
+        Listing(exposure_table(material)),
     ]
     if len(material.images):
         caption = (

@@ -36,7 +36,7 @@ def image_axes(material: CertificateMaterial) -> Markup:
         _pixels(half, camera.columns, camera.rows),
         _axes(half),
         _principal_point(_principal_point_um(material)),
-        *_flight(half, forward_in_image(camera.mount_deg), camera.mount_deg),
+        *_flight(half, forward_in_image(camera.mount_deg)),
     ]
     words = "Image axes, principal point and direction of flight"
     return markup.svg(_WIDTH, _HEIGHT, words, markup.group("image-axes", parts))
@@ -116,19 +116,15 @@ def _principal_point(x0_y0_um: tuple[float, float]) -> Markup:
     )
 
 
-def _flight(half: tuple[float, float], forward: tuple[int, int], mount_deg: int) -> list[Markup]:
+def _flight(half: tuple[float, float], forward: tuple[int, int]) -> list[Markup]:
     """The direction of flight outside the edge it points to, and right of the aircraft."""
     colour = palette.category(2)
     right = (forward[1], -forward[0])
     drawn = []
-    for (fx, fy), words in (
-        (forward, f"direction of flight (mounting {mount_deg}°)"),
-        (right, "right of the aircraft"),
-    ):
-        x, y = _MIDDLE[0] + fx * (half[0] + 14), _MIDDLE[1] - fy * (half[1] + 24)
+    for (fx, fy), words in ((forward, "direction of flight"), (right, "right of the aircraft")):
+        x, y = _MIDDLE[0] + fx * (half[0] + 24), _MIDDLE[1] - fy * (half[1] + 24)
         drawn.append(_arrow(x, y, fx * 46, -fy * 34, colour, "3"))
-        if fx:
-            drawn.append(markup.text(x + fx * 54, y + 5, words, "start" if fx > 0 else "end", "label"))
-        else:
-            drawn.append(markup.text(x + 12, y - fy * 20 + 5, words, "start", "label"))
+        # Beside an upright arrow, and over a level one, so that nothing leaves the drawing.
+        place = (x + 12, y - fy * 20 + 5, words, "start") if fy else (x + fx * 46, y - 14, words, "middle")
+        drawn.append(markup.text(*place, css_class="label"))
     return drawn

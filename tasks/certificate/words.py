@@ -51,6 +51,8 @@ _NAMES = re.compile(
 
 # What belongs to a flight is named by it: "GNSS shift z of 1" reads like a number.
 _OF_FLIGHT = re.compile(r"\b(GNSS shift [xyz]|time offset) of (?!flight )(?=\S)")
+# Beside expanded uncertainties a standard deviation does not stand behind ± (JCGM 100:2008, 7.2.2).
+_SIGMA = re.compile(r"([+−-]?[\d.,]*\d) ± ([\d.]*\d)( ?)(°|[^\s.,;)]+)")
 #: What x, y and z are of.
 AXES_NOTE = (
     "x, y, z: east, north, up of GNSS and control; forward, right, down of the lever arm; along columns and "
@@ -66,4 +68,4 @@ def parameter_family(name: str) -> str:
 def in_words(sentence: str) -> str:
     """A sentence with words in the place of names of the code."""
     plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), sentence)
-    return _OF_FLIGHT.sub(r"\1 of flight ", plain)
+    return _SIGMA.sub(r"\1\3\4 (σ \2\3\4)", _OF_FLIGHT.sub(r"\1 of flight ", plain))
