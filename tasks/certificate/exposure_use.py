@@ -27,15 +27,19 @@ def exposure_table(material: CertificateMaterial) -> Table:
         _row("delivered", "delivered", delivered, named=False),
         _row("used", "used", [name for name in delivered if name in oriented], named=False),
         _row("not_used", "not used", out, named=False),
-        _row("without_points", "   no image point is measured in it", [n for n in out if n not in measured]),
+        _row(
+            "without_points",
+            "not used: no image point is measured in it",
+            [n for n in out if n not in measured],
+        ),
         _row(
             "without_orientation",
-            "   no attitude, and alone in its strip",
+            "not used: no attitude, and alone in its strip",
             [name for name in out if name in measured and name not in in_block],
         ),
         _row(
             "not_adjusted",
-            "   not oriented by the adjustment",
+            "not used: not oriented by the adjustment",
             [name for name in out if name in in_block],
         ),
         _row("few_points", f"used with fewer than {_FEW_POINTS} image points", _few(material)),

@@ -33,6 +33,7 @@ _SETTINGS = {
     "adjustment.priors": "the σ of initial values",
     "adjustment.free": "what is estimated",
     "checks.min_intersection_angle_deg": "the least angle of rays",
+    "prior:": "initial values of the ",
     "calibration.held": "how well known what is held is",
     "model_alternatives.parquet": "the tables of the results",
     "model_alternative_effects.parquet": "the effects beside them",
