@@ -40,11 +40,13 @@ def limit_table(material: CertificateMaterial) -> Table:
         *_of_pattern(material.record, limits),
         *_of_groups(material, limits),
         *_of_global_test(material),
+        *_of_model(material, limits),
         *_of_gates(material),
     )
     note = (
-        "σ as certified, with what was held. A calibration that keeps these limits may still be refused by a "
-        "test of the model, its check points or the second step; such reasons stand under the verdict."
+        "σ as certified, with what was held. A calibration that keeps these limits may still be refused by "
+        "its check points, the second step or what looks wrong in the deliveries; the reasons stand "
+        "at the head."
     )
     return Table("limits", "Limits of the calibration flight and of the results", columns, rows, note)
 
@@ -136,6 +138,16 @@ def _of_global_test(material: CertificateMaterial) -> Iterator[Row]:
     if test is not None and test.lower is not None and test.upper is not None:
         words = f"σ0 of the adjustment, global test at {100 * test.confidence:g} %"
         yield _row("global_test", words, sigma0, (test.lower, test.upper), decimals=3)
+
+
+def _of_model(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterator[Row]:
+    """What the significant errors of the model move, together and each by itself."""
+    figures = material.results.figures
+    if figures.moved_by_findings is not None:
+        each = (item.moved_by for item in (*figures.model_findings, *figures.strip_scatter))
+        largest = max(figures.moved_by_findings, *each, 0.0)
+        words = "significant errors of the model move a parameter by at most"
+        yield _row("model", words, largest, (None, limits.moved_sigmas), "σ", 1)
 
 
 def _of_gates(material: CertificateMaterial) -> Iterator[Row]:

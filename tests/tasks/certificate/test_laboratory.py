@@ -206,6 +206,22 @@ def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -
     assert found[f"{failed.name}:max"].cells[-1] == "not kept"
 
 
+def test_errors_of_the_model_are_held_against_what_they_may_move(calibration: Calibration) -> None:
+    material = calibration.material()
+    found = {"moved_by_findings": 0.4, "model_findings": [{"moved_by": 0.3}], "strip_scatter": []}
+    for worse, words in (({}, "kept"), ({"strip_scatter": [{"moved_by": 1.4}]}, "not kept")):
+        extra = {**(material.results.summary.model_extra or {}), **found, **worse}
+        summary = type(material.results.summary).model_validate(
+            {**material.results.summary.model_dump(), **extra}
+        )
+        row = limits(replace(material, results=replace(material.results, summary=summary)))["model"]
+        assert isinstance(row.cells[1], Number)
+        assert row.cells[1].value == max(
+            0.4, *(item["moved_by"] for item in worse.get("strip_scatter", [])), 0
+        )
+        assert row.cells[-1] == words
+
+
 def test_the_limit_of_the_statistics_says_whether_it_is_kept(calibration: Calibration) -> None:
     material = calibration.material()
     gates = Gates(rmse_control_m=AxisGate(max=(1.0, 1.0, 1e-6)))
