@@ -84,5 +84,5 @@ def _row(key: str, words: str, names: pd.Series | list[str], *, named: bool = Tr
     listed = sorted(names)
     text = ", ".join(listed[:_MOST_NAMES]) if named else ""
     if named and len(listed) > _MOST_NAMES:
-        text += f" and {len(listed) - _MOST_NAMES} more"
+        text += f" and {len(listed) - _MOST_NAMES:,} more"
     return Row(key, (words, Number(len(listed)), text))

@@ -30,12 +30,13 @@ def image_axes(material: CertificateMaterial) -> Markup:
     """The drawing."""
     camera = material.record.camera
     scale = _SIDE / max(camera.columns, camera.rows)
+    x0_y0 = _principal_point_um(material)
     half = 0.5 * camera.columns * scale, 0.5 * camera.rows * scale
     parts = [
         _format(half),
         _pixels(half, camera.columns, camera.rows),
-        _axes(half),
-        _principal_point(_principal_point_um(material)),
+        _axes(half, x0_y0[0]),
+        _principal_point(x0_y0),
         *_flight(half, forward_in_image(camera.mount_deg)),
     ]
     words = "Image axes, principal point and direction of flight"
@@ -81,10 +82,11 @@ def _pixels(half: tuple[float, float], columns: int, rows: int) -> Markup:
     )
 
 
-def _axes(half: tuple[float, float]) -> Markup:
+def _axes(half: tuple[float, float], x0: float) -> Markup:
     """The axes x and y from the format centre."""
     x, y = _MIDDLE
     blue, long = palette.category(0), 0.62
+    beside = -8 if x0 >= 0.0 else 8
     return markup.group(
         "axes",
         [
@@ -93,7 +95,8 @@ def _axes(half: tuple[float, float]) -> Markup:
             _arrow(x, y, 0, -long * half[1], blue, "2.2"),
             markup.text(x - 4, y - long * half[1] - 8, "y", "middle", "halo"),
             markup.element("circle", {"cx": x, "cy": y, "r": "3.2", "fill": blue}),
-            markup.text(x - 8, y + 18, "format centre", "end"),
+            # On the side where the principal point is not.
+            markup.text(x + beside, y + 18, "format centre", "end" if x0 >= 0.0 else "start"),
         ],
     )
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from tasks.block.model_findings import entity_words
 from tasks.calibration.record import CalibrationRecord
 from tasks.certificate.material import CertificateMaterial
-from tasks.certificate.quantities import has_result, in_order, quantity_of
+from tasks.certificate.quantities import in_order, quantity_of
 from tasks.report.figures import gate_words, group_words
 from tasks.report.material import IMAGE_POINTS
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
@@ -74,19 +74,19 @@ def _row(
 
 
 def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
-    """σ of each calibrated parameter, and its part of the σ known before."""
+    """σ of each estimated parameter, its result or not, and its part of the σ known before."""
     figures = material.results.figures.calibration
     limits = material.results.project.calibration.limits
     found = {} if figures is None else {(item.parameter, item.entity): item for item in figures.parameters}
     for item in in_order(material.parameters):
         judged = found.get(item.key)
-        if judged is None or judged.sigma is None or not has_result(item):
+        if judged is None or judged.sigma is None:
             continue
         quantity = quantity_of(item)
         words, key = f"σ of {entity_words(*item.key)}", f"sigma:{item.parameter}@{item.entity}"
         if judged.limit is not None:
             sigma, limit = (value * quantity.fine_factor for value in (judged.sigma, judged.limit))
-            decimals = decimals_for(min(sigma, limit))
+            decimals = decimals_for(min(sigma, limit), 3)
             yield _row(key, words, sigma, (None, limit), quantity.fine_unit, decimals)
         if judged.sigma_over_prior is not None:
             bounds = (None, limits.sigma_over_prior)
@@ -95,7 +95,7 @@ def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
 
 def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator[Row]:
     """Flight directions and heights, where what is calibrated needs them."""
-    known = [item.parameter for item in record.parameters if has_result(item)]
+    known = [item.parameter for item in record.estimated]
     if any(name.startswith(_NEED_HEADINGS) for name in known):
         directions = float(len(record.flight.headings_deg))
         yield _row(

@@ -15,10 +15,12 @@ from tasks.certificate.content import Block, Fact, Facts, Listing, Section
 from tasks.certificate.material import CertificateMaterial
 from tasks.report.figures import group_words
 from tasks.report.material import TOOK_PART, Material
-from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.report.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.settings.quality import AxisGate
 
 _XYZ = ("x", "y", "z")
+#: Units of residuals as they are shown, and decimals.
+_UNITS = {"um": ("µm", 2), "m": ("m", 3), "deg": ("°", 4)}
 _BODY = ("roll", "pitch", "yaw")
 
 
@@ -170,9 +172,10 @@ def _largest_residuals(results: Material, group: str) -> tuple[Cell, ...]:
     if len(units) != 1:
         return Number(None), "", Number(standardized, 1)
     largest = float(own["residual"].abs().max())
+    shown, decimals = _UNITS.get(str(units[0]), (str(units[0]), 3))
     return (
-        Number(largest, decimals_for(largest, 2)),
-        {"um": "µm", "deg": "°"}.get(str(units[0]), str(units[0])),
+        Number(largest, decimals),
+        shown,
         Number(standardized, 1),
     )
 

@@ -10,6 +10,7 @@ import re
 
 from adjust.parameters import FAMILIES
 from tasks.block.model_findings import quantity_words
+from tasks.report.figures import gate_words
 
 _FAMILIES = {
     "boresight": "boresight misalignment",
@@ -32,6 +33,9 @@ _SETTINGS = {
     "priors.gnss_strip_bias_m": "σ of the GNSS biases of strips",
     "adjustment.priors": "the σ of initial values",
     "adjustment.free": "what is estimated",
+    "adjustment.self_calibration": "self-calibration",
+    "adjustment.refraction": "the correction for refraction",
+    "mount_deg": "the mounting",
     "checks.min_intersection_angle_deg": "the least angle of rays",
     "prior:": "initial values of the ",
     "calibration.held": "how well known what is held is",
@@ -53,7 +57,14 @@ _NAMES = re.compile(
 # What belongs to a flight is named by it: "GNSS shift z of 1" reads like a number.
 _OF_FLIGHT = re.compile(r"\b(GNSS shift [xyz]|time offset) of (?!flight )(?=\S)")
 # Beside expanded uncertainties a standard deviation does not stand behind ± (JCGM 100:2008, 7.2.2).
-_SIGMA = re.compile(r"([+−-]?[\d.,]*\d) ± ([\d.]*\d)( ?)(°|[^\s.,;)]+)")
+_NUMBER = r"\d[\d.,]*(?:e[+-]?\d+)?"
+_SIGMA = re.compile(rf"([+−-]?{_NUMBER}) ± ({_NUMBER})( ?)(°|[^\s.,;)]+)")
+# A setting without words of its own is called by its last key.
+_OTHER_SETTING = re.compile(
+    r"\b(?:adjustment|calibration|checks|direct_georeferencing|gates)\.[\w.]*?(\w+)\b"
+)
+_UNIT = re.compile(r"_(?:um|mm|m|deg|s|px)$")
+_GATE = re.compile(r"\bThe gate (\w+) failed\b")
 #: What x, y and z are of.
 AXES_NOTE = (
     "x, y, z: east, north, up of GNSS and control; forward, right, down of the lever arm; along columns and "
@@ -68,5 +79,7 @@ def parameter_family(name: str) -> str:
 
 def in_words(sentence: str) -> str:
     """A sentence with words in the place of names of the code."""
-    plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), sentence)
+    plain = _GATE.sub(lambda found: f"The limit of {gate_words(found[1])} is not kept", sentence)
+    plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), plain)
+    plain = _OTHER_SETTING.sub(lambda found: _UNIT.sub("", found[1]).replace("_", " "), plain)
     return _SIGMA.sub(r"\1\3\4 (σ \2\3\4)", _OF_FLIGHT.sub(r"\1 of flight ", plain))

@@ -23,6 +23,16 @@ from tests.tasks.certificate.conftest import Calibration, as_json, changed, with
         ("All in model_alternatives.parquet.", "All in the tables of the results."),
         ("look wrong: +2.12 ± 0.19 ms (t = 10.9)", "look wrong: +2.12 ms (σ 0.19 ms) (t = 10.9)"),
         ("roll −0.02 ± 0.001°.", "roll −0.02° (σ 0.001°)."),
+        (
+            "P2 +0.000764 ± 3e-05 1/m, K3 -6.82e+03 ± 3.3e+02 1/m⁶",
+            "P2 +0.000764 1/m (σ 3e-05 1/m), K3 -6.82e+03 1/m⁶ (σ 3.3e+02 1/m⁶)",
+        ),
+        (
+            "The gate rmse_check_m_x failed: 0.2 ≤ 0.1 m",
+            "The limit of RMS at check points, x is not kept: 0.2 ≤ 0.1 m",
+        ),
+        ("Raise checks.control_distance_m.", "Raise control distance."),
+        ("correct mount_deg", "correct the mounting"),
         ("A sentence of words stays.", "A sentence of words stays."),
     ],
 )
