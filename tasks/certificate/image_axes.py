@@ -7,17 +7,34 @@ right of the aircraft is a quarter turn clockwise from forward in the image seen
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from markupsafe import Markup
 
 from tasks.certificate.material import CertificateMaterial
 from tasks.report import markup, palette
 
-# Size of the drawing, the longer side of the image in it, and its middle.
-_WIDTH, _HEIGHT, _SIDE = 700.0, 500.0, 340.0
-_MIDDLE = (0.5 * _WIDTH, 0.5 * _HEIGHT)
+# Width of the drawing, the longer side of the image in it, and the room above and below the image.
+_WIDTH, _SIDE, _ROOM = 700.0, 340.0, 80.0
 # How far from the middle the principal point is drawn.
 _OFFSET = 26.0
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Half of the image's width and height in the drawing, and where its middle is."""
+
+    half: tuple[float, float]
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return 0.5 * _WIDTH, self.half[1] + _ROOM
+
+    @property
+    def height(self) -> float:
+        """Of the whole drawing."""
+        return 2.0 * self.middle[1]
 
 
 def forward_in_image(mount_deg: int) -> tuple[int, int]:
@@ -31,16 +48,16 @@ def image_axes(material: CertificateMaterial) -> Markup:
     camera = material.record.camera
     scale = _SIDE / max(camera.columns, camera.rows)
     x0_y0 = _principal_point_um(material)
-    half = 0.5 * camera.columns * scale, 0.5 * camera.rows * scale
+    frame = _Frame((0.5 * camera.columns * scale, 0.5 * camera.rows * scale))
     parts = [
-        _format(half),
-        _pixels(half, camera.columns, camera.rows),
-        _axes(half, x0_y0[0]),
-        _principal_point(x0_y0),
-        *_flight(half, forward_in_image(camera.mount_deg)),
+        _format(frame),
+        _pixels(frame, camera.columns, camera.rows),
+        _axes(frame, x0_y0[0]),
+        _principal_point(frame, x0_y0),
+        *_flight(frame, forward_in_image(camera.mount_deg)),
     ]
     words = "Image axes, principal point and direction of flight"
-    return markup.svg(_WIDTH, _HEIGHT, words, markup.group("image-axes", parts))
+    return markup.svg(_WIDTH, frame.height, words, markup.group("image-axes", parts))
 
 
 def _principal_point_um(material: CertificateMaterial) -> tuple[float, float]:
@@ -54,9 +71,14 @@ def _principal_point_um(material: CertificateMaterial) -> tuple[float, float]:
     return x0, y0
 
 
-def _format(half: tuple[float, float]) -> Markup:
-    x, y = _MIDDLE
-    box = {"x": x - half[0], "y": y - half[1], "width": 2.0 * half[0], "height": 2.0 * half[1]}
+def _format(frame: _Frame) -> Markup:
+    x, y = frame.middle
+    box = {
+        "x": x - frame.half[0],
+        "y": y - frame.half[1],
+        "width": 2.0 * frame.half[0],
+        "height": 2.0 * frame.half[1],
+    }
     return markup.element("rect", {**box, "class": "frame"})
 
 
@@ -65,9 +87,9 @@ def _arrow(x: float, y: float, dx: float, dy: float, colour: str, width: str = "
     return markup.element("path", {"d": path, "stroke": colour, "stroke-width": width, "fill": "none"})
 
 
-def _pixels(half: tuple[float, float], columns: int, rows: int) -> Markup:
+def _pixels(frame: _Frame, columns: int, rows: int) -> Markup:
     """Origin of the pixels and the ways in which they are counted, along the edges."""
-    left, top = _MIDDLE[0] - half[0], _MIDDLE[1] - half[1]
+    left, top = frame.middle[0] - frame.half[0], frame.middle[1] - frame.half[1]
     ink = palette.INK
     return markup.group(
         "pixels",
@@ -82,18 +104,18 @@ def _pixels(half: tuple[float, float], columns: int, rows: int) -> Markup:
     )
 
 
-def _axes(half: tuple[float, float], x0: float) -> Markup:
+def _axes(frame: _Frame, x0: float) -> Markup:
     """The axes x and y from the format centre."""
-    x, y = _MIDDLE
+    x, y = frame.middle
     blue, long = palette.category(0), 0.62
     beside = -8 if x0 >= 0.0 else 8
     return markup.group(
         "axes",
         [
-            _arrow(x, y, long * half[0], 0, blue, "2.2"),
-            markup.text(x + long * half[0] + 8, y + 5, "x", "start", "halo"),
-            _arrow(x, y, 0, -long * half[1], blue, "2.2"),
-            markup.text(x - 4, y - long * half[1] - 8, "y", "middle", "halo"),
+            _arrow(x, y, long * frame.half[0], 0, blue, "2.2"),
+            markup.text(x + long * frame.half[0] + 8, y + 5, "x", "start", "halo"),
+            _arrow(x, y, 0, -long * frame.half[1], blue, "2.2"),
+            markup.text(x - 4, y - long * frame.half[1] - 8, "y", "middle", "halo"),
             markup.element("circle", {"cx": x, "cy": y, "r": "3.2", "fill": blue}),
             # On the side where the principal point is not.
             markup.text(x + beside, y + 18, "format centre", "end" if x0 >= 0.0 else "start"),
@@ -101,31 +123,31 @@ def _axes(half: tuple[float, float], x0: float) -> Markup:
     )
 
 
-def _principal_point(x0_y0_um: tuple[float, float]) -> Markup:
+def _principal_point(frame: _Frame, x0_y0_um: tuple[float, float]) -> Markup:
     """A cross towards the side on which the principal point lies, with its coordinates."""
     length = float(np.hypot(*x0_y0_um))
     dx, dy = (0.0, 0.0) if length == 0.0 else (v / length * _OFFSET for v in x0_y0_um)
-    x, y, colour = _MIDDLE[0] + dx, _MIDDLE[1] - dy, palette.ACCENT
+    x, y, colour = frame.middle[0] + dx, frame.middle[1] - dy, palette.ACCENT
     cross = f"M{markup.number(x - 6)},{markup.number(y)}h12M{markup.number(x)},{markup.number(y - 6)}v12"
     x0, y0 = (f"{value:+.1f}".replace("-", "−") for value in x0_y0_um)
-    below = _MIDDLE[1] + _OFFSET + 34
+    below = frame.middle[1] + _OFFSET + 34
     return markup.group(
         "principal-point",
         [
             markup.element("path", {"d": cross, "stroke": colour, "stroke-width": "2.2", "fill": "none"}),
-            markup.text(_MIDDLE[0], below, "+ principal point", "middle"),
-            markup.text(_MIDDLE[0], below + 17, f"x0 {x0} µm, y0 {y0} µm", "middle"),
+            markup.text(frame.middle[0], below, "+ principal point", "middle"),
+            markup.text(frame.middle[0], below + 17, f"x0 {x0} µm, y0 {y0} µm", "middle"),
         ],
     )
 
 
-def _flight(half: tuple[float, float], forward: tuple[int, int]) -> list[Markup]:
+def _flight(frame: _Frame, forward: tuple[int, int]) -> list[Markup]:
     """The direction of flight outside the edge it points to, and right of the aircraft."""
     colour = palette.category(2)
     right = (forward[1], -forward[0])
     drawn = []
     for (fx, fy), words in ((forward, "direction of flight"), (right, "right of the aircraft")):
-        x, y = _MIDDLE[0] + fx * (half[0] + 24), _MIDDLE[1] - fy * (half[1] + 24)
+        x, y = frame.middle[0] + fx * (frame.half[0] + 24), frame.middle[1] - fy * (frame.half[1] + 24)
         drawn.append(_arrow(x, y, fx * 46, -fy * 34, colour, "3"))
         # Beside an upright arrow, and over a level one, so that nothing leaves the drawing.
         place = (x + 12, y - fy * 20 + 5, words, "start") if fy else (x + fx * 46, y - 14, words, "middle")
