@@ -11,6 +11,11 @@ import re
 from adjust.parameters import FAMILIES
 from tasks.block.model_findings import quantity_words
 from tasks.report.figures import gate_words
+from tasks.settings.adjustment import AdjustmentSettings, Priors
+from tasks.settings.cameras import CameraInput
+from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
+from tasks.settings.inputs import ControlInput, ExposureSigma
+from tasks.settings.quality import ChecksSettings
 
 _FAMILIES = {
     "boresight": "boresight misalignment",
@@ -58,11 +63,30 @@ _NAMES = re.compile(
 _OF_FLIGHT = re.compile(r"\b(GNSS shift [xyz]|time offset) of (?!flight )(?=\S)")
 # Beside expanded uncertainties a standard deviation does not stand behind ± (JCGM 100:2008, 7.2.2).
 _NUMBER = r"\d[\d.,]*(?:e[+-]?\d+)?"
-_SIGMA = re.compile(rf"([+−-]?{_NUMBER}) ± ({_NUMBER})( ?)(°|[^\s.,;)]+)")
+_SIGMA = re.compile(rf"([+−-]?{_NUMBER})°? ± ({_NUMBER})( ?)(°|[^\s.,;)]+)")
 # A setting without words of its own is called by its last key.
 _OTHER_SETTING = re.compile(
     r"\b(?:adjustment|calibration|checks|direct_georeferencing|gates)\.[\w.]*?(\w+)\b"
 )
+_KEYS = sorted(
+    {
+        name
+        for table in (
+            AdjustmentSettings,
+            CameraInput,
+            ChecksSettings,
+            ControlInput,
+            DirectGeoreferencingSettings,
+            ExposureSigma,
+            Priors,
+        )
+        for name in table.model_fields
+        if "_" in name
+    },
+    key=len,
+    reverse=True,
+)
+_KEY = re.compile(rf"\b(?:{'|'.join(_KEYS)})\b")
 _UNIT = re.compile(r"_(?:um|mm|m|deg|s|px)$")
 _GATE = re.compile(r"\bThe gate (\w+) failed\b")
 #: What x, y and z are of.
@@ -81,5 +105,11 @@ def in_words(sentence: str) -> str:
     """A sentence with words in the place of names of the code."""
     plain = _GATE.sub(lambda found: f"The limit of {gate_words(found[1])} is not kept", sentence)
     plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), plain)
-    plain = _OTHER_SETTING.sub(lambda found: _UNIT.sub("", found[1]).replace("_", " "), plain)
+    plain = _OTHER_SETTING.sub(lambda found: _key_words(found[1]), plain)
+    plain = _KEY.sub(lambda found: _key_words(found[0]), plain).replace("`", "")
     return _SIGMA.sub(r"\1\3\4 (σ \2\3\4)", _OF_FLIGHT.sub(r"\1 of flight ", plain))
+
+
+def _key_words(key: str) -> str:
+    """A key of the project file without its unit."""
+    return _UNIT.sub("", key).replace("_", " ")

@@ -22,6 +22,7 @@ from tests.tasks.certificate.conftest import Calibration, as_json, changed, with
         ("Check adjustment.priors.", "Check the σ of initial values."),
         ("All in model_alternatives.parquet.", "All in the tables of the results."),
         ("look wrong: +2.12 ± 0.19 ms (t = 10.9)", "look wrong: +2.12 ms (σ 0.19 ms) (t = 10.9)"),
+        ("drifts by -0.0182° ± 0.0033° against", "drifts by -0.0182° (σ 0.0033°) against"),
         ("roll −0.02 ± 0.001°.", "roll −0.02° (σ 0.001°)."),
         (
             "P2 +0.000764 ± 3e-05 1/m, K3 -6.82e+03 ± 3.3e+02 1/m⁶",
@@ -33,6 +34,8 @@ from tests.tasks.certificate.conftest import Calibration, as_json, changed, with
         ),
         ("Raise checks.control_distance_m.", "Raise control distance."),
         ("correct mount_deg", "correct the mounting"),
+        ("Check lever_arm_m: from the camera", "Check lever arm: from the camera"),
+        ("Check `heights` and pixel_origin", "Check heights and pixel origin"),
         ("A sentence of words stays.", "A sentence of words stays."),
     ],
 )
