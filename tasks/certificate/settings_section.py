@@ -10,6 +10,7 @@ from tasks.certificate.content import Fact, Facts, Section
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.words import parameter_family
 from tasks.coordinates.crs import MapFrame
+from tasks.report.figures import group_words
 from tasks.report.table import Number, decimals_for, numbers
 from tasks.settings.adjustment import AdjustmentSettings
 
@@ -202,10 +203,16 @@ def _components(material: CertificateMaterial) -> tuple[str, ...]:
     if not found:
         return ("not estimated: the stated σ hold",)
     return tuple(
-        f"{str(item['part']).replace('_', ' ')} σ × {item['factor']:.{decimals_for(item['factor'], 3)}f}"
+        f"{_part_words(str(item['part']))} σ × {item['factor']:.{decimals_for(item['factor'], 3)}f}"
         + ("" if item["estimated"] else " (as stated)")
         for item in found["components"]
     )
+
+
+def _part_words(part: str) -> str:
+    """A part of the observations, such as ``gnss_positions plan``: a group, and what of it."""
+    group, _, rest = part.partition(" ")
+    return f"{group_words(group)} {rest}".rstrip()
 
 
 def _tests(material: CertificateMaterial) -> tuple[Fact, ...]:

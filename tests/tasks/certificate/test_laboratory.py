@@ -234,6 +234,18 @@ def test_the_limit_of_the_statistics_says_whether_it_is_kept(calibration: Calibr
         assert rows["rms_check_limit_m"] == "none set"
 
 
+def test_variance_components_are_stated_with_their_factors(calibration: Calibration) -> None:
+    material = calibration.material()
+    parts = [("gnss_positions plan", 1.0234, True), ("ins_attitudes yaw", 0.9, False)]
+    components = [{"part": part, "factor": f, "estimated": known} for part, f, known in parts]
+    old = material.results.summary
+    extra = {**(old.model_extra or {}), "variance_components": {"components": components}}
+    summary = type(old).model_validate({**old.model_dump(), **extra})
+    found = content_of(replace(material, results=replace(material.results, summary=summary)), {})
+    shown = facts(found, "weights")["components"][1]
+    assert shown == "GNSS positions plan σ × 1.02, INS attitudes yaw σ × 0.900 (as stated)"
+
+
 def test_the_settings_that_act_are_stated(calibration: Calibration) -> None:
     found = content(calibration, CertificateSettings())
     model, weights = facts(found, "model-settings"), facts(found, "weights")
