@@ -16,7 +16,7 @@ from tasks.calibration.evidence import model_refuses
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
-from tasks.report.provenance import SOFTWARE
+from tasks.report.provenance import computed_with
 from tasks.settings.inputs import ExposuresInput
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
@@ -73,6 +73,9 @@ def system_calibration(project: Project, store: Store) -> Summary:
             record=record,
             stages=stages,
             project=one.project,
+            certificate=project.certificate,
+            project_file=project.source.sha256,
+            overrides=project.source.overrides,
             suffix=name.removeprefix(describe.CALIBRATION),
         )
         for name, record in described.items()
@@ -198,5 +201,5 @@ def described_calibration(
         crs=one.project.project.crs,
         name=one.project.project.name,
         flown=one.project.project.flown,
-        software=SOFTWARE,
+        software=computed_with(),
     )

@@ -143,6 +143,16 @@ def quantity_words(quantity: str) -> str:
     return quantity.replace("_", " ").replace("gnss", "GNSS")
 
 
+def entity_words(quantity: str, entity: str) -> str:
+    """A quantity with what it is of: ``GNSS shift x of flight 1``, ``principal point x of UCE-80``."""
+    of_flight = quantity.startswith(("gnss_", "time_offset"))
+    return (
+        f"{quantity_words(quantity)} of {'flight ' if of_flight else ''}{entity}"
+        if entity
+        else quantity_words(quantity)
+    )
+
+
 def shown_unit(unit: str) -> tuple[float, str]:
     """Factor from the unit of the table, and the unit in which people speak of it."""
     return _SIZES.get(unit, (1.0, {"deg": "°", "1e-6": "ppm"}.get(unit, unit)))

@@ -8,6 +8,7 @@ from typing import Any
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Listing
+from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result
 from tasks.report.self_calibration import common_level
@@ -32,6 +33,7 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
         text_column("meaning", "meaning"),
         Column("value", "value"),
         Column("sigma", "σ"),
+        Column("expanded", "U"),
         text_column("unit", "unit"),
         Column("t", "t"),
         Column("effect_max_um", "largest effect", "µm"),
@@ -39,7 +41,8 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
         text_column("finding", "finding"),
     )
     level = common_level(str(row["reason"]) for row in offered.values())
-    rows = tuple(_row(item, offered.get(item.key, {}), level, with_entity=with_entity) for item in items)
+    k = coverage_of(material).k
+    rows = tuple(_row(item, offered.get(item.key, {}), level, k, with_entity=with_entity) for item in items)
     turn = material.record.camera.calibration_axes_deg
     axes = "the image axes" if turn == 0 else f"axes turned by {turn}° counter-clockwise against the image"
     note = f"The sum is the correction Δ of a measured coordinate, in {axes}; the image error is −Δ."
@@ -48,7 +51,9 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
     return Table("additional-parameters", "Additional parameters", columns, rows, note)
 
 
-def _row(item: CalibratedParameter, offered: Mapping[Hashable, Any], level: str, *, with_entity: bool) -> Row:
+def _row(
+    item: CalibratedParameter, offered: Mapping[Hashable, Any], level: str, k: float, *, with_entity: bool
+) -> Row:
     known = has_result(item)
     # What is held acts on the image, too, where it is not zero.
     acts = known or (item.status == "fixed" and item.value != 0.0)
@@ -59,6 +64,7 @@ def _row(item: CalibratedParameter, offered: Mapping[Hashable, Any], level: str,
         f"{item.parameter} ({item.entity})" if with_entity else item.parameter,
         str(offered.get("meaning", "")),
         *numbers((item.value if acts else None, sigma), decimals),
+        Number(None if sigma is None else k * sigma, decimals),
         "" if item.unit == "1" or not acts else item.unit,
         Number(change_over_sigma(item), 1, plus=True),
         *numbers(effects, 2),

@@ -9,11 +9,13 @@ from tasks.certificate.content import CertificateContent
 from tasks.certificate.correlation_section import correlation_section
 from tasks.certificate.effect_section import effect_section
 from tasks.certificate.flight_section import flight_section
-from tasks.certificate.identity_section import identity_section
+from tasks.certificate.identity_section import axes_section, identity_section
+from tasks.certificate.laboratory_section import laboratory_section
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.model_section import model_section
 from tasks.certificate.origin_section import origin_section, verification_section
 from tasks.certificate.parameter_section import parameter_section
+from tasks.certificate.settings_section import settings_section
 from tasks.certificate.statistics_section import statistics_section
 from tasks.certificate.use_section import use_section
 from tasks.certificate.verdict_section import (
@@ -30,13 +32,16 @@ def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> Ce
     reasons = reasons_section(material)
     sections = [
         *([] if reasons is None else [reasons]),
+        laboratory_section(material),
         identity_section(material),
         brief_section(material),
+        axes_section(material),
         flight_section(material),
         parameter_section(material),
         correlation_section(material),
         effect_section(material),
         check_section(material),
+        settings_section(material),
         statistics_section(material),
         model_section(material),
         verdict_section(material),

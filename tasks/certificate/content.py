@@ -43,7 +43,7 @@ class Fact:
     ----------
     key : for programs.
     label : for people.
-    values : numbers or texts, printed with ``joint`` between them.
+    values : numbers or texts, printed with ``joint`` between them; none: a line to be filled in by hand.
     unit : after the last value; empty for texts and counts.
     """
 
@@ -135,10 +135,26 @@ class SideBySide:
 
 
 @dataclass(frozen=True)
-class Signatures:
-    """Places for signatures by hand."""
+class Signature:
+    """A place for a signature by hand.
 
-    labels: tuple[str, ...]
+    Attributes
+    ----------
+    role : what is signed as, under the line.
+    name : printed with it; empty where nobody is named.
+    filled : printed on the line; empty: to be written by hand.
+    """
+
+    role: str
+    name: str = ""
+    filled: str = ""
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Places for signatures beside each other."""
+
+    places: tuple[Signature, ...]
 
 
 Block: TypeAlias = Words | Sentences | Facts | Listing | CorrelationMatrix | Figure | SideBySide | Signatures

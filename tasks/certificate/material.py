@@ -13,8 +13,10 @@ from adjust.parameters import FAMILIES, GNSS_DRIFT, GNSS_STRIP_BIAS
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.georeferencing.report.material import CheckMaterial, read_check
 from tasks.report.material import Material, read_material
-from tasks.settings.project import Project
+from tasks.settings.certificate import CertificateSettings
+from tasks.settings.project import Project, ProjectSource
 from tasks.storage.artifact import Artifact, verified
+from tasks.tables.parquet import read_table
 
 _OF_STRIPS = {c for name in (GNSS_STRIP_BIAS, GNSS_DRIFT) for c in FAMILIES[name].components}
 _OF_CHECKS = ("direct_georeferencing", "y_parallaxes", "stereo_models")
@@ -29,11 +31,17 @@ class CertificateMaterial:
     record : what is certified.
     results : tables and figures of the adjustment.
     check : those of a direct-georeferencing check with this calibration; None without one.
+    exposures : as delivered (exposures.parquet).
+    certificate : who calibrates and signs.
+    source : the project file.
     """
 
     record: CalibrationRecord
     results: Material
     check: CheckMaterial | None
+    exposures: pd.DataFrame
+    certificate: CertificateSettings
+    source: ProjectSource
 
     @cached_property
     def parameters(self) -> tuple[CalibratedParameter, ...]:
@@ -61,7 +69,11 @@ class CertificateMaterial:
 
 
 def read_certificate_material(
-    record: Artifact, stages: Sequence[Mapping[str, Artifact]], project: Project
+    record: Artifact,
+    stages: Sequence[Mapping[str, Artifact]],
+    project: Project,
+    certificate: CertificateSettings,
+    source: ProjectSource,
 ) -> CertificateMaterial:
     """Read everything a certificate shows.
 
@@ -71,9 +83,12 @@ def read_certificate_material(
     stages : the outputs of all stages by name, in the order in which they ran.
     """
     noted = [outputs for outputs in stages if "notes" in outputs]
-    names = {name for outputs in stages for name in outputs}
+    tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
     return CertificateMaterial(
         CalibrationRecord.model_validate_json(verified(record).read_text(encoding="utf-8")),
         read_material(noted, project),
-        read_check(noted, project) if names.issuperset(_OF_CHECKS) else None,
+        read_check(noted, project) if tables.keys() >= set(_OF_CHECKS) else None,
+        read_table(tables["exposures"]),
+        certificate,
+        source,
     )

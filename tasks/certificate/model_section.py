@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate.content import Block, Listing, Section, Words
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import short_name
+from tasks.certificate.words import AXES_NOTE, in_words
 from tasks.coordinates.crs import MapFrame
 from tasks.report.model_tests import strongest_table, unnoticed_table
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
@@ -20,9 +23,14 @@ def model_section(material: CertificateMaterial) -> Section:
         Words(
             "The calibration holds if the model does. What is held, or taken to be the same in every flight, "
             "height, direction and strip, was tested with the observations of this flight."
-        )
+        ),
+        Words(AXES_NOTE, "note"),
     ]
-    blocks += [Listing(table, ("alternative",)) for table in (strongest, unnoticed) if table.rows]
+    blocks += [
+        Listing(replace(table, note=in_words(table.note)), ("alternative",))
+        for table in (strongest, unnoticed)
+        if table.rows
+    ]
     assumptions = assumption_table(material)
     if assumptions.rows:
         blocks.append(Listing(assumptions, ("assumption", "otherwise")))

@@ -11,13 +11,14 @@ from tasks.certificate.content import (
     Facts,
     Listing,
     Section,
-    Signatures,
     Words,
     beside,
     short_code,
 )
+from tasks.certificate.laboratory_section import signatures
 from tasks.certificate.material import CertificateMaterial
 from tasks.report.table import Row, Table, text_column
+from tasks.settings.project import ProjectSource
 
 _VERIFY = (
     "The code is the SHA-256 of the record of this calibration. To verify it, fetch the record from the "
@@ -39,7 +40,7 @@ def verification_section(material: CertificateMaterial) -> Section:
     blocks: list[Block] = [
         Facts("verification", "", code),
         Words(_VERIFY.format(short_code(record.digest))),
-        Signatures(("Place, date", "Responsible for the calibration", "Approved")),
+        signatures(material),
     ]
     return Section("verification", "Verification", tuple(blocks))
 
@@ -48,6 +49,7 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
     """Annex: what the values were computed from and with what, and what made the document."""
     record = material.record
     blocks = (
+        *_project_file(material.source),
         Listing(input_table(record), ("sha256",)),
         *beside(
             Listing(software_table("software", "Software of the calibration", record.software)),
@@ -55,6 +57,20 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
         ),
     )
     return Section("origin", "Annex: deliveries and software", blocks)
+
+
+def _project_file(source: ProjectSource) -> tuple[Block, ...]:
+    """Digest of the project file, and what stood in the place of values of it."""
+    replaced = "listed below" if source.overrides else "none"
+    facts = (
+        Fact("project_file", "project file, SHA-256", (source.sha256 or "read from no file",)),
+        Fact("overrides", "values replaced for this run", (replaced,)),
+    )
+    columns = (text_column("setting", "setting of the project file"), text_column("value", "replaced by"))
+    pairs = [text.partition("=") for text in source.overrides]
+    rows = tuple(Row(key, (key.strip(), value.strip())) for key, _, value in pairs)
+    table = Table("overrides", "Values replaced for this run", columns, rows)
+    return (Facts("project-file", "", facts), *([Listing(table, ("value",))] if rows else []))
 
 
 def input_table(record: CalibrationRecord) -> Table:

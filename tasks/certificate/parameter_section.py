@@ -12,13 +12,15 @@ import numpy as np
 
 from adjust.camera.interior import nominal_mounting
 from adjust.geometry import rotation
-from tasks.block.model_findings import quantity_words, shown_unit
+from tasks.block.model_findings import entity_words, shown_unit
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.additional_parameters import additional_blocks
 from tasks.certificate.content import Block, Listing, Section, Words
+from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result, quantity_of
+from tasks.certificate.words import AXES_NOTE
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
 #: Decimals of a value without σ: what is held is printed as finely as what is usually determined.
@@ -64,13 +66,14 @@ def parameter_section(material: CertificateMaterial) -> Section:
             "Positions given are those of the exposure + Δt.",
         ),
     )
+    k = coverage_of(material).k
     blocks: list[Block] = [Words(_reading(material), "note")]
     for name, caption, known, note in groups:
         own = [item for item in material.parameters if item.parameter in known]
         if not own:
             continue
         own = list(quantities.in_order(tuple(own)))
-        blocks.append(Listing(parameter_table(name, caption, own, note), ("finding",)))
+        blocks.append(Listing(parameter_table(name, caption, own, note, k), ("finding",)))
         if name == "boresight" and any(has_result(item) for item in own):
             blocks.append(Listing(conventions_table(material, own), ("convention",)))
     blocks += additional_blocks(material)
@@ -94,17 +97,17 @@ def held_table(material: CertificateMaterial) -> Table:
     rows = []
     for item in material.record.held:
         factor, unit = shown_unit(item.unit)
-        entity = f" of {item.entity}" if item.entity else ""
         cells: tuple[Cell, ...] = (
-            f"{quantity_words(item.quantity)}{entity}",
+            entity_words(item.quantity, item.entity),
             Number(item.sigma * factor, decimals_for(item.sigma * factor)),
             unit,
-            f"{quantity_words(item.moves)} of {item.moves_entity}",
+            entity_words(item.moves, item.moves_entity),
             Number(100.0 * item.part, 0),
         )
         rows.append(Row(f"{item.quantity}@{item.entity}", cells))
     note = (
-        "Parts add up by their squares. Set how well they are known by calibration.held in the project file."
+        f"{AXES_NOTE} Parts add up by their squares. How well each is known is a declaration of the project, "
+        "not a result."
     )
     return Table("held-quantities", "What was held, as part of every σ", columns, tuple(rows), note)
 
@@ -126,8 +129,11 @@ def _interior_note(material: CertificateMaterial) -> str:
 
 def _reading(material: CertificateMaterial) -> str:
     confidence = material.results.project.adjustment.confidence
+    known = any(has_result(item) for item in material.parameters)
+    coverage = f"{coverage_of(material).words} " if known else ""
     return (
-        "σ: standard deviation a posteriori, with what was held (last table of the section). t: change over "
+        "σ: standard deviation a posteriori, with what was held (last table of the section). "
+        f"{coverage}t: change over "
         "σ, tested two-sided at "
         f"{100 * confidence:g} %: significant, or not significantly different from the value before. Held: "
         "not estimated, kept at the value before. Eliminated: offered, and taken out because the flight does "
@@ -135,8 +141,10 @@ def _reading(material: CertificateMaterial) -> str:
     )
 
 
-def parameter_table(name: str, caption: str, items: Sequence[CalibratedParameter], note: str) -> Table:
-    """One row for each parameter in customary units."""
+def parameter_table(
+    name: str, caption: str, items: Sequence[CalibratedParameter], note: str, k: float
+) -> Table:
+    """One row for each parameter in customary units; k: coverage factor."""
     entities = {item.entity for item in items}
     columns = (
         text_column("quantity", "quantity"),
@@ -146,15 +154,16 @@ def parameter_table(name: str, caption: str, items: Sequence[CalibratedParameter
         text_column("unit", ""),
         Column("change", "change"),
         Column("sigma", "σ"),
+        Column("expanded", "U"),
         text_column("fine_unit", ""),
         Column("t", "t"),
         text_column("finding", "finding"),
     )
-    rows = [_row(item, with_entity=len(entities) > 1) for item in items]
+    rows = [_row(item, k, with_entity=len(entities) > 1) for item in items]
     return Table(name, caption, columns, tuple(rows), note)
 
 
-def _row(item: CalibratedParameter, *, with_entity: bool) -> Row:
+def _row(item: CalibratedParameter, k: float, *, with_entity: bool) -> Row:
     quantity, known = quantity_of(item), has_result(item)
     decimals = _decimals(item)
     sigma = item.sigma * quantity.fine_factor if known and item.sigma is not None else None
@@ -169,6 +178,7 @@ def _row(item: CalibratedParameter, *, with_entity: bool) -> Row:
         quantity.unit,
         Number(change, fine, plus=True),
         Number(sigma, fine),
+        Number(None if sigma is None else k * sigma, decimals_for(None if sigma is None else k * sigma)),
         quantity.fine_unit if known else "",
         Number(change_over_sigma(item), 1, plus=True),
         finding(item),
@@ -233,7 +243,11 @@ def _others(material: CertificateMaterial) -> list[Block]:
     ]
     blocks: list[Block] = []
     if rest:
-        blocks.append(Listing(parameter_table("others", "Other parameters", rest, ""), ("finding",)))
+        blocks.append(
+            Listing(
+                parameter_table("others", "Other parameters", rest, "", coverage_of(material).k), ("finding",)
+            )
+        )
     strips = material.strip_parameters
     if len(strips):
         blocks.append(Words(_strip_words(material), "note"))

@@ -11,7 +11,8 @@ from tasks.certificate.material import read_certificate_material
 from tasks.certificate.page import page_of
 from tasks.certificate.paper import pdf_of
 from tasks.certificate.twin import twin_of
-from tasks.settings.project import Project
+from tasks.settings.certificate import CertificateSettings
+from tasks.settings.project import Project, ProjectSource
 from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import json_text
 from tasks.storage.store import stored
@@ -27,6 +28,9 @@ def write_certificate(
     record: Artifact,
     stages: tuple[Mapping[str, Artifact], ...],
     project: Project,
+    certificate: CertificateSettings,
+    project_file: str = "",
+    overrides: tuple[str, ...] = (),
     suffix: str = "",
     software: Mapping[str, str] = SOFTWARE,
 ) -> None:
@@ -38,10 +42,13 @@ def write_certificate(
     stages : the outputs of all stages so far by name, in the order in which they ran; those of a
         direct-georeferencing check among them are shown.
     project : the settings of the run; its gates are tested.
+    certificate : who calibrates and signs.
+    project_file, overrides : digest of the project file, and what replaced values of it.
     suffix : of the files' names, to keep the certificates of several cameras apart.
     software : versions that decide how the documents look.
     """
-    material = read_certificate_material(record, stages, project)
+    source = ProjectSource(project_file, overrides)
+    material = read_certificate_material(record, stages, project, certificate, source)
     content = content_of(material, software)
     html, twin, pdf = (folder / f"certificate{suffix}.{ending}" for ending in ("html", "json", "pdf"))
     html.write_text(page_of(content), encoding="utf-8")

@@ -19,6 +19,8 @@ from tasks.report.table import Cell, Column, Number, Row, Table, numbers, text_c
 from tasks.settings.quality import AxisGate
 
 _XYZ = ("x", "y", "z")
+#: Units of residuals as they are shown, and decimals.
+_UNITS = {"um": ("µm", 2), "m": ("m", 3), "deg": ("°", 4)}
 _BODY = ("roll", "pitch", "yaw")
 
 
@@ -63,13 +65,13 @@ def statistics_table(results: Material) -> Table:
     check = _components(results.check_points, [f"d{axis}_m" for axis in _XYZ])
     of_check = (
         _row("rms_check_m", "RMS check points", "m", _rms(check), 3),
-        _limit("rms_check_limit_m", gates.rmse_check_m),
+        _limit("rms_check_limit_m", gates.rmse_check_m, _rms(check)),
         _row("largest_check_m", "largest difference at check points", "m", _largest(check), 3),
-        _limit("largest_check_limit_m", gates.max_check_m),
+        _limit("largest_check_limit_m", gates.max_check_m, _largest(check)),
     )
     rows = [
         _row("rms_control_m", "RMS control", "m", _rms(ground), 3),
-        _limit("rms_control_limit_m", gates.rmse_control_m),
+        _limit("rms_control_limit_m", gates.rmse_control_m, _rms(ground)),
         _row("largest_ground_residual_m", "largest ground residual", "m", _largest(ground), 3),
         *(of_check if any(len(values) for values in check) else ()),
         _row(
@@ -111,6 +113,7 @@ def statistics_table(results: Material) -> Table:
         Column("y", "Y / φ"),
         Column("z", "Z / κ"),
         Column("xy", "XY"),
+        text_column("kept", "limit is"),
     )
     note = (
         "Photo positions and attitudes: residuals of GNSS and INS after boresight, lever arm, shift and "
@@ -124,14 +127,16 @@ def _row(key: str, words: str, unit: str, values: Sequence[float | None], decima
     plan = None
     if unit == "m" and key.startswith("rms") and x is not None and y is not None:
         plan = float(np.sqrt(0.5 * (x**2 + y**2)))
-    cells: tuple[Cell, ...] = (words, unit, *numbers((x, y, z, plan), decimals))
+    cells: tuple[Cell, ...] = (words, unit, *numbers((x, y, z, plan), decimals), "")
     return Row(key, cells)
 
 
-def _limit(key: str, gate: AxisGate | None) -> Row:
+def _limit(key: str, gate: AxisGate | None, values: Sequence[float | None]) -> Row:
+    """The limit of the row above; a figure that does not exist does not keep it."""
     if gate is None:
-        return Row(key, ("   limit: none set", "", "", "", "", ""))
-    return Row(key, ("   limit", "m", *numbers(gate.max, 3), ""))
+        return Row(key, ("   limit", "", "", "", "", "", "none set"))
+    kept = all(v is not None and v <= limit for v, limit in zip(values, gate.max, strict=True))
+    return Row(key, ("   limit", "m", *numbers(gate.max, 3), "", "kept" if kept else "not kept"))
 
 
 def _components(table: pd.DataFrame, names: Sequence[str]) -> list[np.ndarray]:
@@ -158,6 +163,23 @@ def _of_group(results: Material, group: str, components: Sequence[str]) -> tuple
     return _rms([own.loc[own["component"] == c, "residual"].to_numpy(np.float64) for c in components])
 
 
+def _largest_residuals(results: Material, group: str) -> tuple[Cell, ...]:
+    """Largest residual with its unit, and largest standardized one; units are not mixed."""
+    table = results.residuals
+    own = table[(table["group"] == group) & table["status"].isin(TOOK_PART)]
+    units = own["unit"].unique()
+    standardized = own["standardized"].abs().max() if len(own) else None
+    if len(units) != 1:
+        return Number(None), "", Number(standardized, 1)
+    largest = float(own["residual"].abs().max())
+    shown, decimals = _UNITS.get(str(units[0]), (str(units[0]), 3))
+    return (
+        Number(largest, decimals),
+        shown,
+        Number(standardized, 1),
+    )
+
+
 def group_table(results: Material) -> Table:
     """The observation groups; priors of single strips together would fill a page and are left out."""
     columns = (
@@ -166,6 +188,10 @@ def group_table(results: Material) -> Table:
         Column("redundancy", "redundancy"),
         Column("sigma0", "σ0 of the group"),
         Column("rejected", "rejected"),
+        Column("largest", "largest residual"),
+        text_column("unit", "unit"),
+        Column("largest_standardized", "largest standardized residual"),
+        Column("critical_value", "rejected beyond"),
     )
     shown = [group for group in results.figures.groups if not group.group.startswith("prior:gnss_strip")]
     rows = tuple(
@@ -177,9 +203,16 @@ def group_table(results: Material) -> Table:
                 Number(group.redundancy, 1),
                 Number(group.sigma0, 3),
                 Number(group.rejected),
+                *_largest_residuals(results, group.group),
+                Number(results.figures.critical_value, 2),
             ),
         )
         for group in shown
     )
-    note = "" if len(shown) == len(results.figures.groups) else "Priors of the strip biases are left out."
+    note = (
+        "Largest residuals of the observations that took part. Beyond the critical value an observation is "
+        "rejected; where all its components are compared together, one of them may exceed it."
+    )
+    if len(shown) < len(results.figures.groups):
+        note += " Priors of the strip biases are left out."
     return Table("groups", "Observation groups", columns, rows, note)

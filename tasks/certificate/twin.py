@@ -78,7 +78,10 @@ def _block(block: Block) -> JSON:
         }
     if isinstance(block, SideBySide):
         return {"kind": "side_by_side", "blocks": [_block(each) for each in block.blocks]}
-    return {"kind": "signatures", "labels": list(block.labels)}
+    places: list[JSON] = [
+        {"role": place.role, "name": place.name, "filled": place.filled} for place in block.places
+    ]
+    return {"kind": "signatures", "places": places}
 
 
 def _facts(block: Facts) -> JSON:

@@ -9,9 +9,11 @@ from tasks.calibration.describe import REFUSED, RESTRICTED
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Sentences, Words
+from tasks.certificate.coverage import coverage_of
+from tasks.certificate.limit_table import limit_table
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import Quantity, finding, has_result, quantity_of
-from tasks.report.key_figures import gate_table
+from tasks.certificate.words import in_words
 from tasks.report.table import Cell, Number, Row, Table, decimals_for, text_column
 
 _VERDICTS = {
@@ -33,7 +35,7 @@ def verdict_sentence(record: CalibrationRecord) -> str:
         what = "one restriction" if number == 1 else f"{number} restrictions"
         return f"Accepted with {what}: use it only as they allow."
     if len(record.reasons) == 1:
-        return f"Not accepted: {record.reasons[0]}"
+        return f"Not accepted: {in_words(record.reasons[0])}"
     number = len(record.reasons)
     words = f"Not accepted, for {number} reasons." if number else "Not accepted."
     return f"{words} None of the values may be used."
@@ -43,12 +45,14 @@ def reasons_section(material: CertificateMaterial) -> Section | None:
     """Why the calibration is not accepted, or what restricts its use, before everything else."""
     record = material.record
     named = (("Not accepted, because", record.reasons), ("Restrictions of use", record.restrictions))
-    blocks = tuple(Sentences(heading, items) for heading, items in named if items)
+    blocks = tuple(
+        Sentences(heading, tuple(in_words(item) for item in items)) for heading, items in named if items
+    )
     return Section("reasons", "Verdict", blocks) if blocks else None
 
 
 def brief_section(material: CertificateMaterial) -> Section:
-    """The main parameters with their σ, for the first page."""
+    """The main parameters with their expanded uncertainty, for the first page."""
     known = (
         quantities.INTERIOR,
         quantities.BORESIGHT,
@@ -65,21 +69,24 @@ def brief_section(material: CertificateMaterial) -> Section:
     heading = "Result in brief"
     if material.record.verdict == "refused":
         heading += ", refused and not to be used"
-    return Section("brief", heading, (Facts("result", "", tuple(facts)),))
+    blocks: list[Block] = [Facts("result", "", tuple(facts))]
+    if any(" ± " in fact.joint for fact in facts):
+        blocks.append(Words(f"{coverage_of(material).words} Standard deviations σ stand below.", "note"))
+    return Section("brief", heading, tuple(blocks))
 
 
 def _of_group(material: CertificateMaterial, group: Mapping[str, Quantity]) -> list[Fact]:
     """One fact for each parameter of a group; one for all of an entity if nothing is said about any."""
     own = quantities.in_order(tuple(item for item in material.parameters if item.parameter in group))
-    facts = []
+    facts, k = [], coverage_of(material).k
     for entity in dict.fromkeys(item.entity for item in own):
         items = [item for item in own if item.entity == entity]
         words = {finding(item) for item in items}
         if len(items) > 1 and len(words) == 1 and not any(has_result(item) for item in items):
             together = ", ".join(quantity_of(item).words for item in items)
-            facts.append(replace(_brief(items[0]), label=_label(items[0], together)))
+            facts.append(replace(_brief(items[0], k), label=_label(items[0], together)))
         else:
-            facts += [_brief(item) for item in items]
+            facts += [_brief(item, k) for item in items]
     return facts
 
 
@@ -94,16 +101,16 @@ def _label(item: CalibratedParameter, words: str) -> str:
     return f"{words} (flight {item.entity})" if of_flight else words
 
 
-def _brief(item: CalibratedParameter) -> Fact:
-    """A parameter as value ± σ in the unit of the value; one without a result in words."""
+def _brief(item: CalibratedParameter, k: float) -> Fact:
+    """A parameter as value ± U in the unit of the value, U = k σ; one without a result in words."""
     quantity = quantity_of(item)
     label = _label(item, quantity.words)
     key = f"{item.parameter}@{item.entity}"
     if not has_result(item) or item.sigma is None:
         return Fact(key, label, (finding(item),))
-    sigma = item.sigma * quantity.factor
-    decimals = decimals_for(sigma)
-    values = (Number(item.value * quantity.factor, decimals), Number(sigma, decimals))
+    expanded = k * item.sigma * quantity.factor
+    decimals = decimals_for(expanded)
+    values = (Number(item.value * quantity.factor, decimals), Number(expanded, decimals))
     return Fact(key, label, values, quantity.unit, " ± ")
 
 
@@ -112,16 +119,12 @@ def verdict_section(material: CertificateMaterial) -> Section:
     record = material.record
     blocks: list[Block] = [Words(verdict_sentence(record))]
     blocks.append(Listing(determinability_table(material), ("because",)))
-    gates = gate_table(material.results.summary.gates)
-    if gates.rows:
-        blocks.append(Listing(gates))
-    else:
-        blocks.append(Words("The project sets no limits of its own.", "note"))
+    blocks.append(Listing(limit_table(material)))
     if record.remarks:
-        blocks.append(Sentences("Remarks", record.remarks))
+        blocks.append(Sentences("Remarks", tuple(in_words(remark) for remark in record.remarks)))
     said = {*record.remarks, *record.reasons, *record.restrictions}
     problems = tuple(
-        problem
+        in_words(problem)
         for problem in material.results.summary.problems
         if problem.removeprefix(REFUSED).removeprefix(RESTRICTED) not in said
     )
@@ -142,7 +145,7 @@ def determinability_table(material: CertificateMaterial) -> Table:
         words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
         # There may be scores of additional parameters; their σ stand in a table of their own.
         plain = quantities.is_additional(item) and item.verdict in ("determined", "held")
-        because = _IN_THEIR_TABLE if plain else item.because
+        because = _IN_THEIR_TABLE if plain else in_words(item.because)
         together.setdefault((words, because), []).append(quantities.short_name(item))
     rows = []
     for number, ((words, because), names) in enumerate(together.items(), start=1):

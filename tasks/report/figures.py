@@ -180,6 +180,12 @@ class CalibrationFigures(_Figure):
     two_step: StepComparisonFigure | None = None
 
 
+class MovingFigure(_Figure):
+    """A significant error of the model: by how many of its σ it moves a parameter at most."""
+
+    moved_by: float
+
+
 class AdjustmentFigures(_Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
@@ -195,6 +201,9 @@ class AdjustmentFigures(_Figure):
     self_calibration: SelfCalibrationFigures | None = None
     residual_grid: ResidualGridFigure = ResidualGridFigure()
     calibration: CalibrationFigures | None = None
+    model_findings: tuple[MovingFigure, ...] = ()
+    strip_scatter: tuple[MovingFigure, ...] = ()
+    moved_by_findings: float | None = None
     frame: str = ""
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.block.model_findings import alternative_words, quantity_words, shown_unit
+from tasks.block.model_findings import alternative_words, entity_words, shown_unit
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
 
@@ -106,8 +106,7 @@ def _unnoticed_row(row: Mapping[Hashable, Any]) -> Row:
 
 
 def _moved(row: Mapping[Hashable, Any]) -> str:
-    moved = quantity_words(str(row["moves"]))
-    return f"{moved} of {row['moves_entity']}" if row["moves"] else ""
+    return entity_words(str(row["moves"]), str(row["moves_entity"])) if row["moves"] else ""
 
 
 def _key(row: Mapping[Hashable, Any]) -> str:

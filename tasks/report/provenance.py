@@ -19,6 +19,11 @@ from tasks.storage.stage_key import library_versions
 SOFTWARE: Mapping[str, str] = {name: version(name) for name in ("aerocal", "jinja2", "markupsafe")}
 
 
+def computed_with() -> Mapping[str, str]:
+    """Versions that numbers depend on: ours, and those in the key of every stage."""
+    return {"aerocal": SOFTWARE["aerocal"], **library_versions()}
+
+
 def delivered_names(project: Project) -> tuple[str, ...]:
     """Names of the delivered files, without their folders, in the order of the settings."""
     return tuple(path.name for path in project.input_files())

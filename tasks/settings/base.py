@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Annotated, ClassVar, TypeAlias
 
@@ -62,6 +63,8 @@ def _key_content(value: object) -> JSON:
         return {str(key): _key_content(item) for key, item in sorted(value.items())}
     if isinstance(value, list | tuple):
         return [_key_content(item) for item in value]
+    if isinstance(value, date):
+        return value.isoformat()
     if value is None or isinstance(value, str | int | float | bool):
         return value
     raise TypeError(f"{type(value).__name__} cannot stand in settings: it has no content for a key")

@@ -36,6 +36,8 @@ class CcdTiles(Settings):
 class CameraIdentity(Settings):
     """What was calibrated, by the numbers on it: what a calibration may be applied to follows from them."""
 
+    manufacturer: str | None = Field(default=None, description="Who made the camera, for the certificate.")
+    type: str | None = Field(default=None, description="Type of the camera, for the certificate.")
     body: str | None = Field(default=None, description="Serial number of the camera body.")
     lens: str | None = Field(default=None, description="Serial number of the lens or lens cone.")
     imu: str | None = Field(default=None, description="Serial number of the inertial measurement unit.")

@@ -20,6 +20,7 @@ from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
+from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import ControlInput, ExposureSigma, ExposuresInput, ImagePointsInput, Inputs
@@ -70,6 +71,13 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[gates]", Gates, "A gate that is not given is not tested."),
     ("gates.sigma0, gates of y-parallaxes", Gate, ""),
     ("the other gates", AxisGate, ""),
+    (
+        "[certificate]",
+        CertificateSettings,
+        "For `aerocal calibrate`. What is left out is a blank line, to be filled in by hand.",
+    ),
+    ("[certificate.laboratory]", Laboratory, ""),
+    ("[[certificate.signatories]]", Signatory, "Each of those who sign."),
     ("[sweep]", SweepSettings, ""),
     ("[sweep.blocks.NAME]", BlockSelection, ""),
     ("[sweep.control.NAME]", ControlScenario, ""),

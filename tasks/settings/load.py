@@ -10,8 +10,9 @@ from typing import cast
 from tasks.errors import InputError
 from tasks.settings.base import PathContext
 from tasks.settings.key_lines import line_of_key
-from tasks.settings.project import Project
+from tasks.settings.project import Project, ProjectSource
 from tasks.settings.settings_file import SettingsFile, SettingsKind, read_settings_file
+from tasks.storage.artifact import digest_of_file
 
 PROJECT_FILE = SettingsKind(Project, "project file", "docs/project-file.md")
 
@@ -53,7 +54,8 @@ def load_project(
         file that does not exist, a variable that is not set.
     """
     source, context = _opened(path, overrides, data, environment, roots)
-    return cast(Project, source.validated(context))
+    origin = ProjectSource(digest_of_file(path), tuple(map(_without_path, overrides)))
+    return cast(Project, source.validated(context)).read_from(origin)
 
 
 def load_variants(
@@ -90,6 +92,12 @@ def load_variants(
             line = line_of_key(source.text, place)
             raise InputError(what, error.remedy, path, line, ".".join(place)) from error
     return variants
+
+
+def _without_path(override: str) -> str:
+    """An override as results state it: where a file lies is no part of them."""
+    key, sign, value = override.partition("=")
+    return f"{key}{sign}…" if "/" in value or "\\" in value else override
 
 
 def _opened(

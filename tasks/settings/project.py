@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from datetime import date
 from typing import ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.settings.base import Settings
+from tasks.settings.base import Settings, trouble
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
+from tasks.settings.certificate import CertificateSettings
 from tasks.settings.coordinates import Heights
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import Inputs
@@ -36,11 +38,25 @@ class ProjectSettings(Settings):
     heights: Heights = Field(description="Height system of the results.")
 
 
+@dataclass(frozen=True)
+class ProjectSource:
+    """Where the settings of a project are from; two projects are the same wherever they were read from.
+
+    Attributes
+    ----------
+    sha256 : digest of the project file, byte for byte; empty if there is no file.
+    overrides : texts ``a.b.c=VALUE`` that replaced values of it.
+    """
+
+    sha256: str = field(default="", compare=False)
+    overrides: tuple[str, ...] = field(default=(), compare=False)
+
+
 class Project(Settings):
     """A project file."""
 
-    # What a sweep varies is no setting of the project itself.
-    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep"})
+    # What a sweep varies is no setting of the project itself; the certificate alone is told who signs it.
+    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate"})
 
     version: Literal[1] = Field(description="Version of the project file, 1.")
     project: ProjectSettings = Field(description="Name and coordinate system of the results.")
@@ -61,6 +77,30 @@ class Project(Settings):
         default_factory=ChecksSettings, description="When something looks wrong before the adjustment."
     )
     gates: Gates = Field(default_factory=Gates, description="What the result must keep.")
+    certificate: CertificateSettings = Field(
+        default_factory=CertificateSettings,
+        description="Who calibrates and signs; acts on no number, and repeats nothing but the certificate.",
+    )
     sweep: SweepSettings | None = Field(
         default=None, description="Scenarios that `aerocal sweep` computes side by side."
     )
+
+    _source: ProjectSource = PrivateAttr(default=ProjectSource())
+
+    @property
+    def source(self) -> ProjectSource:
+        """The file the settings were read from."""
+        return self._source
+
+    def read_from(self, source: ProjectSource) -> Project:
+        """The same settings with where they are from."""
+        copy = self.model_copy()
+        copy._source = source
+        return copy
+
+    @model_validator(mode="after")
+    def _certificate_fits(self) -> Project:
+        wrong = self.certificate.trouble_with(self.cameras, self.project.flown)
+        if wrong is not None:
+            raise trouble(*wrong)
+        return self

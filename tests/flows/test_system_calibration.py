@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from flows.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
+from tasks.storage.stage_record import read_records
 from tasks.truth_comparison import compare_with_truth
 from tests.tasks.report.page_reader import Page
 
@@ -237,6 +240,41 @@ def test_a_second_run_computes_nothing(
     assert again.error is None
     assert not [text for text in caplog.messages if "computed" in text]
     assert (again.directory / "calibration.json").read_bytes() == before["calibration.json"]
+
+
+def test_who_signs_changes_the_certificate_alone(accepted: RunOutcome, flight: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    shutil.copytree(accepted.directory, folder)
+    before = {name: (folder / name).read_bytes() for name in ("calibration.json", "report.html")}
+    signed = ('certificate.numbers={ "UCE-80" = "2026-017" }', "certificate.calibrated=2026-09-21")
+    calibrated(flight, *signed, out=folder)
+    computed = [one.stage for one in read_records(folder / ".store") if not one.reused]
+    assert computed == ["certificate"]
+    assert {name: (folder / name).read_bytes() for name in before} == before
+    facts = {
+        fact["key"]: fact["shown"]
+        for section in json.loads((folder / "certificate.json").read_text())["sections"]
+        for block in section["blocks"]
+        for fact in block.get("facts", [])
+    }
+    assert (facts["number"], facts["calibrated"], facts["laboratory"]) == ("2026-017", "2026-09-21", "")
+    assert facts["project_file"] == hashlib.sha256(flight.read_bytes()).hexdigest()
+
+
+def test_the_certificate_holds_every_sigma_against_its_limit(
+    accepted: RunOutcome, record: CalibrationRecord
+) -> None:
+    sections = json.loads((accepted.directory / "certificate.json").read_text())["sections"]
+    (table,) = [b for s in sections for b in s["blocks"] if b.get("name") == "limits"]
+    rows = {row["key"]: row["cells"] for row in table["rows"]}
+    for item in record.estimated:
+        assert rows[f"sigma:{item.parameter}@{item.entity}"][-1] == "kept"
+    value, _, limit = rows["sigma:focal_length@UCE-80"][1:4]
+    (sigma,) = [item.sigma for item in record.parameters if item.parameter == "focal_length"]
+    assert sigma is not None
+    assert (value["value"], limit["value"]) == (pytest.approx(1e3 * sigma), pytest.approx(2.0))
+    assert {"headings", "height_ratio", "global_test", "sigma0:ins_attitudes"} <= set(rows)
+    assert set(record.software) >= {"aerocal", "numpy", "scipy", "numba", "pyarrow"}
 
 
 def test_the_report_shows_the_verdicts_and_both_methods(accepted: RunOutcome) -> None:

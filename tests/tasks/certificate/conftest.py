@@ -101,7 +101,8 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     identity = CameraIdentity(body="UC-E-1", lens="L-80", imu="IMU-7", mount="D-CERT hatch 1")
     camera = record.camera.model_copy(update={"identity": identity})
     artifact = written(changed(record, camera=camera), folder)
-    return Calibration(folder, project, store, stages, read_certificate_material(artifact, stages, project))
+    read = read_certificate_material(artifact, stages, project, project.certificate, project.source)
+    return Calibration(folder, project, store, stages, read)
 
 
 def changed(record: CalibrationRecord, **changes: object) -> CalibrationRecord:

@@ -264,7 +264,7 @@ def test_a_refused_calibration_is_for_no_use(calibration: Calibration) -> None:
     assert sentences(use, "This certificate must not be used").startswith("For production at all")
     assert content.sections[0].name == "reasons"
     assert sentences(content.sections[0], "Not accepted, because") == reasons[0]
-    assert calibration.content().sections[0].name == "camera"
+    assert calibration.content().sections[0].name == "laboratory"
     assert sentences(section(calibration, "use"), "The values hold for") != ""
 
 

@@ -151,6 +151,7 @@ def test_the_stage_writes_three_documents_and_finds_them_again(calibration: Cali
             record=written(calibration.record, calibration.folder / "stage"),
             stages=calibration.stages,
             project=calibration.project,
+            certificate=calibration.project.certificate,
         )
         assert {name: artifact.path.name for name, artifact in outputs.items()} == {
             name: name for name in ("certificate.html", "certificate.json", "certificate.pdf")
@@ -171,6 +172,7 @@ def test_certificates_of_several_cameras_have_names_of_their_own(calibration: Ca
         record=written(calibration.record, calibration.folder / "stage"),
         stages=calibration.stages,
         project=calibration.project,
+        certificate=calibration.project.certificate,
         suffix="_CAM-2",
     )
     assert set(outputs) == {f"certificate_CAM-2.{ending}" for ending in ("html", "json", "pdf")}
