@@ -149,6 +149,8 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
         cameras=block.exposures["cameras"],
         project=one.project.project,
         mounting=calibration.mounting,
+        limits=calibration.limits,
+        strip_bias_m=one.project.adjustment.priors.gnss_strip_bias_m,
     )
     return SecondStep((means,))
 

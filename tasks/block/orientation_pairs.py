@@ -36,6 +36,8 @@ class CameraDifferences:
     differences : what each image shows.
     body_from_camera : (3, 3) nominal mounting T.
     given_lever_arm : (3,) of the project file, metres, body axes.
+    attitude_sigma, position_sigma : medians of the stated σ of the observed orientations: roll, pitch, yaw
+        (3,) in radians, and one axis of the plan in metres.
     """
 
     camera: str
@@ -45,6 +47,8 @@ class CameraDifferences:
     differences: OrientationDifferences
     body_from_camera: Floats
     given_lever_arm: Floats
+    attitude_sigma: Floats
+    position_sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +162,8 @@ def _of_camera(
         differences,
         mountings.body_from_camera[0],
         mountings.lever_arm[0],
+        np.sqrt(np.median(np.diagonal(given.attitude_covariance(), axis1=1, axis2=2), axis=0)),
+        float(np.median(np.linalg.norm(given.position_sigma[:, :2], axis=1)) / np.sqrt(2.0)),
     )
 
 

@@ -55,6 +55,8 @@ def calibration(test_data: Path, folder: Path, *overrides: str):
         cameras=observed["cameras"],
         project=project.project,
         mounting=project.calibration.mounting,
+        limits=project.calibration.limits,
+        strip_bias_m=project.adjustment.priors.gnss_strip_bias_m,
     )
 
 
