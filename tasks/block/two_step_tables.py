@@ -12,6 +12,7 @@ from adjust.arrays import Floats
 from adjust.calibration.offset_separation import OffsetSeparation
 from adjust.calibration.orientation_differences import COMPONENTS, misalignment_angles
 from adjust.calibration.two_step import GroupMean, TwoStep
+from tasks.block.offset_words import offset_sentence
 from tasks.block.orientation_pairs import CameraDifferences
 from tasks.storage.json_text import JSON
 
@@ -122,11 +123,17 @@ def camera_figures(item: CameraDifferences, result: TwoStep) -> dict[str, JSON]:
         "mountings": [*of_mountings],
         "other_mountings": [*of_mountings[1:]],
         "flights": [
-            {"flight": item.flight_names[group.number], "mounting": group.mounting, **_means(group)}
+            {
+                "flight": item.flight_names[group.number],
+                "mounting": group.mounting,
+                "images": group.images,
+                **_means(group),
+            }
             for group in result.groups
             if group.scope == "flight"
         ],
         "offset_fixed_in": result.offset.verdict,
+        "offset_sentence": offset_sentence(item.camera, result),
         "offset_rms_body_m": result.rms_body,
         "offset_rms_map_m": result.rms_map,
         "separated": _separated(item, result.offset),

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT
-from adjust.calibration.offset_separation import OffsetSeparation
 from adjust.calibration.orientation_differences import COMPONENTS
-from adjust.calibration.strip_offsets import NestedTest
 from adjust.calibration.two_step import GroupMean, TwoStep
+from tasks.block.offset_words import offset_sentence, test_words
 from tasks.block.orientation_pairs import CameraDifferences
 from tasks.block.two_step_tables import strip_names
 from tasks.plausibility.lever_arm import lever_arm_suspicion
@@ -42,11 +41,12 @@ def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: 
             f"Camera {item.camera}: the lever arms of its flights cannot be compared: a flight in one "
             "direction does not tell a lever arm from its GNSS shift."
         )
-    remarks.append(offset_sentence(item.camera, result))
+    if result.offset.verdict != "neither":
+        remarks.append(offset_sentence(item.camera, result))
     by_flight = result.offset.tests["shift_by_flight"]
     if by_flight.probability < error_probability:
         remarks.append(
-            f"The GNSS shift of camera {item.camera} differs from flight to flight ({_words(by_flight)})."
+            f"The GNSS shift of camera {item.camera} differs from flight to flight ({test_words(by_flight)})."
         )
     return (*remarks, *_drifts(item, result))
 
@@ -71,57 +71,6 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
 def _plan(group: GroupMean) -> str:
     forward, right = group.mean.robust[3:5]
     return f"({forward:+.2f}, {right:+.2f})"
-
-
-def offset_sentence(camera: str, result: TwoStep) -> str:
-    """Whether the strips call for a lever arm, a shift or both, with the tests that say so."""
-    offset = result.offset
-    lever_arm, shift = (_words(offset.tests[name]) for name in ("lever_arm", "shift"))
-    rms = f"RMS in plan {result.rms_body:.3f} m in body axes, {result.rms_map:.3f} m in the map"
-    if offset.verdict == "body":
-        return (
-            f"The offset of camera {camera} is fixed in the aircraft: the strips call for a lever arm "
-            f"({_of_lever_arm(offset)} m forward, right, more than given; {lever_arm}), not for a GNSS shift "
-            f"beside it ({shift}); {rms}."
-        )
-    if offset.verdict == "map":
-        return (
-            f"The offset of camera {camera} is fixed in the map, not in the aircraft: the strips call for a "
-            f"GNSS shift or a datum ({shift}), not for another lever arm beside it ({lever_arm}); {rms}."
-        )
-    if offset.verdict == "both":
-        return (
-            f"The strips of camera {camera} call for both a lever arm ({_of_lever_arm(offset)} m forward, "
-            f"right, more than given; {lever_arm}) and a GNSS shift "
-            f"({_with_sigma(offset.shift, offset.shift_sigma)} m east, north; {shift}): a mean of the "
-            "offsets is neither of them."
-        )
-    if offset.verdict == "neither":
-        return (
-            f"Camera {camera}: the given lever arm leaves no offset in plan "
-            f"({_words(offset.tests['offset'])}): neither another lever arm nor a GNSS shift is called for."
-        )
-    return (
-        f"Camera {camera}: lever arm and GNSS shift cannot be told apart with {result.directions} "
-        f"direction(s) of flight and these strips (lever arm {lever_arm}; shift {shift}): fly lines in "
-        "opposite or crossing directions."
-    )
-
-
-def _of_lever_arm(offset: OffsetSeparation) -> str:
-    return _with_sigma(offset.lever_arm, offset.lever_arm_sigma)
-
-
-def _with_sigma(values: np.ndarray, sigmas: np.ndarray) -> str:
-    return ", ".join(f"{value:+.3f} ± {sigma:.3f}" for value, sigma in zip(values, sigmas, strict=True))
-
-
-def _words(test: NestedTest) -> str:
-    """χ², degrees of freedom and probability."""
-    if not test.testable:
-        return "not testable"
-    chance = "below 0.0001" if test.probability < 1e-4 else f"{test.probability:.2g}"
-    return f"χ² {test.chi_squared:.1f} of {test.freedom}, probability {chance}"
 
 
 def _drifts(item: CameraDifferences, result: TwoStep) -> Iterator[str]:

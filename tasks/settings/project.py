@@ -5,11 +5,11 @@ from __future__ import annotations
 from datetime import date
 from typing import ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.settings.base import Settings
+from tasks.settings.base import Settings, trouble
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.coordinates import Heights
@@ -64,3 +64,13 @@ class Project(Settings):
     sweep: SweepSettings | None = Field(
         default=None, description="Scenarios that `aerocal sweep` computes side by side."
     )
+
+    @model_validator(mode="after")
+    def _something_to_adjust(self) -> Project:
+        if not self.inputs.image_points and self.calibration.adjusted is None:
+            raise trouble(
+                "The project has no image points (inputs.image_points).",
+                "Name their files; without any, `aerocal calibrate` needs orientations of another adjustment "
+                "(calibration.adjusted).",
+            )
+        return self
