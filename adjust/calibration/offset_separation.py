@@ -105,11 +105,14 @@ def _verdict(tests: Mapping[str, NestedTest]) -> Verdict:
     significant = {
         name: tests[name].probability < SEPARATION_PROBABILITY for name in ("offset", "lever_arm", "shift")
     }
+    separable = tests["lever_arm"].testable and tests["shift"].testable
+    if not separable:
+        # Shifts that differ from flight to flight say nothing about a lever arm beside them.
+        return "neither" if tests["offset"].testable and not significant["offset"] else "undecided"
     if significant["lever_arm"] and significant["shift"]:
         return "both"
     if significant["lever_arm"]:
         return "body"
     if significant["shift"]:
         return "map"
-    # Untestable, too: nothing can be said with so few strips.
-    return "neither" if tests["offset"].testable and not significant["offset"] else "undecided"
+    return "undecided" if significant["offset"] else "neither"

@@ -85,6 +85,13 @@ def test_in_one_direction_a_large_offset_stays_undecided() -> None:
     assert np.isnan(found.lever_arm).all()
 
 
+def test_in_one_direction_shifts_that_differ_by_flight_do_not_decide() -> None:
+    shifts = ((0.3, 0.0), (-0.2, 0.0))
+    found = separation(3, headings_deg=(10.0,), flights=(8, 8), shifts=shifts)
+    assert found.tests["shift_by_flight"].probability < 1e-6
+    assert found.verdict == "undecided"
+
+
 def test_shifts_of_two_flights_do_not_pass_for_scatter() -> None:
     """Half a metre apart: taken for one shift they would hide a lever arm of 5 cm."""
     shifts = ((0.3, 0.0), (-0.2, 0.0))
