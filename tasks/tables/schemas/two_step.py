@@ -38,7 +38,7 @@ ORIENTATION_DIFFERENCES = TableSchema(
 
 ORIENTATION_DIFFERENCE_MEANS = TableSchema(
     "orientation_difference_means",
-    "One component of the two-step calibration of a camera for a group of its images. A flight stands for its "
+    "One component of the two-step calibration of a camera for a group of its images. A flight is that of its "
     "images with the mounting that most of its strips have; headings and heights are those of the main "
     "mounting.",
     (
