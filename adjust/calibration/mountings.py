@@ -3,13 +3,14 @@
 A camera is taken out and put back between flights, so flights are compared first: their boresights by the
 t-test, their lever arms in plan by the F-test beside a GNSS shift of each flight (`strip_offsets`), both with
 the scatter of the strips. Within a flight a mount can slip: the strips before and behind every strip are
-compared alike; and single strips by the test of Rosner (1983). Each of the three has a third of the error
-probability.
+compared alike. Flights may have no names: strips that fall apart into two clusters, whichever they are, are
+divided (`clusters`). Single strips are found by the test of Rosner (1983). Each of the four has a quarter of
+the error probability.
 
-Significant is not enough. Between flights the difference must exceed what the calibration has to keep, for
-less would not change what is certified. Within a flight it must exceed what the stated errors of GNSS and INS
-let expect of a strip: they last as long as a strip and longer, and look like a mounting. Heights never make
-a mounting: the height datum and the terrain hide in them.
+Significant is not enough. Between flights and clusters the difference must exceed what the calibration has to
+keep, for less would not change what is certified. Before and behind a strip, and of single strips, it must
+exceed what the stated errors of GNSS and INS let expect of a strip: they last as long as a strip and longer,
+and look like a mounting. Heights never make a mounting: the height datum and the terrain hide in them.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from scipy import special
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.calibration.clusters import split_in_two
 from adjust.calibration.orientation_differences import MISALIGNMENT
 from adjust.calibration.outlying_strips import LEAST_STRIPS, outlying_strips
 from adjust.calibration.stable_offsets import TestedAxes, stable_offsets, tested_axes
@@ -30,6 +32,7 @@ from adjust.calibration.strip_means import StripMeans
 _ROUNDS = 5
 # Roll, pitch, yaw, and forward and right together.
 _TESTS = 4
+_SEARCHES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +86,7 @@ def found_mountings(strips: StripMeans, rule: MountingRule) -> Mountings:
     for _ in range(_ROUNDS):
         part = _parts(strips, single, rule)
         left = _left(strips, part, single, axes)
-        outlying = outlying_strips(left, rule.error_probability / 3.0)
+        outlying = outlying_strips(left, rule.error_probability / _SEARCHES)
         found = _of_themselves(left, outlying, rule)
         if np.array_equal(found, single):
             break
@@ -147,10 +150,32 @@ def _parts(strips: StripMeans, left_out: Bools, rule: MountingRule) -> Ints:
     """Groups (k,) of strips with one mounting: flights, cut where the mount has slipped, joined again."""
     kept = ~left_out
     part = strips.flight.astype(np.int64).copy()
-    each = rule.error_probability / 3.0
+    each = rule.error_probability / _SEARCHES
     while (cut := _cut(strips, part, kept, rule, each)) is not None:
         part[cut] = part.max() + 1
-    return _joined(strips, part, kept, rule, each)
+    part = _joined(strips, part, kept, rule, each)
+    while (cluster := _cluster(strips, part, kept, rule, each)) is not None:
+        part[cluster] = part.max() + 1
+    return part
+
+
+def _cluster(
+    strips: StripMeans, part: Ints, kept: Bools, rule: MountingRule, probability: float
+) -> Bools | None:
+    """The strips (k,) of a part that are a cluster of their own, by roll, pitch, yaw, forward or right."""
+    names = np.unique(part[kept])
+    offset = stable_offsets(strips, part, kept, "body")[:, :2]
+    values = np.hstack([strips.mean[:, MISALIGNMENT], offset])
+    limits = rule.limits[[0, 1, 2, 3, 3]]
+    for name in names:
+        own = np.flatnonzero((part == name) & kept)
+        for column, limit in zip(values.T, limits, strict=True):
+            split = split_in_two(column[own], probability / (len(limits) * len(names)))
+            if split is not None and abs(column[own][split].mean() - column[own][~split].mean()) > limit:
+                found = np.zeros(len(part), dtype=bool)
+                found[own[split]] = True
+                return found
+    return None
 
 
 def _cut(strips: StripMeans, part: Ints, kept: Bools, rule: MountingRule, probability: float) -> Bools | None:

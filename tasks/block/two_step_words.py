@@ -60,11 +60,14 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     difference = np.rad2deg(group.mean.robust[:3] - main.robust[:3])
     sigma = np.rad2deg(np.hypot(group.mean.robust_sigma[:3], np.nan_to_num(main.robust_sigma[:3])))
     angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in zip(difference, sigma, strict=True))
+    moved = ""
+    if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
+        moved = f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m; "
     return (
         f"Strips {shown}{more} ({group.images:,} images) have another mounting of camera {item.camera}: "
-        f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m; boresight roll, pitch, "
-        f"yaw differ by {angles}. They are left out of the result (probability of finding any other mounting "
-        f"by chance {100 * error_probability:g} %): give them a camera of their own."
+        f"{moved}boresight roll, pitch, yaw differ by {angles}. They are left out of the result (probability "
+        f"of finding any other mounting by chance {100 * error_probability:g} %): give them a camera of their "
+        "own."
     )
 
 

@@ -38,9 +38,8 @@ ORIENTATION_DIFFERENCES = TableSchema(
 
 ORIENTATION_DIFFERENCE_MEANS = TableSchema(
     "orientation_difference_means",
-    "One component of the two-step calibration of a camera for a group of its images. A flight is that of its "
-    "images with the mounting that most of its strips have; headings and heights are those of the main "
-    "mounting.",
+    "One component of the two-step calibration of a camera for a group of its images. A flight is given by "
+    "its images with the mounting of most of its strips; headings and heights are those of the main one.",
     (
         CAMERA,
         text(

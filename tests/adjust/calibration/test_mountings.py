@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from adjust.calibration.clusters import split_in_two
 from adjust.calibration.mountings import found_mountings
 from adjust.calibration.strip_comparison import StripComparison, serial_increase
 from tests.adjust.calibration.strips_flown import RULE, remounted, strips_flown
@@ -124,3 +125,30 @@ def test_errors_common_to_neighbours_increase_the_variance() -> None:
     assert serial_increase(walk, flight) == pytest.approx(3.0, rel=0.1)
     assert serial_increase(errors[:, None][:2000], flight) == pytest.approx(1.0, abs=0.1)
     assert serial_increase(np.array([[1.0], [-1.0]] * 4), flight[:8]) == 1.0
+
+
+def test_two_days_without_names_are_told_apart_by_their_gap() -> None:
+    """0.02° in every other strip of one flight, with strips that scatter by 0.0016°."""
+    second = list(range(1, 20, 2))
+    coarse: dict[str, Any] = {"attitude_deg": (0.0016, 0.0016, 0.003)}
+    found = mountings(12, (20,), second, (0.0, 0.02, 0.0), (0.0, 0.0), **coarse)
+    assert len(np.unique(found)) == 2
+    assert len(set(found[second])) == 1
+    # With strips three times as good a fifth of it is enough.
+    found = mountings(12, (20,), second, (0.0, 0.004, 0.0), (0.0, 0.0))
+    np.testing.assert_array_equal(found == found[1], np.arange(20) % 2 == 1)
+
+
+def test_values_are_divided_where_the_gap_is() -> None:
+    random = np.random.default_rng(13)
+    values = random.permutation(np.concatenate([random.normal(0, 1, 12), random.normal(12, 1, 8)]))
+    cluster = split_in_two(values, 0.01)
+    assert cluster is not None
+    np.testing.assert_array_equal(cluster, values > 6.0)
+    assert split_in_two(np.zeros(8), 0.01) is None
+    assert split_in_two(np.array([0.0, 0.0, 1.0, 1.0]), 0.5) is None
+
+
+def test_values_that_belong_together_are_not_divided() -> None:
+    random = np.random.default_rng(14)
+    assert sum(split_in_two(random.normal(size=12), 0.05) is not None for _ in range(500)) <= 25 + 3 * 5
