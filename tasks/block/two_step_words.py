@@ -66,8 +66,8 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     return (
         f"Strips {shown}{more} ({group.images:,} images) have another mounting of camera {item.camera}: "
         f"{moved}boresight roll, pitch, yaw differ by {angles}. They are left out of the result (probability "
-        f"of finding any other mounting by chance {100 * error_probability:g} %): give them a camera of their "
-        "own."
+        f"of finding any other mounting by chance {100 * error_probability:g} %): give them a camera of "
+        "their own."
     )
 
 
