@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
 
 from tasks.report.figures import (
     OffsetTestFigure,
@@ -13,7 +14,10 @@ from tasks.report.figures import (
 from tasks.report.system_parameters import parameter_words
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
-_COMPONENTS = ("roll", "pitch", "yaw", "forward", "right", "down", "east", "north", "up")
+_ANGLES = ("roll", "pitch", "yaw")
+_OFFSETS = ("forward", "right", "down", "east", "north", "up")
+# Component, value and σ of every mean of a group.
+_Means: TypeAlias = Callable[[StripGroupFigure], Iterable[tuple[str, float | None, float | None]]]
 _TESTED = {
     "offset": ("any offset", "none"),
     "lever_arm": ("lever arm", "a GNSS shift alone"),
@@ -23,54 +27,80 @@ _TESTED = {
     "lever_arm_by_mounting": ("lever arm of each mounting", "one lever arm"),
 }
 _VERDICTS = {"not_determinable": "not determinable", "not_called_for": "not called for"}
-_MOST_NAMES = 12
 
 
 def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
-    """Means and tests; without a second step nothing."""
-    return (_means(cameras), _tests(cameras)) if cameras else ()
+    """Means, mountings and tests; without a second step nothing."""
+    if not cameras:
+        return ()
+    of_boresight = _means(
+        "two-step-boresights",
+        "Boresights by mounting and by flight",
+        "deg",
+        cameras,
+        lambda group: zip(
+            ("roll", "pitch", "yaw"), group.boresight_deg, group.boresight_sigma_deg, strict=True
+        ),
+        "Mounting 0 is that of most strips and the result.",
+    )
+    of_offset = _means(
+        "two-step-offsets",
+        "Offsets by mounting and by flight",
+        "m",
+        cameras,
+        lambda group: zip(
+            _OFFSETS,
+            (*group.lever_arm_m, *group.shift_m),
+            (*group.lever_arm_sigma_m, *group.shift_sigma_m),
+            strict=True,
+        ),
+        "Forward, right, down: as if the whole offset were a lever arm; east, north, up: as if what the "
+        "given lever arm leaves were a GNSS shift.",
+    )
+    return _mountings(cameras), of_boresight, of_offset, _tests(cameras)
 
 
-def _means(cameras: Sequence[TwoStepFigure]) -> Table:
-    angles, offsets = _COMPONENTS[:3], _COMPONENTS[3:]
+def _mountings(cameras: Sequence[TwoStepFigure]) -> Table:
     columns = (
         text_column("camera", "camera"),
-        text_column("group", "mean of"),
+        text_column("mounting", "mounting"),
         Column("images", "images"),
-        *(
-            Column(name, heading, unit)
-            for unit, names in (("deg", angles), ("m", offsets))
-            for one in names
-            for name, heading in ((one, one), (f"sigma_{one}", "σ"))
-        ),
         text_column("strips", "strips"),
     )
-    rows = [row for camera in cameras for row in _mean_rows(camera)]
-    note = (
-        "Mounting 0 is that of most strips and the result. Forward, right, down: as if the whole offset were "
-        "a lever arm; east, north, up: as if what the given lever arm leaves were a GNSS shift."
+    rows = tuple(
+        Row(
+            f"{camera.camera}@mounting {item.mounting}",
+            (camera.camera, str(item.mounting), Number(item.images), ", ".join(item.strips)),
+        )
+        for camera in cameras
+        for item in camera.mountings
     )
-    return Table("two-step-means", "Means by mounting and by flight", columns, tuple(rows), note)
+    return Table("two-step-mountings", "Mountings and their strips", columns, rows)
 
 
-def _mean_rows(camera: TwoStepFigure) -> Iterable[Row]:
-    for mounting in camera.mountings:
-        names = ", ".join(mounting.strips[:_MOST_NAMES])
-        more = f" and {len(mounting.strips) - _MOST_NAMES} more" * (len(mounting.strips) > _MOST_NAMES)
-        yield _mean_row(camera.camera, f"mounting {mounting.mounting}", mounting, names + more)
-    for flight in camera.flights:
-        label = f"flight {flight.flight} (mounting {flight.mounting})"
-        yield _mean_row(camera.camera, label, flight, "")
-
-
-def _mean_row(camera: str, label: str, group: StripGroupFigure, strips: str) -> Row:
-    values = (*group.boresight_deg, *group.lever_arm_m, *group.shift_m)
-    sigmas = (*group.boresight_sigma_deg, *group.lever_arm_sigma_m, *group.shift_sigma_m)
-    cells: list[Cell] = [camera, label, Number(group.images)]
-    for value, sigma in zip(values, sigmas, strict=True):
-        cells += numbers((value,), decimals_for(sigma), plus=True)
-        cells += numbers((sigma,), decimals_for(sigma))
-    return Row(f"{camera}@{label}", (*cells, strips))
+def _means(
+    name: str, caption: str, unit: str, cameras: Sequence[TwoStepFigure], means: _Means, note: str
+) -> Table:
+    """Means with their σ, a row for each mounting and flight."""
+    rows: list[Row] = []
+    components: list[str] = []
+    for camera in cameras:
+        groups: list[tuple[str, StripGroupFigure]] = [
+            (f"mounting {item.mounting}", item) for item in camera.mountings
+        ]
+        groups += [(f"flight {item.flight} (mounting {item.mounting})", item) for item in camera.flights]
+        for label, group in groups:
+            cells: list[Cell] = [camera.camera, label]
+            components = []
+            for component, value, sigma in means(group):
+                components.append(component)
+                cells += numbers((value,), decimals_for(sigma), plus=True)
+                cells += numbers((sigma,), decimals_for(sigma))
+            rows.append(Row(f"{camera.camera}@{label}", tuple(cells)))
+    columns = [text_column("camera", "camera"), text_column("group", "mean of")]
+    for component in components:
+        columns += [Column(component, component, unit), Column(f"sigma_{component}", "σ", unit)]
+    return Table(name, caption, tuple(columns), tuple(rows), note)
 
 
 def _tests(cameras: Sequence[TwoStepFigure]) -> Table:
@@ -83,7 +113,13 @@ def _tests(cameras: Sequence[TwoStepFigure]) -> Table:
         Column("variance_freedom", "of the variance"),
         Column("probability", "probability by chance"),
     )
-    rows = tuple(_test_row(camera.camera, test) for camera in cameras for test in camera.tests)
+    # With one flight or one mounting there is nothing to compare.
+    rows = tuple(
+        _test_row(camera.camera, test)
+        for camera in cameras
+        for test in camera.tests
+        if test.probability is not None or "_by_" not in test.tested
+    )
     note = (
         "χ² is the decrease of the squares of the strips' residuals over their variance, which the strips "
         "give themselves: the probability is that of the F-test. Plan only: in height a shift is a lever arm "

@@ -192,7 +192,7 @@ def test_a_gate_of_the_adjustment_is_left_to_one(tmp_path: Path) -> None:
 def test_the_report_shows_means_tests_and_strips(remounted: RunOutcome) -> None:
     page = Page((remounted.directory / "report.html").read_text(encoding="utf-8"))
     (camera,) = figures(remounted)["two_step"]
-    means = page.tables["two-step-means"]
+    means = page.tables["two-step-boresights"]
     assert means.keys == [
         f"CAM@{name}"
         for name in ("mounting 0", "mounting 1", "flight day 1 (mounting 0)", "flight day 2 (mounting 1)")
@@ -200,6 +200,7 @@ def test_the_report_shows_means_tests_and_strips(remounted: RunOutcome) -> None:
     for mounting in camera["mountings"]:
         shown = means.numbers[f"CAM@mounting {mounting['mounting']}", "roll"]
         assert float(shown.data) == mounting["boresight_deg"][0]
+    assert "day 2/S08" in page.tables["two-step-mountings"].texts["CAM@mounting 1"][-1]
     tests = page.tables["two-step-tests"]
     for item in camera["tests"]:
         if item["probability"] is not None:
