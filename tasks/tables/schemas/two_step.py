@@ -74,4 +74,5 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         number("height_m", "m", "median height in the project's height system"),
     ),
     ("camera", "scope", "group", "component"),
+    version=2,
 )
