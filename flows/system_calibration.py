@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flows.aerial_triangulation import adjusted_block, report_of
-from flows.block_preparation import PreparedBlock, import_exposures, prepare_block
+from flows.block_preparation import PreparedBlock, prepare_block
 from flows.direct_georeferencing_check import checked_block, page_of_check
 from flows.stage import stage
+from flows.two_step_calibration import delivered_orientations, means_of_differences, two_step_calibration
 from tasks import publish as publishing
-from tasks import two_step
 from tasks.calibration import applied_cameras, describe, judge
 from tasks.calibration.control_alone import control_alone
 from tasks.calibration.evidence import model_refuses
@@ -17,7 +17,6 @@ from tasks.calibration.release import Held, Release, held_after, releases, undet
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
 from tasks.report.provenance import computed_with
-from tasks.settings.inputs import ExposuresInput
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON
@@ -27,7 +26,6 @@ from tasks.summary import Summary
 
 judge_release = stage(judge.judge_release)
 apply_to_cameras = stage(applied_cameras.apply_to_cameras)
-calibrate_in_two_steps = stage(two_step.calibrate_in_two_steps)
 describe_calibration = stage(describe.describe_calibration)
 write_certificate = stage(certificate.write_certificate)
 publish = stage(publishing.publish)
@@ -58,7 +56,12 @@ class SecondStep:
 
 
 def system_calibration(project: Project, store: Store) -> Summary:
-    """Read the deliveries, calibrate in one step and in two, check what the calibration gives, publish."""
+    """Read the deliveries, calibrate in one step and in two, check what the calibration gives, publish.
+
+    Without image points the second step is all there is.
+    """
+    if not project.inputs.image_points and project.calibration.adjusted is not None:
+        return two_step_calibration(project, store, project.calibration.adjusted)
     block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)
@@ -145,7 +148,7 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
         adjusted = (
             _adjusted_on_control(one, store, block)
             if calibration.adjusted is None
-            else _delivered(one.project, calibration.adjusted, store)
+            else delivered_orientations(one.project, calibration.adjusted, store)["exposures"]
         )
     except NotComputableError as error:
         return SecondStep(
@@ -154,15 +157,7 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
                 f"{str(error).partition('. ')[0].rstrip('.')}.",
             )
         )
-    means = calibrate_in_two_steps(
-        store,
-        exposures=block.exposures["exposures"],
-        adjusted=adjusted,
-        cameras=block.exposures["cameras"],
-        project=one.project.project,
-        mounting=calibration.mounting,
-    )
-    return SecondStep((means,))
+    return SecondStep((means_of_differences(one.project, store, block.exposures, adjusted),))
 
 
 def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Artifact:
@@ -175,12 +170,6 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ar
     )
     again = block.with_cameras(cameras["cameras"])
     return adjusted_block(control_alone(one.project), store, again)["exterior_orientations"]
-
-
-def _delivered(project: Project, adjusted: ExposuresInput, store: Store) -> Artifact:
-    """Orientations of another program's adjustment."""
-    read = import_exposures(store, sources=(adjusted,), cameras=project.cameras, project=project.project)
-    return read["exposures"]
 
 
 def described_calibration(

@@ -84,8 +84,14 @@ def import_image_points(
     Raises
     ------
     InputError
-        See `tasks.importing.image_points`.
+        If there is no file; see `tasks.importing.image_points`.
     """
+    if not sources:
+        raise InputError(
+            "There are no image points (inputs.image_points), and nothing can be adjusted without.",
+            "Name their files, or calibrate from orientations of another adjustment alone with `aerocal "
+            "calibrate`.",
+        )
     surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
     columns, extra, notes = usable_image_points(sources, read_table(exposures), read_table(cameras), surveyed)
     write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)

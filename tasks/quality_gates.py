@@ -25,8 +25,9 @@ _DIRECT_FIGURES = {
     "y_parallax_rms_um": "y_parallax_rms_um",
     "y_parallax_max_um": "y_parallax_max_um",
 }
-#: Figures of a system calibration; its limits are tested whatever the gates are.
-_CALIBRATION = "calibration"
+#: Figures of a system calibration and of one in two steps alone; limits are tested whatever the gates are.
+_TWO_STEP_ONLY = "two_step_calibration"
+_CALIBRATIONS = ("calibration", _TWO_STEP_ONLY)
 #: The figure that every adjustment has, if only as null.
 _ADJUSTMENT = "sigma0"
 
@@ -82,16 +83,18 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
 
 def _of_calibration(figures: Mapping[str, JSON]) -> Iterator[GateResult]:
     """The limits of a calibration flight together: none of them may be missed."""
-    calibration = figures.get(_CALIBRATION)
-    if isinstance(calibration, Mapping) and isinstance(calibration.get("reasons"), Sequence):
-        missed = float(len(calibration["reasons"]))  # type: ignore[arg-type]
-        yield _tested("missed_limits_of_calibration", missed, 0.0, "1", "max")
+    for name in _CALIBRATIONS:
+        calibration = figures.get(name)
+        if isinstance(calibration, Mapping) and isinstance(calibration.get("reasons"), Sequence):
+            missed = float(len(calibration["reasons"]))  # type: ignore[arg-type]
+            yield _tested("missed_limits_of_calibration", missed, 0.0, "1", "max")
 
 
 def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:
     """Whether the run has the part a gate is of; one without any known part has them all."""
     parts = {DIRECT: DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
-    return parts[DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not any(parts.values())
+    known = any(parts.values()) or _TWO_STEP_ONLY in figures
+    return parts[DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not known
 
 
 def _figure(name: str, figures: Mapping[str, JSON]) -> JSON:

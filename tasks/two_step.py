@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adjust.calibration.outlying_strips import MountingRule
+from adjust.calibration.mountings import MountingRule
 from adjust.calibration.two_step import two_step_calibration
-from tasks.block.orientation_pairs import PairedOrientations, paired_orientations
+from tasks.block.orientation_pairs import CameraDifferences, PairedOrientations, paired_orientations
 from tasks.block.two_step_tables import (
     camera_figures,
-    camera_remarks,
     columns_of,
     difference_columns,
     mean_columns,
 )
+from tasks.block.two_step_words import camera_remarks
 from tasks.ingest import project_frame
-from tasks.settings.calibration import MountingSettings
+from tasks.settings.calibration import AcceptanceLimits, MountingSettings
 from tasks.settings.project import ProjectSettings
 from tasks.storage.artifact import Artifact
 from tasks.storage.notes import Notes, write_notes
@@ -40,6 +40,8 @@ def calibrate_in_two_steps(
     cameras: Artifact,
     project: ProjectSettings,
     mounting: MountingSettings,
+    limits: AcceptanceLimits,
+    strip_bias_m: tuple[float, float, float],
 ) -> None:
     """Write ``orientation_differences.parquet``, ``orientation_difference_means.parquet`` and notes.
 
@@ -47,7 +49,7 @@ def calibrate_in_two_steps(
     ----------
     exposures : observed orientations (GNSS/INS).
     adjusted : ``exterior_orientations`` or an external result imported as ``exposures``.
-    mounting : when strips belong to another mounting.
+    mounting, limits, strip_bias_m : when strips belong to another mounting.
 
     Raises
     ------
@@ -57,18 +59,37 @@ def calibrate_in_two_steps(
     paired = paired_orientations(
         read_table(exposures), read_table(adjusted), read_table(cameras), project_frame(project)
     )
-    rule = MountingRule(
-        mounting.error_probability, mounting.offset_m, float(np.deg2rad(mounting.misalignment_deg))
-    )
-    results = [two_step_calibration(item.differences, rule) for item in paired.cameras]
+    rules = [_rule(item, mounting, limits, strip_bias_m) for item in paired.cameras]
+    results = [
+        two_step_calibration(item.differences, rule) for item, rule in zip(paired.cameras, rules, strict=True)
+    ]
     both = list(zip(paired.cameras, results, strict=True))
     differences = pd.concat([difference_columns(*pair) for pair in both])
     means = pd.concat([mean_columns(*pair) for pair in both])
     for schema, table in ((ORIENTATION_DIFFERENCES, differences), (ORIENTATION_DIFFERENCE_MEANS, means)):
         write_table(folder / f"{schema.name}.parquet", schema, columns_of(table))
-    remarks = [remark for pair in both for remark in camera_remarks(*pair, rule.error_probability)]
+    remarks = [remark for pair in both for remark in camera_remarks(*pair, mounting.error_probability)]
     figures = [camera_figures(*pair) for pair in both]
     write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": list(figures)}))
+
+
+def _rule(
+    item: CameraDifferences,
+    mounting: MountingSettings,
+    limits: AcceptanceLimits,
+    strip_bias_m: tuple[float, float, float],
+) -> MountingRule:
+    """What flights may differ by, and strips."""
+    roll_pitch, yaw = np.deg2rad(limits.roll_pitch_deg), np.deg2rad(limits.yaw_deg)
+    exposures = np.bincount(item.differences.strip)
+    # Errors of the exposures average out in a strip; its bias does not.
+    of_exposures = item.position_sigma / np.sqrt(np.median(exposures[exposures > 0]))
+    in_plan = np.hypot(max(strip_bias_m[:2]), of_exposures)
+    return MountingRule(
+        mounting.error_probability,
+        np.array([roll_pitch, roll_pitch, yaw, limits.lever_arm_m]),
+        np.append(item.attitude_sigma, in_plan),
+    )
 
 
 def _unpaired(paired: PairedOrientations) -> tuple[str, ...]:

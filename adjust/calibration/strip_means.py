@@ -25,6 +25,8 @@ class StripMeans:
     Attributes
     ----------
     strip : (k,) numbers.
+    flight : (k,) the flight of each.
+    place : (k,) median of its exposures' places: the order in which the strips of a flight were flown.
     count : (k,) exposures.
     mean : (k, 9) robust mean, radians and metres.
     sigma : (k, 9) its standard deviation from the scatter within the strip; NaN with one exposure.
@@ -39,6 +41,8 @@ class StripMeans:
     """
 
     strip: Ints
+    flight: Ints
+    place: Floats
     count: Ints
     mean: Floats
     sigma: Floats
@@ -61,6 +65,8 @@ def strip_means(differences: OrientationDifferences) -> StripMeans:
     height = np.array([np.median(item.height) for item in own])
     return StripMeans(
         strip=strips,
+        flight=np.array([item.flight[0] for item in own]),
+        place=np.array([np.median(item.place) for item in own]),
         count=np.array([len(item.strip) for item in own]),
         mean=np.array([item.robust for item in means]),
         sigma=np.array([item.robust_sigma for item in means]),

@@ -3,29 +3,26 @@
 First the block is adjusted without the GNSS/INS in question, then the differences of orientation are
 averaged. What the first step cannot know (correlations between the orientations of neighbouring images,
 errors of the interior orientation that the orientations have taken up) the second cannot either: standard
-deviations come from the scatter of the strips. A lever arm is fixed in the aircraft, a shift of GNSS in the
-map: the axes in which the offset scatters less tell which of the two is there, if the block was flown in
-more than one direction.
+deviations come from the scatter of the strips.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.calibration.orientation_differences import LEVER_ARM, MISALIGNMENT, SHIFT, OrientationDifferences
-from adjust.calibration.outlying_strips import MountingRule, OutlyingStrips, outlying_strips
+from adjust.calibration.mountings import MountingRule, Mountings, found_mountings
+from adjust.calibration.offset_separation import OffsetSeparation, separated_offset
+from adjust.calibration.orientation_differences import LEVER_ARM, SHIFT, OrientationDifferences
 from adjust.calibration.robust_mean import RobustMean, robust_mean
 from adjust.calibration.strip_means import StripMeans, strip_means
 
 Scope = Literal["all", "mounting", "flight", "heading", "height"]
-Axes = Literal["body", "map", "undecided"]
-# Probability of calling axes better that are not.
-_AXES_PROBABILITY = 0.05
+# Fewer strips do not show how strips scatter.
+_FEW_STRIPS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +33,7 @@ class GroupMean:
     ----------
     scope : what makes the group.
     number : of the mounting, flight, direction or height; 0 for ``all``.
+    mounting : of its exposures; -1 for ``all``.
     images, strips : how many.
     heading, height : (strips' mean direction in radians, median height in metres).
     mean : nine components: see `COMPONENTS`.
@@ -44,31 +42,13 @@ class GroupMean:
 
     scope: Scope
     number: int
+    mounting: int
     images: int
     strips: int
     heading: float
     height: float
     mean: RobustMean
     between: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class AxesChoice:
-    """In which axes the offset is fixed.
-
-    Attributes
-    ----------
-    axes : those with the significantly smaller scatter in plan; else ``undecided``.
-    rms_body, rms_map : metres, plan, of one exposure about the robust mean.
-    probability : of a ratio of the strips' scatters as large by chance (F-test); NaN with too few strips.
-    directions : number of flight directions; with one the two cannot be told apart.
-    """
-
-    axes: Axes
-    rms_body: float
-    rms_map: float
-    probability: float
-    directions: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,18 +58,16 @@ class TwoStep:
     Attributes
     ----------
     strips : the strips.
-    outlying : what was found about them: misalignment, and the offset in ``tested_axes``.
-    tested_axes : the axes in which most strips agree better.
-    axes : in which axes the offset is fixed.
-    groups : means: ``all`` exposures first, then of mountings, and of the flights, directions and heights of
-        the main mounting.
+    mountings : with which mounting each was flown, and what stands out.
+    offset : what the offset of the main mounting consists of.
+    groups : means: ``all`` exposures first, then of mountings, of flights (each of the mounting that most of
+        its strips have), and of the directions and heights of the main mounting.
     weight : (n, 9) factors of the exposures in the robust mean of their mounting.
     """
 
     strips: StripMeans
-    outlying: OutlyingStrips
-    tested_axes: Literal["body", "map"]
-    axes: AxesChoice
+    mountings: Mountings
+    offset: OffsetSeparation
     groups: tuple[GroupMean, ...]
     weight: Floats
 
@@ -98,53 +76,76 @@ class TwoStep:
         """The result: exposures of the mounting that most strips have."""
         return next(group for group in self.groups if group.scope == "mounting" and group.number == 0)
 
+    @property
+    def others(self) -> tuple[GroupMean, ...]:
+        """Means of the other mountings."""
+        return tuple(group for group in self.groups if group.scope == "mounting" and group.number > 0)
 
-def two_step_calibration(differences: OrientationDifferences, rule: MountingRule | None = None) -> TwoStep:
+    @property
+    def rms_body(self) -> float:
+        """Of the offsets of the main mounting in body axes, plan, about their robust mean, metres."""
+        return float(np.hypot(*self.main.mean.rms[LEVER_ARM][:2]))
+
+    @property
+    def rms_map(self) -> float:
+        """The same in map axes, less the given lever arm."""
+        return float(np.hypot(*self.main.mean.rms[SHIFT][:2]))
+
+    @property
+    def directions(self) -> int:
+        """Number of flight directions of the main mounting."""
+        return len(np.unique(self.strips.heading_group[self.mountings.mounting == 0]))
+
+
+def two_step_calibration(differences: OrientationDifferences, rule: MountingRule) -> TwoStep:
     """Misalignment, lever arm and shift, with what contradicts one value for all.
 
     Parameters
     ----------
-    rule : what counts as another mounting; None: the defaults.
+    rule : what counts as another mounting.
     """
     strips = strip_means(differences)
-    # Strips are compared in the axes in which most of them agree, whatever the others say.
-    in_body, in_map = strips.mean[:, LEVER_ARM], strips.mean[:, SHIFT]
-    in_map_better = _robust_spread(in_map[:, :2]) < _robust_spread(in_body[:, :2])
-    stable = in_map if in_map_better else in_body
-    outlying = outlying_strips(np.hstack([strips.mean[:, MISALIGNMENT], stable]), rule or MountingRule())
+    mountings = found_mountings(strips, rule)
     row = np.searchsorted(strips.strip, differences.strip)
-    mounting = outlying.mounting[row]
-    main = mounting == 0
-    groups = [_group("all", 0, differences, strips, np.ones(len(row), dtype=bool))]
+    mounting = mountings.mounting[row]
+    groups = [_group("all", 0, -1, differences, strips, np.ones(len(row), dtype=bool))]
     groups += [
-        _group("mounting", int(number), differences, strips, mounting == number)
+        _group("mounting", int(number), int(number), differences, strips, mounting == number)
         for number in np.unique(mounting)
     ]
-    for scope, numbers in _scopes(differences, strips, row):
+    for flight in np.unique(differences.flight):
+        common = int(np.argmax(np.bincount(mountings.mounting[strips.flight == flight])))
+        chosen = (differences.flight == flight) & (mounting == common)
+        groups.append(_group("flight", int(flight), common, differences, strips, chosen))
+    of_main: tuple[tuple[Scope, Ints], ...] = (
+        ("heading", strips.heading_group[row]),
+        ("height", strips.height_group[row]),
+    )
+    for scope, numbers in of_main:
         groups += [
-            _group(scope, int(number), differences, strips, main & (numbers == number))
-            for number in np.unique(numbers[main])
+            _group(scope, int(number), 0, differences, strips, (mounting == 0) & (numbers == number))
+            for number in np.unique(numbers[mounting == 0])
         ]
     weight = np.ones((len(row), 9))
     for group in groups:
         if group.scope == "mounting":
             weight[mounting == group.number] = group.mean.weight
-    tested: Literal["body", "map"] = "map" if in_map_better else "body"
-    return TwoStep(strips, outlying, tested, _axes(strips, groups, outlying), tuple(groups), weight)
-
-
-def _scopes(
-    differences: OrientationDifferences, strips: StripMeans, row: Ints
-) -> tuple[tuple[Scope, Ints], ...]:
-    return (
-        ("flight", differences.flight),
-        ("heading", strips.heading_group[row]),
-        ("height", strips.height_group[row]),
+    return TwoStep(
+        strips,
+        mountings,
+        separated_offset(strips, mountings.mounting, rule.error_probability),
+        tuple(_with_scatter(group, groups) for group in groups),
+        weight,
     )
 
 
 def _group(
-    scope: Scope, number: int, differences: OrientationDifferences, strips: StripMeans, chosen: Bools
+    scope: Scope,
+    number: int,
+    mounting: int,
+    differences: OrientationDifferences,
+    strips: StripMeans,
+    chosen: Bools,
 ) -> GroupMean:
     own = differences.only(chosen)
     rows = np.isin(strips.strip, own.strip)
@@ -153,6 +154,7 @@ def _group(
     return GroupMean(
         scope,
         number,
+        mounting,
         len(own.strip),
         int(rows.sum()),
         float(direction),
@@ -160,6 +162,20 @@ def _group(
         robust_mean(own.components, own.strip, _separate(own.covariance)),
         mean.std(axis=0, ddof=1) if len(mean) > 1 else np.full(mean.shape[1], np.nan),
     )
+
+
+def _with_scatter(group: GroupMean, groups: list[GroupMean]) -> GroupMean:
+    """A group of a few strips with the scatter of those of the main mounting: its own hides in one."""
+    main = next(one for one in groups if one.scope == "mounting" and one.number == 0)
+    by_chance = group.scope in ("mounting", "flight") and group.strips < _FEW_STRIPS
+    if not by_chance or main.strips < _FEW_STRIPS:
+        return group
+    scatter = main.between.copy()
+    # In the other axes the headings of the flight are part of it.
+    in_plan = min(np.linalg.norm(scatter[3:5]), np.linalg.norm(scatter[6:8])) / np.sqrt(2.0)
+    scatter[3:5] = scatter[6:8] = in_plan
+    of_strips = scatter / np.sqrt(group.strips)
+    return replace(group, mean=replace(group.mean, robust_sigma=np.fmax(group.mean.robust_sigma, of_strips)))
 
 
 def _separate(covariance: Floats | None) -> Floats | None:
@@ -173,28 +189,3 @@ def _separate(covariance: Floats | None) -> Floats | None:
     separate[:, SHIFT, : SHIFT.start] = 0.0
     separate[:, : SHIFT.start, SHIFT] = 0.0
     return separate
-
-
-def _robust_spread(mean: Floats) -> float:
-    """Median distance in plan of strip means (k, 2) from their median."""
-    return float(np.median(np.linalg.norm(mean - np.median(mean, axis=0), axis=1)))
-
-
-def _axes(strips: StripMeans, groups: list[GroupMean], outlying: OutlyingStrips) -> AxesChoice:
-    main = next(group for group in groups if group.scope == "mounting" and group.number == 0)
-    rows = outlying.mounting == 0
-    rms = main.mean.rms
-    in_body, in_map = (float(np.hypot(*rms[part][:2])) for part in (LEVER_ARM, SHIFT))
-    directions = len(np.unique(strips.heading_group[rows]))
-    if directions < 2 or rows.sum() < 3:
-        return AxesChoice("undecided", in_body, in_map, float("nan"), directions)
-    variances = [float(np.var(strips.mean[rows, part][:, :2], axis=0).sum()) for part in (LEVER_ARM, SHIFT)]
-    smaller, larger = min(variances), max(variances)
-    freedom = 2 * (int(rows.sum()) - 1)
-    ratio = larger / smaller if smaller > 0.0 else np.inf
-    probability = 2.0 * float(stats.f.sf(ratio, freedom, freedom))
-    better: Axes = "body" if variances[0] <= variances[1] else "map"
-    return AxesChoice(
-        better if probability < _AXES_PROBABILITY else "undecided",
-        in_body, in_map, min(probability, 1.0), directions,
-    )  # fmt: skip

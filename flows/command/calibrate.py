@@ -22,6 +22,9 @@ def calibrate(
     means of the differences to GNSS and INS), a test whether both agree, and the direct-georeferencing
     check with what was found.
 
+    Without image points, but with orientations of another adjustment (calibration.adjusted), the second step
+    is all there is: boresight and lever arm or shift, no interior orientation and no certificate.
+
     The tables calibration and calibration.limits of the project say what is estimated and what is good
     enough. Results: calibration.json (all parameters with their full covariance), report.html,
     georeferencing_check.html, and the tables of an adjustment.

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from flows.command.calibration_table import calibration_of, calibration_table
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
+from flows.command.two_step_table import two_step_only, two_step_table
 from flows.project_run import RunOutcome
 from tasks.storage.json_text import json_text
 from tasks.summary import Summary
@@ -45,12 +46,13 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     summary = outcome.summary
     word, style = _WORDS[summary.status]
     checked, adjusted = summary.direct_georeferencing, summary.sigma0 is not None
-    calibration = calibration_of(summary)
-    adjusted_word = "adjusted" if calibration is None else "calibrated"
+    calibration, second_step = calibration_of(summary), two_step_only(summary)
+    adjusted_word = "adjusted" if calibration is None and second_step is None else "calibrated"
     done = " and ".join([adjusted_word] * (adjusted or checked is None) + ["checked"] * (checked is not None))
     parts: list[RenderableType] = [Text(f"\n{word.format(done)}", style=style)]
     parts += [_problems(summary.problems)] if summary.problems else []
-    parts += [_figures(summary)] if adjusted or checked is None else []
+    parts += [_figures(summary)] if adjusted or (checked is None and second_step is None) else []
+    parts += [] if second_step is None else [two_step_table(second_step)]
     parts += [] if calibration is None else [Text(), calibration_table(summary, calibration)]
     parts += [] if checked is None else [Text(), georeferencing_table(checked)]
     estimated = any(item.sigma is not None for item in summary.parameters or ())

@@ -36,6 +36,8 @@ class CameraDifferences:
     differences : what each image shows.
     body_from_camera : (3, 3) nominal mounting T.
     given_lever_arm : (3,) of the project file, metres, body axes.
+    attitude_sigma, position_sigma : medians of the stated σ of the observed orientations: roll, pitch, yaw
+        (3,) in radians, and one axis of the plan in metres.
     """
 
     camera: str
@@ -45,6 +47,8 @@ class CameraDifferences:
     differences: OrientationDifferences
     body_from_camera: Floats
     given_lever_arm: Floats
+    attitude_sigma: Floats
+    position_sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,29 +139,26 @@ def _of_camera(
         body_from_camera,
         given.local_from_enu,
     )
-    # Strips of two flights may have one name.
-    labels = sorted(set(zip(given.flight, given.strip, strict=True)))
-    strip = pd.Index(labels).get_indexer(pd.Index(zip(given.flight, given.strip, strict=True)))
     timed = bool(np.isfinite(given.time_s).all())
     differences = orientation_differences(
         pairs,
-        strip.astype(np.int64),
+        given.strip_of_image,
         given.flight_of_image,
         given.time_s if timed else np.arange(len(given.image), dtype=np.float64),
         observed["z_m"].to_numpy(np.float64),
         _covariance(given) + _covariance(result) if weighted else None,
         mountings.lever_arm[0],
     )
-    several = len(given.flights) > 1
-    names = tuple(f"{flight}/{name}" if several else name for flight, name in labels)
     return CameraDifferences(
         camera,
         given.image,
-        names,
+        given.strips,
         given.flights,
         differences,
         mountings.body_from_camera[0],
         mountings.lever_arm[0],
+        np.sqrt(np.median(np.diagonal(given.attitude_covariance(), axis1=1, axis2=2), axis=0)),
+        float(np.median(np.linalg.norm(given.position_sigma[:, :2], axis=1)) / np.sqrt(2.0)),
     )
 
 

@@ -1,27 +1,24 @@
-"""Tables, figures and remarks of a two-step calibration."""
+"""Tables and figures of a two-step calibration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT
+from adjust.calibration.offset_separation import OffsetSeparation
 from adjust.calibration.orientation_differences import COMPONENTS, misalignment_angles
 from adjust.calibration.two_step import GroupMean, TwoStep
+from tasks.block.offset_words import offset_sentence
 from tasks.block.orientation_pairs import CameraDifferences
-from tasks.plausibility.lever_arm import lever_arm_suspicion
 from tasks.storage.json_text import JSON
 
 # Radians are shown in degrees.
 _SHOWN = np.array([np.rad2deg(1.0)] * 3 + [1.0] * 6)
 _UNITS = ("deg",) * 3 + ("m",) * 6
-# A drift is mentioned if it is larger than this and this many times its standard deviation.
-_NOTABLE_DRIFT_DEG = 0.01
-_NOTABLE_T = 5.0
 
 
 def difference_columns(item: CameraDifferences, result: TwoStep) -> pd.DataFrame:
@@ -34,7 +31,7 @@ def difference_columns(item: CameraDifferences, result: TwoStep) -> pd.DataFrame
         "strip": [item.strip_names[i] for i in item.differences.strip],
         "place": item.differences.place,
         "heading_deg": np.rad2deg(item.differences.heading) % 360.0,
-        "mounting": result.outlying.mounting[strip],
+        "mounting": result.mountings.mounting[strip],
         "height_m": item.differences.height,
     }
     columns |= {f"{n}_{u}": v for n, u, v in zip(COMPONENTS, _UNITS, shown.T, strict=True)}
@@ -58,6 +55,8 @@ def _group_rows(item: CameraDifferences, group: GroupMean) -> pd.DataFrame:
         "height": f"{group.height:.0f} m",
     }[group.scope]
     rows = _rows(group.scope, name, group.images, group.strips, group.heading, group.height)
+    if group.mounting >= 0:
+        rows = rows.assign(mounting=pd.array([group.mounting] * 9, dtype="Int32"))
     return rows.assign(
         value_plain=_in_units(mean.plain),
         sigma_plain=mean.plain_sigma * _SHOWN,
@@ -71,8 +70,9 @@ def _group_rows(item: CameraDifferences, group: GroupMean) -> pd.DataFrame:
 def _strip_rows(item: CameraDifferences, result: TwoStep) -> pd.DataFrame:
     strips, tables = result.strips, []
     # The offset is tested in one of the two axes only.
-    tested = np.hstack([result.outlying.outlying, np.zeros((len(strips.strip), 3), dtype=bool)])
-    if result.tested_axes == "map":
+    mountings = result.mountings
+    tested = np.hstack([mountings.outlying, np.zeros((len(strips.strip), 3), dtype=bool)])
+    if mountings.tested_axes == "map":
         tested[:, 6:], tested[:, 3:6] = tested[:, 3:6].copy(), False
     for k, strip in enumerate(strips.strip):
         name = item.strip_names[strip]
@@ -84,8 +84,8 @@ def _strip_rows(item: CameraDifferences, result: TwoStep) -> pd.DataFrame:
                 rms=strips.scatter[k] * _SHOWN,
                 drift=strips.drift[k] * _SHOWN,
                 sigma_drift=strips.drift_sigma[k] * _SHOWN,
-                mounting=pd.array([result.outlying.mounting[k]] * 9, dtype="Int32"),
-                outlying=pd.array(tested[k], dtype="boolean") if result.outlying.tested else _untested(),
+                mounting=pd.array([mountings.mounting[k]] * 9, dtype="Int32"),
+                outlying=pd.array(tested[k], dtype="boolean") if mountings.tested else _untested(),
             )
         )
     return pd.concat(tables)
@@ -111,28 +111,87 @@ def _in_units(mean: Floats) -> Floats:
 
 def camera_figures(item: CameraDifferences, result: TwoStep) -> dict[str, JSON]:
     """Figures of one camera for summary.json."""
-    main, everything, axes = result.main, result.groups[0], result.axes
+    main, everything = result.main, result.groups[0]
+    of_mountings = [_mounting_figures(item, result, group) for group in (main, *result.others)]
     return {
         "camera": item.camera,
         "images": everything.images,
         "strips": everything.strips,
+        "directions": result.directions,
         "images_of_main_mounting": main.images,
-        "other_mountings": _others(item, result),
-        "offset_fixed_in": axes.axes,
-        "offset_rms_body_m": axes.rms_body,
-        "offset_rms_map_m": axes.rms_map,
-        "boresight_deg": _in_units(main.mean.robust)[:3].tolist(),
-        "boresight_sigma_deg": (main.mean.robust_sigma * _SHOWN)[:3].tolist(),
-        "lever_arm_m": main.mean.robust[3:6].tolist(),
-        "lever_arm_sigma_m": main.mean.robust_sigma[3:6].tolist(),
-        "shift_m": main.mean.robust[6:].tolist(),
-        "shift_sigma_m": main.mean.robust_sigma[6:].tolist(),
+        "mountings_tested": result.mountings.tested,
+        "mountings": [*of_mountings],
+        "other_mountings": [*of_mountings[1:]],
+        "flights": [
+            {
+                "flight": item.flight_names[group.number],
+                "mounting": group.mounting,
+                "images": group.images,
+                **_means(group),
+            }
+            for group in result.groups
+            if group.scope == "flight"
+        ],
+        "offset_fixed_in": result.offset.verdict,
+        "offset_sentence": offset_sentence(item.camera, result),
+        "offset_rms_body_m": result.rms_body,
+        "offset_rms_map_m": result.rms_map,
+        "separated": _separated(item, result.offset),
+        "tests": _tests(result.offset),
+        **_means(main),
         "adjusted_minus_observed_in_camera_axes": {
             "all_plain": _in_camera_axes(item, everything.mean.plain),
             "all_robust": _in_camera_axes(item, everything.mean.robust),
             "main_robust": _in_camera_axes(item, main.mean.robust),
         },
     }
+
+
+def _means(group: GroupMean) -> dict[str, JSON]:
+    """Boresight, lever arm and shift of a group, with their σ."""
+    value, sigma = _in_units(group.mean.robust), group.mean.robust_sigma * _SHOWN
+    return {
+        "boresight_deg": value[:3].tolist(),
+        "boresight_sigma_deg": sigma[:3].tolist(),
+        "lever_arm_m": value[3:6].tolist(),
+        "lever_arm_sigma_m": sigma[3:6].tolist(),
+        "shift_m": value[6:].tolist(),
+        "shift_sigma_m": sigma[6:].tolist(),
+    }
+
+
+def _mounting_figures(item: CameraDifferences, result: TwoStep, group: GroupMean) -> dict[str, JSON]:
+    """A mounting: its strips and its means."""
+    return {
+        "mounting": group.number,
+        "strips": list(strip_names(item, result, group.number)),
+        "images": group.images,
+        **_means(group),
+        "adjusted_minus_observed_in_camera_axes": _in_camera_axes(item, group.mean.robust),
+    }
+
+
+def _separated(item: CameraDifferences, offset: OffsetSeparation) -> JSON:
+    """Lever arm (the whole one) and shift in plan, estimated together."""
+    return {
+        "lever_arm_m": (item.given_lever_arm[:2] + offset.lever_arm).tolist(),
+        "lever_arm_sigma_m": offset.lever_arm_sigma.tolist(),
+        "shift_m": offset.shift.tolist(),
+        "shift_sigma_m": offset.shift_sigma.tolist(),
+    }
+
+
+def _tests(offset: OffsetSeparation) -> JSON:
+    return [
+        {
+            "tested": name,
+            "chi_squared": test.chi_squared,
+            "freedom": test.freedom,
+            "variance_freedom": test.variance_freedom,
+            "probability": test.probability,
+        }
+        for name, test in offset.tests.items()
+    ]
 
 
 def _in_camera_axes(item: CameraDifferences, mean: Floats) -> JSON:
@@ -142,78 +201,11 @@ def _in_camera_axes(item: CameraDifferences, mean: Floats) -> JSON:
     return {"rotation_deg": rotation_deg.tolist(), "offset_m": (-camera_from_body @ mean[3:6]).tolist()}
 
 
-def _others(item: CameraDifferences, result: TwoStep) -> list[JSON]:
-    found: list[JSON] = []
-    for group in result.groups:
-        if group.scope == "mounting" and group.number > 0:
-            strips = _names(item, result, result.outlying.mounting == group.number)
-            found.append(
-                {
-                    "strips": list(strips),
-                    "images": group.images,
-                    "boresight_deg": _in_units(group.mean.robust)[:3].tolist(),
-                    "lever_arm_m": group.mean.robust[3:6].tolist(),
-                    "adjusted_minus_observed_in_camera_axes": _in_camera_axes(item, group.mean.robust),
-                }
-            )
-    return found
-
-
-def _names(item: CameraDifferences, result: TwoStep, chosen: Any) -> tuple[str, ...]:
-    return tuple(item.strip_names[strip] for strip in result.strips.strip[chosen])
-
-
-def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: float) -> tuple[str, ...]:
-    """What contradicts one boresight and one offset for all, in words."""
-    found = result.main.mean
-    sigma = np.nan_to_num(found.robust_sigma[3:6])
-    # In height a shift looks like a lever arm in every strip.
-    sigma[2] = np.hypot(sigma[2], UNSTATED_SHIFT)
-    slip = lever_arm_suspicion(item.given_lever_arm, found.robust[3:6], sigma, item.camera)
-    # Only an offset that is fixed in the aircraft says something about the lever arm.
-    remarks = [slip] if slip is not None and result.axes.axes == "body" else []
-    for group in result.groups:
-        if group.scope == "mounting" and group.number > 0:
-            names = ", ".join(_names(item, result, result.outlying.mounting == group.number))
-            remarks.append(
-                f"Strips {names} ({group.images:,} images) have another mounting of camera {item.camera}: "
-                f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m. They are left "
-                "out of the result (probability of calling any strip outlying by chance "
-                f"{100 * error_probability:g} %): give them a camera of their own."
-            )
-    if not result.outlying.tested:
-        remarks.append(
-            f"Camera {item.camera}: {len(result.strips.strip)} strips are too few to tell one of another "
-            "mounting from their scatter."
-        )
-    if result.axes.axes == "map":
-        remarks.append(
-            f"The offset of camera {item.camera} is fixed in the map, not in the aircraft (RMS in plan "
-            f"{result.axes.rms_map:.3f} m against {result.axes.rms_body:.3f} m): a GNSS shift or a datum, "
-            "not a lever arm."
-        )
-    elif result.axes.axes == "undecided":
-        remarks.append(
-            f"Camera {item.camera}: lever arm and GNSS shift cannot be told apart with "
-            f"{result.axes.directions} direction(s) of flight and these strips."
-        )
-    return (*remarks, *_drifts(item, result))
-
-
-def _plan(group: GroupMean) -> str:
-    forward, right = group.mean.robust[3:5]
-    return f"({forward:+.2f}, {right:+.2f})"
-
-
-def _drifts(item: CameraDifferences, result: TwoStep) -> Sequence[str]:
-    strips = result.strips
-    drift, sigma = np.rad2deg(strips.drift[:, :3]), np.rad2deg(strips.drift_sigma[:, :3])
-    notable = (np.abs(drift) > _NOTABLE_DRIFT_DEG) & (np.abs(drift) > _NOTABLE_T * sigma)
-    return [
-        f"Strip {item.strip_names[strips.strip[k]]}: the {COMPONENTS[j]} of the INS drifts by "
-        f"{drift[k, j]:+.4f}° ± {sigma[k, j]:.4f}° against the adjusted orientations."
-        for k, j in np.argwhere(notable)
-    ]
+def strip_names(item: CameraDifferences, result: TwoStep, mounting: int) -> tuple[str, ...]:
+    """Names of the strips of a mounting."""
+    return tuple(
+        item.strip_names[strip] for strip in result.strips.strip[result.mountings.mounting == mounting]
+    )
 
 
 def columns_of(table: pd.DataFrame) -> Mapping[str, Any]:

@@ -26,7 +26,7 @@ from tasks.calibration.record import (
     CalibrationRecord,
     RecordedHeld,
 )
-from tasks.calibration.two_step_comparison import StepComparison, compared_steps
+from tasks.calibration.two_step_comparison import StepComparison, compared_steps, images_of_mountings
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
 from tasks.quality_gates import DIRECT, tested_gates
 from tasks.settings.calibration import CalibrationSettings
@@ -91,7 +91,10 @@ def describe_calibration(
     verdicts = dict(parameter_verdicts(table, pairs, pattern, settings.limits))
     held = _held(releases)
     verdicts |= {key: _refused(item, held) for key, item in verdicts.items()}
-    steps = None if means is None else compared_steps(table, pairs, read_table(means))
+    steps = None
+    if means is not None:
+        mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
+        steps = compared_steps(table, pairs, read_table(means), mountings)
     figures = cast(Mapping[str, Any], read_notes(adjusted).figures)
     evidence = _evidence(stages, outputs, figures, gates, steps)
     of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)

@@ -3,6 +3,9 @@
 Both come from the same images, so their errors are positively correlated and the variance of their difference
 is smaller than the sum of their variances. The test with the sum is therefore a cautious one: what it calls a
 contradiction is one. The standard deviations of the second step come from the scatter of the strips.
+
+The one-step calibration has one mounting for all its images. Where the second step finds several, it is
+compared with that of most of these images, and it is said that there is not one.
 """
 
 from __future__ import annotations
@@ -79,23 +82,26 @@ class StepComparison:
     ----------
     chi_squared, freedom : dᵀ C⁻¹ d with the sum of both covariance matrices, and its degrees of freedom.
     probability : of a value as large by chance if the two are the same.
+    mountings : a sentence for each camera whose images do not have one mounting.
     """
 
     parameters: tuple[ComparedParameter, ...]
     chi_squared: float
     freedom: int
     probability: float
+    mountings: tuple[str, ...] = ()
 
     @property
     def sentence(self) -> str:
         """What it says, for people."""
         largest = max(self.parameters, key=lambda item: abs(item.t))
         agree = "agree" if self.probability >= CONTRADICTION else "contradict each other"
-        return (
+        compared = (
             f"One-step and two-step calibration {agree}: χ² = {self.chi_squared:.1f} of {self.freedom} "
             f"differences (probability {self.probability:.2g}); largest: {largest.parameter} of "
             f"{largest.entity}, {abs(largest.t):.1f} σ."
         )
+        return " ".join((compared, *self.mountings))
 
     def to_json(self) -> JSON:
         """For summary.json."""
@@ -108,8 +114,27 @@ class StepComparison:
         }
 
 
+def images_of_mountings(differences: pd.DataFrame, images: pd.DataFrame) -> dict[str, dict[int, int]]:
+    """Number of the images of a block with each mounting, by camera.
+
+    Parameters
+    ----------
+    differences : orientation_differences.parquet of the second step.
+    images : images.parquet of the one-step calibration.
+    """
+    own = differences[differences["image"].isin(images["image"])]
+    counted: dict[str, dict[int, int]] = {}
+    for camera, number in zip(own["camera"], own["mounting"], strict=True):
+        of_camera = counted.setdefault(str(camera), {})
+        of_camera[int(number)] = of_camera.get(int(number), 0) + 1
+    return counted
+
+
 def compared_steps(
-    parameters: pd.DataFrame, correlations: pd.DataFrame, means: pd.DataFrame
+    parameters: pd.DataFrame,
+    correlations: pd.DataFrame,
+    means: pd.DataFrame,
+    mountings: Mapping[str, Mapping[int, int]] | None = None,
 ) -> StepComparison | None:
     """Compare what both have estimated; None if that is nothing.
 
@@ -117,7 +142,10 @@ def compared_steps(
     ----------
     parameters, correlations : of the one-step calibration.
     means : orientation_difference_means.parquet of the second step.
+    mountings : see `images_of_mountings`; None: all images have the main one.
     """
+    of_cameras = mountings or {}
+    means = _of_own_mounting(means, of_cameras)
     estimated = parameters[parameters["sigma"].notna() & parameters["parameter"].isin(_COMPONENT)]
     found = [
         item for row in estimated.to_dict("records") if (item := _compared(row, means, estimated)) is not None
@@ -130,7 +158,23 @@ def compared_steps(
     difference: Floats = np.array([item.difference for item in found])
     chi_squared = float(difference @ np.linalg.solve(covariance, difference))
     probability = float(special.chdtrc(len(found), chi_squared))
-    return StepComparison(tuple(found), chi_squared, len(found), probability)
+    said = tuple(_not_one(camera, own) for camera, own in of_cameras.items() if len(own) > 1)
+    return StepComparison(tuple(found), chi_squared, len(found), probability, said)
+
+
+def _of_own_mounting(means: pd.DataFrame, mountings: Mapping[str, Mapping[int, int]]) -> pd.DataFrame:
+    """Of the means of mountings those of the mounting that most images of each camera have."""
+    own = {camera: max(images, key=lambda number: images[number]) for camera, images in mountings.items()}
+    wanted = means["camera"].map(lambda camera: str(own.get(camera, 0)))
+    return means[(means["scope"] != "mounting") | (means["group"] == wanted)]
+
+
+def _not_one(camera: str, images: Mapping[int, int]) -> str:
+    number = max(images, key=lambda one: images[one])
+    return (
+        f"Camera {camera} was not flown with one mounting, and the one-step calibration has one for all: it "
+        f"is compared with mounting {number} ({images[number]:,} of {sum(images.values()):,} images)."
+    )
 
 
 def _compared(
@@ -142,9 +186,10 @@ def _compared(
     if name.startswith("gnss_shift"):
         flights = estimated.loc[estimated["parameter"] == name, "entity"]
         several = flights.nunique() > 1
-        own = own[(own["scope"] == "flight") & (own["group"] == entity)] if several else _main(own)
+        by_flight = (own["scope"] == "flight") & (own["group"] == entity)
+        own = own[by_flight if several else own["scope"] == "mounting"]
     else:
-        own = _main(own[own["camera"] == entity])
+        own = own[(own["camera"] == entity) & (own["scope"] == "mounting")]
     # With a lever arm and a shift free at once, the second step sees their sum.
     other = "lever_arm" if name.startswith("gnss_shift") else "gnss_shift"
     mixed = not name.startswith("boresight") and estimated["parameter"].str.startswith(other).any()
@@ -159,8 +204,3 @@ def _compared(
         float(own["value"].iloc[0]),
         float(own["sigma"].iloc[0]),
     )
-
-
-def _main(means: pd.DataFrame) -> pd.DataFrame:
-    """Means of the exposures with the mounting of most strips."""
-    return means[(means["scope"] == "mounting") & (means["group"] == "0")]

@@ -168,6 +168,85 @@ class StepComparisonFigure(_Figure):
     sentence: str
 
 
+class StripGroupFigure(_Figure):
+    """Means of a group of strips by the second step."""
+
+    images: int
+    boresight_deg: tuple[float | None, ...]
+    boresight_sigma_deg: tuple[float | None, ...]
+    lever_arm_m: tuple[float | None, ...]
+    lever_arm_sigma_m: tuple[float | None, ...]
+    shift_m: tuple[float | None, ...]
+    shift_sigma_m: tuple[float | None, ...]
+
+
+class MountingFigure(StripGroupFigure):
+    """A mounting; 0 is that of most strips."""
+
+    mounting: int
+    strips: tuple[str, ...]
+
+
+class FlightFigure(StripGroupFigure):
+    """A flight, by the strips with the mounting that most of them have."""
+
+    mounting: int
+    flight: str
+
+
+class OffsetTestFigure(_Figure):
+    """A nested test; null where the strips do not say anything about it."""
+
+    tested: str
+    chi_squared: float | None = None
+    freedom: int
+    variance_freedom: int
+    probability: float | None = None
+
+
+class TwoStepFigure(_Figure):
+    """The second step for one camera."""
+
+    camera: str
+    images: int
+    strips: int
+    directions: int
+    offset_sentence: str
+    mountings: tuple[MountingFigure, ...]
+    flights: tuple[FlightFigure, ...]
+    tests: tuple[OffsetTestFigure, ...]
+
+
+class TwoStepParameterFigure(_Figure):
+    """A parameter of a two-step calibration by itself."""
+
+    parameter: str
+    camera: str
+    unit: str
+    value: float | None = None
+    sigma: float | None = None
+    limit: float
+    verdict: str
+    because: str = ""
+
+
+class TwoStepVerdictFigure(_Figure):
+    """The verdict on a two-step calibration by itself."""
+
+    verdict: str
+    sentence: str
+    reasons: tuple[str, ...] = ()
+    restrictions: tuple[str, ...] = ()
+    parameters: tuple[TwoStepParameterFigure, ...]
+
+
+class TwoStepCalibrationFigures(_Figure):
+    """Figures of a two-step calibration by itself."""
+
+    two_step: tuple[TwoStepFigure, ...]
+    two_step_calibration: TwoStepVerdictFigure
+
+
 class CalibrationFigures(_Figure):
     """A system calibration; ``two_step`` is null without a second step."""
 
@@ -204,6 +283,7 @@ class AdjustmentFigures(_Figure):
     model_findings: tuple[MovingFigure, ...] = ()
     strip_scatter: tuple[MovingFigure, ...] = ()
     moved_by_findings: float | None = None
+    two_step: tuple[TwoStepFigure, ...] = ()
     frame: str = ""
 
 

@@ -31,6 +31,7 @@ from tasks.report import (
     surveyed_points,
     suspicious,
     system_parameters,
+    two_step,
 )
 from tasks.report.material import IMAGE_POINTS, Material
 from tasks.report.residual_field import ResidualField
@@ -66,7 +67,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
     tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
     page: str = (
-        _environment()
+        environment()
         .get_template("page.html.j2")
         .render(
             name=name,
@@ -106,6 +107,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         self_calibration.group_table(material),
         self_calibration.flight_table(material),
         *calibration.calibration_tables(material),
+        *two_step.two_step_tables(material.figures.two_step),
         datum.datum_table(material),
         model_tests.strongest_table(material),
         model_tests.unnoticed_table(material),
@@ -145,13 +147,13 @@ def _plots(material: Material) -> list[Plot]:
         "residual-correlation": residual_correlation.correlation_plot(material),
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
-        "strip-differences": strip_differences.strip_plot(material),
+        "strip-differences": strip_differences.strip_plot(material.strip_means),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
     """Templates with escaping on for everything: names come from files."""
     return Environment(
         loader=FileSystemLoader(TEMPLATES),

@@ -10,7 +10,6 @@ from adjust.arrays import Floats
 from tasks.report import axes, markup, palette
 from tasks.report.axes import Scale
 from tasks.report.legend import Swatch, swatches
-from tasks.report.material import Material
 
 _MDEG = 1e3
 _MOST_STRIP_NAMES = 45
@@ -20,9 +19,13 @@ _IN_MAP = (("east", "north", "up"), "shift in the map [m]", 1.0)
 _IN_BODY = (("forward", "right", "down"), "offset in the aircraft [m]", 1.0)
 
 
-def strip_plot(material: Material) -> Markup | None:
-    """Means of the strips with their σ, three panels one below the other; None without two steps."""
-    means = material.strip_means
+def strip_plot(means: pd.DataFrame) -> Markup | None:
+    """Means of the strips with their σ, three panels one below the other; None without two steps.
+
+    Parameters
+    ----------
+    means : orientation_difference_means.parquet, or an empty table.
+    """
     strips = means[means["scope"] == "strip"] if not means.empty else means
     if strips.empty:
         return None

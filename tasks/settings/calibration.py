@@ -67,22 +67,17 @@ class AcceptanceLimits(Settings):
 
 
 class MountingSettings(Settings):
-    """When strips count as flown with another mounting; they are reported and left out of the means."""
+    """When strips count as flown with another mounting; they are reported and left out of the means.
+
+    Flights differ if they do so significantly and by more than `calibration.limits` allows σ to be
+    (boresight, lever arm); strips of one flight if by more than errors of GNSS and INS make strips differ, of
+    which the σ of attitudes and `adjustment.priors.gnss_strip_bias_m` are stated.
+    """
 
     error_probability: Annotated[float, Field(gt=0.0, lt=0.5)] = Field(
         default=0.01,
-        description="Probability of calling any strip outlying when all belong together; those of several "
-        "components are shared out.",
-    )
-    offset_m: Positive = Field(
-        default=0.10,
-        description="Strips with offsets nearer than this have one mounting, m. GNSS errors of a strip are a "
-        "few centimetres.",
-    )
-    misalignment_deg: Positive = Field(
-        default=0.03,
-        description="The same for roll, pitch, yaw, degrees. INS errors of a strip are some thousandths of a "
-        "degree, of the heading a hundredth.",
+        description="Probability of finding any other mounting when all strips have one; flights, parts of "
+        "flights and single strips share it.",
     )
 
 

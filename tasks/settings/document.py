@@ -23,7 +23,14 @@ from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
-from tasks.settings.inputs import ControlInput, ExposureSigma, ExposuresInput, ImagePointsInput, Inputs
+from tasks.settings.inputs import (
+    ControlInput,
+    DeliveredFlight,
+    ExposureSigma,
+    ExposuresInput,
+    ImagePointsInput,
+    Inputs,
+)
 from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
@@ -47,6 +54,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[inputs.exposures]", ExposuresInput, ""),
     ("inputs.exposures.angles", Angles, ""),
     ("inputs.exposures.sigma", ExposureSigma, ""),
+    ("[inputs.exposures.flights.NAME]", DeliveredFlight, ""),
     ("[inputs.control]", ControlInput, ""),
     ("[adjustment]", AdjustmentSettings, ""),
     ("adjustment.rejection", Rejection, ""),

@@ -122,7 +122,7 @@ class ControlInput(Settings):
 
 
 _AsTuple = BeforeValidator(one_table_or_several)
-ImagePointsInputs: TypeAlias = Annotated[tuple[ImagePointsInput, ...], Field(min_length=1), _AsTuple]
+ImagePointsInputs: TypeAlias = Annotated[tuple[ImagePointsInput, ...], _AsTuple]
 ExposuresInputs: TypeAlias = Annotated[tuple[ExposuresInput, ...], Field(min_length=1), _AsTuple]
 ControlInputs: TypeAlias = Annotated[tuple[ControlInput, ...], _AsTuple]
 
@@ -130,7 +130,11 @@ ControlInputs: TypeAlias = Annotated[tuple[ControlInput, ...], _AsTuple]
 class Inputs(Settings):
     """The files a project reads; each kind is one table or an array of tables."""
 
-    image_points: ImagePointsInputs = Field(description="Files of image points.")
+    image_points: ImagePointsInputs = Field(
+        default=(),
+        description="Files of image points; may be left out where `calibration.adjusted` gives orientations "
+        "to calibrate with in two steps.",
+    )
     exposures: ExposuresInputs = Field(description="Files of exposures.")
     control: ControlInputs = Field(
         default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."

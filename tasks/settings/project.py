@@ -104,3 +104,13 @@ class Project(Settings):
         if wrong is not None:
             raise trouble(*wrong)
         return self
+
+    @model_validator(mode="after")
+    def _something_to_adjust(self) -> Project:
+        if not self.inputs.image_points and self.calibration.adjusted is None:
+            raise trouble(
+                "The project has no image points (inputs.image_points).",
+                "Name their files; without any, `aerocal calibrate` needs orientations of another adjustment "
+                "(calibration.adjusted).",
+            )
+        return self

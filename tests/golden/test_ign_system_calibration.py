@@ -21,10 +21,8 @@ CAMERA = "UCE-M3-f120-s07"
 WANTED = 'calibration.free=["boresight", "lever_arm", "focal_length"]'
 
 
-@pytest.fixture(scope="module")
-def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
+def run(test_data: Path, out: Path, *overrides: str) -> RunOutcome:
     """With IGN's own adjustment of 2,739 images for the second step."""
-    out = tmp_path_factory.mktemp("calibration")
     delivered = (
         f'{{file="{test_data}/ign_ultracam_eagle_m3/21FD2447_alt_s07.OPK", format="ign-opk", '
         'crs="EPSG:2154", '
@@ -35,10 +33,15 @@ def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Run
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("AEROCAL_TEST_DATA", str(test_data))
         outcome = carry_out(
-            system_calibration, RunRequest(PROJECT, out, (WANTED, f"calibration.adjusted={delivered}"))
+            system_calibration, RunRequest(PROJECT, out, (*overrides, f"calibration.adjusted={delivered}"))
         )
     assert outcome.error is None, outcome.error
     return outcome
+
+
+@pytest.fixture(scope="module")
+def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
+    return run(test_data, tmp_path_factory.mktemp("calibration"), WANTED)
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +91,22 @@ def test_ign_s_own_adjustment_carries_the_second_step(calibrated: RunOutcome, fo
     others = [text for text in found["problems"] if "have another mounting" in text]
     assert len(others) == 1
     assert all(name in others[0] for name in ("x00030", "x00032", "x00040"))
+
+
+def test_delivered_orientations_alone_give_boresight_and_lever_arm(test_data: Path, tmp_path: Path) -> None:
+    """Without image points and control; σ of roll, 0.00051°, is just beyond its limit of 0.0005°."""
+    without = ("inputs.image_points=[]", "inputs.control=[]")
+    outcome = run(test_data, tmp_path, *without)
+    content = json.loads((tmp_path / "summary.json").read_text())
+    found = content["two_step_calibration"]
+    values = {item["parameter"]: item for item in found["parameters"]}
+    assert values["boresight_pitch"]["value"] == pytest.approx(0.0061, abs=0.0003)
+    assert values["lever_arm_x"]["value"] == pytest.approx(0.61, abs=0.01)
+    assert values["lever_arm_y"]["value"] == pytest.approx(0.34, abs=0.01)
+    assert values["gnss_shift_x"]["verdict"] == "not_called_for"
+    assert values["boresight_roll"]["verdict"] == "weak"
+    assert (found["verdict"], outcome.summary.status) == ("refused", "gate_failed")
+    assert not (tmp_path / "calibration.json").exists()
+    outcome = run(test_data, tmp_path, *without, "calibration.limits.roll_pitch_deg=0.001")
+    assert outcome.summary.status == "done"
+    assert any("not flown with one mounting but with 2" in text for text in outcome.summary.problems)

@@ -55,6 +55,8 @@ def calibration(test_data: Path, folder: Path, *overrides: str):
         cameras=observed["cameras"],
         project=project.project,
         mounting=project.calibration.mounting,
+        limits=project.calibration.limits,
+        strip_bias_m=project.adjustment.priors.gnss_strip_bias_m,
     )
 
 
@@ -114,6 +116,16 @@ def test_the_offset_turns_with_the_aircraft(figures) -> None:
     assert figures["offset_fixed_in"] == "body"
     assert figures["offset_rms_body_m"] < 0.02
     assert figures["offset_rms_map_m"] > 0.6
+    tests = {item["tested"]: item for item in figures["tests"]}
+    assert tests["lever_arm"]["probability"] < 1e-20
+    assert tests["shift"]["probability"] > 0.1
+    np.testing.assert_allclose(figures["separated"]["shift_m"], 0.0, atol=0.005)
+
+
+def test_the_other_mounting_is_one_of_the_lever_arm_not_of_the_boresight(figures) -> None:
+    tests = {item["tested"]: item["probability"] for item in figures["tests"]}
+    assert tests["lever_arm_by_mounting"] < 1e-20
+    assert all(tests[f"{name}_by_mounting"] > 0.01 for name in ("roll", "pitch", "yaw"))
 
 
 def test_the_heading_of_the_ins_drifts_from_strip_to_strip(calibrated, means) -> None:

@@ -35,14 +35,16 @@ def frame(delivery):
 
 
 def calibrate(delivery, adjusted: Artifact):
-    read = delivery.exposures()
+    read, project = delivery.exposures(), delivery.project()
     return calibrate_in_two_steps(
         delivery.store,
         exposures=read["exposures"],
         adjusted=adjusted,
         cameras=read["cameras"],
-        project=delivery.project().project,
-        mounting=delivery.project().calibration.mounting,
+        project=project.project,
+        mounting=project.calibration.mounting,
+        limits=project.calibration.limits,
+        strip_bias_m=project.adjustment.priors.gnss_strip_bias_m,
     )
 
 

@@ -38,8 +38,8 @@ ORIENTATION_DIFFERENCES = TableSchema(
 
 ORIENTATION_DIFFERENCE_MEANS = TableSchema(
     "orientation_difference_means",
-    "One component of the two-step calibration of a camera for a group of its images. Flights, headings and "
-    "heights are those of the main mounting.",
+    "One component of the two-step calibration of a camera for a group of its images. A flight is given by "
+    "its images with the mounting of most of its strips; headings and heights are those of the main one.",
     (
         CAMERA,
         text(
@@ -51,7 +51,13 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         text("component", "see orientation_differences", values=tuple(name for name, _, _ in _COMPONENTS)),
         text("unit", "unit of value and of all that follow it", values=("deg", "m")),
         number("value", "", "robust mean, as boresight angle, lever arm or shift"),
-        number("sigma", "", "its standard deviation, from the scatter of the strips", nullable=True),
+        number(
+            "sigma",
+            "",
+            "its standard deviation, from the scatter of the strips; of a mounting or flight with fewer than "
+            "five not less than that of the main mounting lets expect",
+            nullable=True,
+        ),
         number("value_plain", "", "arithmetic mean", nullable=True),
         number("sigma_plain", "", "its standard deviation", nullable=True),
         number("rms", "", "of one exposure about the mean; of a strip its standard deviation", nullable=True),
@@ -61,11 +67,12 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         Column(
             "outlying", "bool", "", "of a strip: whether the component stands out; null: not tested", True
         ),
-        count("mounting", "of a strip: its mounting", nullable=True),
+        count("mounting", "of the images: 0 is the main one; null for `all`", nullable=True),
         count("images", "number of images"),
         count("strips", "number of strips"),
         number("heading_deg", "deg", "mean heading; has little meaning over several directions"),
         number("height_m", "m", "median height in the project's height system"),
     ),
     ("camera", "scope", "group", "component"),
+    version=2,
 )

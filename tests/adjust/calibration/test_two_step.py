@@ -14,13 +14,15 @@ from adjust.calibration.orientation_differences import (
     misalignment_angles,
     orientation_differences,
 )
-from adjust.calibration.outlying_strips import MountingRule, extreme_deviates, outlying_strips
+from adjust.calibration.outlying_strips import extreme_deviates, outlying_strips
 from adjust.calibration.robust_mean import robust_mean
 from adjust.calibration.strip_means import direction_groups, height_groups, strip_means
+from adjust.calibration.strip_offsets import body_fixed
 from adjust.calibration.two_step import two_step_calibration
 from adjust.camera.interior import nominal_mounting
 from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
+from tests.adjust.calibration.strips_flown import RULE
 
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 BORESIGHT = np.deg2rad([0.2, -0.3, 0.5])
@@ -78,12 +80,12 @@ def flown(
 
 @pytest.mark.parametrize("mount_deg", [0, 90, 180, 270])
 def test_without_noise_boresight_and_lever_arm_come_back_exactly(mount_deg: int) -> None:
-    result = two_step_calibration(flown(noise=0.0, mount_deg=mount_deg))
+    result = two_step_calibration(flown(noise=0.0, mount_deg=mount_deg), RULE)
     for mean in (result.main.mean.plain, result.main.mean.robust):
         np.testing.assert_allclose(misalignment_angles(mean[:3]), BORESIGHT, atol=1e-12)
         np.testing.assert_allclose(mean[3:6], LEVER_ARM, atol=1e-9)
-    assert result.axes.axes == "body"
-    assert not result.outlying.outlying.any()
+    assert result.offset.verdict == "body"
+    assert not result.mountings.outlying.any()
 
 
 def test_the_boresight_has_the_sign_of_the_conventions() -> None:
@@ -126,7 +128,7 @@ def test_truth_lies_within_the_stated_standard_deviations(with_covariance: bool)
     """60 flights: the mean square of (found − true)/σ of eight strips is that of Student's t, 7 / 5."""
     squares = []
     for seed in range(60):
-        mean = two_step_calibration(flown(seed=seed, with_covariance=with_covariance)).groups[0].mean
+        mean = two_step_calibration(flown(seed=seed, with_covariance=with_covariance), RULE).groups[0].mean
         error = np.concatenate(
             [misalignment_angles(mean.robust[:3]) - BORESIGHT, mean.robust[3:6] - LEVER_ARM]
         )
@@ -136,29 +138,32 @@ def test_truth_lies_within_the_stated_standard_deviations(with_covariance: bool)
 
 def test_a_map_fixed_shift_is_told_from_a_lever_arm() -> None:
     shift = np.array([0.3, -0.2, 0.1])
-    result = two_step_calibration(flown(lever_arm=np.zeros(3), shift=shift))
-    assert result.axes.axes == "map"
-    assert result.axes.rms_map < 0.03 < result.axes.rms_body
+    result = two_step_calibration(flown(lever_arm=np.zeros(3), shift=shift), RULE)
+    assert result.offset.verdict == "map"
+    assert result.rms_map < 0.03 < result.rms_body
     np.testing.assert_allclose(result.main.mean.robust[6:], shift, atol=0.015)
-    assert result.outlying.mounting.max() == 0
+    assert result.mountings.mounting.max() == 0
 
 
 def test_one_direction_of_flight_leaves_the_axes_undecided() -> None:
-    result = two_step_calibration(flown(headings_deg=(10, 11, 9, 10, 10, 12)))
-    assert result.axes.axes == "undecided"
-    assert result.axes.directions == 1
+    result = two_step_calibration(flown(headings_deg=(10, 11, 9, 10, 10, 12)), RULE)
+    assert result.offset.verdict == "undecided"
+    assert result.directions == 1
 
 
 def remounted(differences: OrientationDifferences, strips: list[int], move: list[float]) -> None:
-    differences.lever_arm[np.isin(differences.strip, strips)] += move
+    chosen = np.isin(differences.strip, strips)
+    differences.lever_arm[chosen] += move
+    turned = body_fixed(differences.heading[chosen], np.arange(int(chosen.sum())))
+    differences.shift[chosen, :2] += (turned @ np.tile(move[:2], int(chosen.sum()))).reshape(-1, 2)
 
 
 def test_strips_of_another_mounting_are_found_and_kept_out_of_the_mean() -> None:
     differences = flown(headings_deg=(0, 180) * 7)
     remounted(differences, [3, 4], [-0.3, -0.4, 0.0])
     remounted(differences, [9], [0.0, 0.5, 0.0])
-    result = two_step_calibration(differences)
-    np.testing.assert_array_equal(result.outlying.mounting, [0, 0, 0, 1, 1, 0, 0, 0, 0, 2, 0, 0, 0, 0])
+    result = two_step_calibration(differences, RULE)
+    np.testing.assert_array_equal(result.mountings.mounting, [0, 0, 0, 1, 1, 0, 0, 0, 0, 2, 0, 0, 0, 0])
     np.testing.assert_allclose(result.main.mean.plain[3:5], LEVER_ARM[:2], atol=0.01)
     other = next(g for g in result.groups if g.scope == "mounting" and g.number == 1)
     np.testing.assert_allclose(other.mean.plain[3:5], LEVER_ARM[:2] - np.array([0.3, 0.4]), atol=0.03)
@@ -167,8 +172,8 @@ def test_strips_of_another_mounting_are_found_and_kept_out_of_the_mean() -> None
 
 def test_a_strip_with_a_gnss_error_of_some_centimetres_is_outlying_and_no_mounting() -> None:
     differences = flown(headings_deg=(0, 180) * 7)
-    remounted(differences, [5], [0.08, 0.0, 0.0])
-    found = two_step_calibration(differences).outlying
+    remounted(differences, [5], [0.10, 0.0, 0.0])
+    found = two_step_calibration(differences, RULE).mountings
     assert found.outlying[5, 3]
     assert found.mounting.max() == 0
 
@@ -176,16 +181,15 @@ def test_a_strip_with_a_gnss_error_of_some_centimetres_is_outlying_and_no_mounti
 def test_four_strips_are_too_few_to_call_one_outlying() -> None:
     differences = flown(headings_deg=(0, 180, 0, 180))
     remounted(differences, [1], [1.0, 0.0, 0.0])
-    result = two_step_calibration(differences)
-    assert not result.outlying.tested
-    assert not result.outlying.outlying.any()
+    result = two_step_calibration(differences, RULE)
+    assert not result.mountings.tested
+    assert not result.mountings.outlying.any()
 
 
 def test_strips_of_one_mounting_are_called_outlying_with_the_stated_probability() -> None:
     """3,000 blocks of 20 strips at 5 %: 150 ± 12; Rosner's approximation is good from 15 values on."""
     rng = np.random.default_rng(5)
-    rule = MountingRule(error_probability=0.05)
-    alarms = sum(bool(outlying_strips(rng.normal(size=(20, 6)), rule).outlying.any()) for _ in range(3000))
+    alarms = sum(bool(outlying_strips(rng.normal(size=(20, 6)), 0.05).any()) for _ in range(3000))
     assert abs(alarms - 150) < 4 * 12
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tasks.calibration.two_step_comparison import compared_steps
+from tasks.calibration.two_step_comparison import compared_steps, images_of_mountings
 from tasks.errors import InputError
 
 CAMERA, FLIGHT = "UCE", "1"
@@ -100,6 +100,28 @@ def test_a_shift_is_compared_with_the_means_of_its_own_flight() -> None:
     found = compared_steps(shifts, correlations((EAST, second, 0.0)), of_flights)
     assert found is not None
     assert [item.two_step for item in found.parameters] == [0.12, 0.29]
+
+
+def test_the_mounting_of_the_one_step_images_is_compared() -> None:
+    """Twenty images of the second mounting: the main one is that of other strips."""
+    two = pd.concat([means(("roll", 5.0, 0.4)), means(("roll", 1.2, 0.4), group="1")])
+    found = compared_steps(BOTH, CORRELATED, two, {CAMERA: {1: 20}})
+    assert found is not None
+    assert [item.two_step for item in found.parameters] == [1.2]
+    assert "not flown with one mounting" not in found.sentence
+
+
+def test_that_there_is_not_one_mounting_is_said() -> None:
+    differences = pd.DataFrame(
+        {"image": ["a", "b", "c", "d"], "camera": CAMERA, "mounting": [0, 1, 1, 0], "roll_deg": 0.0}
+    )
+    counted = images_of_mountings(differences, pd.DataFrame({"image": ["a", "b", "c"]}))
+    assert counted == {CAMERA: {1: 2, 0: 1}}
+    two = pd.concat([means(("roll", 5.0, 0.4)), means(("roll", 1.2, 0.4), group="1")])
+    found = compared_steps(BOTH, CORRELATED, two, counted)
+    assert found is not None
+    assert [item.two_step for item in found.parameters] == [1.2]
+    assert "compared with mounting 1 (2 of 3 images)" in found.sentence
 
 
 def test_shift_and_lever_arm_that_are_free_together_are_not_compared() -> None:

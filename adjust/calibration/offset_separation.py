@@ -1,0 +1,118 @@
+"""Which of lever arm, GNSS shift and boresight the strips call for, by flight and by mounting: nested tests.
+
+The offsets are those that the given lever arm leaves: a lever arm here is a correction of the given one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.calibration.orientation_differences import MISALIGNMENT, SHIFT
+from adjust.calibration.strip_means import StripMeans
+from adjust.calibration.strip_offsets import (
+    NestedTest,
+    body_fixed,
+    linear_fit,
+    map_fixed,
+    membership,
+    nested_test,
+    without,
+)
+
+Verdict: TypeAlias = Literal["body", "map", "both", "neither", "undecided"]
+#: Probability of calling for a lever arm that is not there; and the same for a shift.
+SEPARATION_PROBABILITY = 0.025
+_ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OffsetSeparation:
+    """What the offsets of the main mounting consist of.
+
+    Attributes
+    ----------
+    verdict : ``body``: of a lever arm; ``map``: of a shift; ``both``; ``neither``: there is no offset;
+        ``undecided``: there is one, and it cannot be told which.
+    tests : by what is tested: ``offset`` (anything at all), ``lever_arm`` (beside a shift), ``shift`` (beside
+        a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (beside a
+        shift of each flight), ``roll_by_flight`` … ``yaw_by_mounting``.
+    lever_arm, shift : (2,) forward, right and east, north, metres, estimated together; the shift is that of
+        all flights. NaN where the headings do not separate them.
+    lever_arm_sigma, shift_sigma : (2,) their standard deviations.
+    """
+
+    verdict: Verdict
+    tests: Mapping[str, NestedTest]
+    lever_arm: Floats
+    lever_arm_sigma: Floats
+    shift: Floats
+    shift_sigma: Floats
+
+
+def separated_offset(strips: StripMeans, mounting: Ints, error_probability: float) -> OffsetSeparation:
+    """Test the strips (k,) of the main mounting, and the mountings against each other.
+
+    Parameters
+    ----------
+    error_probability : of finding that the shift differs from flight to flight when it does not.
+    """
+    main = mounting == 0
+    heading, flight = strips.heading[main], strips.flight[main]
+    one = np.zeros(int(main.sum()), dtype=np.int64)
+    offset = strips.mean[main, SHIFT][:, :2].ravel()
+    shift, lever_arm = map_fixed(one), body_fixed(heading, one)
+    shifts = map_fixed(flight)
+    both = np.hstack([shift, lever_arm])
+    by_flight = nested_test(both, np.hstack([shifts, lever_arm]), offset)
+    # A shift of each flight where they differ: else it would pass for scatter.
+    used = shifts if by_flight.probability < error_probability else shift
+    together = np.hstack([used, lever_arm])
+    tests = {
+        "offset": nested_test(without(both), together, offset),
+        "lever_arm": nested_test(used, together, offset),
+        "shift": nested_test(lever_arm, together, offset),
+        "shift_by_flight": by_flight,
+        "lever_arm_by_flight": nested_test(
+            np.hstack([shifts, lever_arm]), np.hstack([shifts, body_fixed(heading, flight)]), offset
+        ),
+        "lever_arm_by_mounting": _by_mounting(strips, mounting),
+    }
+    angles = strips.mean[:, MISALIGNMENT]
+    for name, column in zip(_ANGLES, angles.T, strict=True):
+        tests[f"{name}_by_flight"] = nested_test(membership(one), membership(flight), column[main])
+    for name, column in zip(_ANGLES, angles.T, strict=True):
+        tests[f"{name}_by_mounting"] = nested_test(membership(0 * mounting), membership(mounting), column)
+    fit = linear_fit(both, offset)
+    sigma = np.sqrt(fit.variance * np.diagonal(fit.cofactor))
+    separable = fit.freedom == len(offset) - 4
+    found, sigmas = (fit.solution, sigma) if separable else (np.full(4, np.nan), np.full(4, np.nan))
+    return OffsetSeparation(_verdict(tests), tests, found[2:], sigmas[2:], found[:2], sigmas[:2])
+
+
+def _by_mounting(strips: StripMeans, mounting: Ints) -> NestedTest:
+    offset = strips.mean[:, SHIFT][:, :2].ravel()
+    shifts = map_fixed(strips.flight)
+    common = np.hstack([shifts, body_fixed(strips.heading, 0 * mounting)])
+    return nested_test(common, np.hstack([shifts, body_fixed(strips.heading, mounting)]), offset)
+
+
+def _verdict(tests: Mapping[str, NestedTest]) -> Verdict:
+    significant = {
+        name: tests[name].probability < SEPARATION_PROBABILITY for name in ("offset", "lever_arm", "shift")
+    }
+    separable = tests["lever_arm"].testable and tests["shift"].testable
+    if not separable:
+        # Shifts that differ from flight to flight say nothing about a lever arm beside them.
+        return "neither" if tests["offset"].testable and not significant["offset"] else "undecided"
+    if significant["lever_arm"] and significant["shift"]:
+        return "both"
+    if significant["lever_arm"]:
+        return "body"
+    if significant["shift"]:
+        return "map"
+    return "undecided" if significant["offset"] else "neither"

@@ -1,0 +1,61 @@
+"""Two-step calibration by itself: delivered orientations of another adjustment against GNSS and INS."""
+
+from __future__ import annotations
+
+from flows.block_preparation import import_exposures
+from flows.stage import stage
+from tasks import publish as publishing
+from tasks import two_step
+from tasks.calibration import two_step_verdict
+from tasks.report import two_step_page
+from tasks.report.provenance import delivered_names
+from tasks.settings.inputs import ExposuresInput
+from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
+from tasks.storage.store import Outputs, Store
+from tasks.summary import Summary
+
+calibrate_in_two_steps = stage(two_step.calibrate_in_two_steps)
+judge_two_steps = stage(two_step_verdict.judge_two_steps)
+write_two_step_report = stage(two_step_page.write_two_step_report)
+publish = stage(publishing.publish)
+
+
+def two_step_calibration(project: Project, store: Store, adjusted: ExposuresInput) -> Summary:
+    """Read both orientations, average their differences, judge, report and publish the result."""
+    delivered = delivered_orientations(project, adjusted, store)
+    read = import_exposures(
+        store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
+    )
+    means = means_of_differences(project, store, read, delivered["exposures"])
+    judged = judge_two_steps(store, two_step=means["notes"], limits=project.calibration.limits)
+    # Of the delivered orientations only the notes: the exposures of the result are those of GNSS and INS.
+    stages: tuple[Outputs, ...] = ({"notes": delivered["notes"]}, read, means, judged)
+    report = write_two_step_report(
+        store, stages=stages, project=project, name=project.project.name, files=delivered_names(project)
+    )
+    return publish(store, project, (*stages, report), publishing.OF_CALIBRATIONS)
+
+
+def delivered_orientations(project: Project, adjusted: ExposuresInput, store: Store) -> Outputs:
+    """Orientations of another program's adjustment."""
+    return import_exposures(store, sources=(adjusted,), cameras=project.cameras, project=project.project)
+
+
+def means_of_differences(project: Project, store: Store, read: Outputs, adjusted: Artifact) -> Outputs:
+    """Average the differences of adjusted orientations to GNSS and INS.
+
+    Parameters
+    ----------
+    read : exposures and cameras as imported.
+    """
+    return calibrate_in_two_steps(
+        store,
+        exposures=read["exposures"],
+        adjusted=adjusted,
+        cameras=read["cameras"],
+        project=project.project,
+        mounting=project.calibration.mounting,
+        limits=project.calibration.limits,
+        strip_bias_m=project.adjustment.priors.gnss_strip_bias_m,
+    )

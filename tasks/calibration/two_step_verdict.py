@@ -1,0 +1,168 @@
+"""Whether a two-step calibration by itself, without image points, gives boresight and offset well enough.
+
+It says nothing about the interior orientation: the adjusted orientations have taken up its errors. So there
+is no record and no certificate, but a verdict on what the means of the strips say, by the same limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, cast
+
+import numpy as np
+
+from tasks.calibration.describe import REFUSED, RESTRICTED
+from tasks.settings.calibration import AcceptanceLimits
+from tasks.storage.artifact import Artifact
+from tasks.storage.json_text import JSON
+from tasks.storage.notes import Notes, read_notes, write_notes
+from tasks.storage.store import stored
+
+#: Figure of a two-step calibration by itself in summary.json.
+TWO_STEP_ONLY = "two_step_calibration"
+#: What it does not give.
+ONLY = (
+    "Two-step calibration only, from delivered orientations: no image points, so focal length and principal "
+    "point are not calibrated, and there is no record and no certificate of the interior orientation."
+)
+_ANGLES = ("roll", "pitch", "yaw")
+# Mean of one strip: its error cannot be told from a boresight.
+_LEAST_STRIPS = 2
+Determined: TypeAlias = Literal["determined", "weak", "not_determinable", "not_called_for"]
+
+
+@dataclass(frozen=True)
+class TwoStepParameter:
+    """A parameter of the main mounting by the second step.
+
+    Attributes
+    ----------
+    value, sigma, limit : in `unit`; None: not determined by these strips.
+    verdict : ``not_called_for``: the tests do not ask for it.
+    """
+
+    parameter: str
+    camera: str
+    unit: str
+    value: float | None
+    sigma: float | None
+    limit: float
+    verdict: Determined
+    because: str = ""
+
+
+@stored("judgement")
+def judge_two_steps(folder: Path, *, two_step: Artifact, limits: AcceptanceLimits) -> None:
+    """Write notes with the verdict.
+
+    Parameters
+    ----------
+    two_step : notes of `tasks.two_step.calibrate_in_two_steps`.
+    """
+    cameras = cast(Sequence[Mapping[str, Any]], read_notes(two_step).figures["two_step"])
+    parameters = [item for camera in cameras for item in _parameters(camera, limits)]
+    reasons = [
+        f"{item.parameter} of {item.camera} is {item.verdict.replace('_', ' ')}: {item.because}."
+        for item in parameters
+        if item.verdict in ("weak", "not_determinable") and item.parameter.startswith("boresight")
+    ]
+    restrictions = [sentence for camera in cameras for sentence in _restrictions(camera)]
+    verdict = "refused" if reasons else "restricted" if restrictions else "accepted"
+    figures: dict[str, JSON] = {
+        "verdict": verdict,
+        "sentence": ONLY,
+        "reasons": [*reasons],
+        "restrictions": [*restrictions],
+        "parameters": [asdict(item) for item in parameters],
+    }
+    problems = (
+        *(f"{REFUSED}{reason}" for reason in reasons),
+        *(f"{RESTRICTED}{sentence}" for sentence in restrictions),
+        ONLY,
+    )
+    write_notes(folder, Notes(problems, {TWO_STEP_ONLY: figures}))
+
+
+def _parameters(camera: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[TwoStepParameter]:
+    main = camera["mountings"][0]
+    strips = len(main["strips"])
+    of_angles = (limits.roll_pitch_deg, limits.roll_pitch_deg, limits.yaw_deg)
+    for number, name in enumerate(_ANGLES):
+        value, sigma = main["boresight_deg"][number], main["boresight_sigma_deg"][number]
+        yield _judged(f"boresight_{name}", camera, "deg", value, sigma, of_angles[number], limits, strips)
+    called = _called_for(camera)
+    fixed_in = camera["offset_fixed_in"]
+    for family, limit in (("lever_arm", limits.lever_arm_m), ("gnss_shift", limits.shift_m)):
+        for number, axis in enumerate("xy"):
+            name = f"{family}_{axis}"
+            if (known := called[family]) is not None:
+                values, sigmas = known
+                yield _judged(name, camera, "m", values[number], sigmas[number], limit, limits, strips)
+                continue
+            undecided = fixed_in == "undecided"
+            why = "the headings do not tell lever arm and shift apart" if undecided else "by the nested tests"
+            yield TwoStepParameter(
+                name,
+                camera["camera"],
+                "m",
+                None,
+                None,
+                limit,
+                "not_determinable" if undecided else "not_called_for",
+                why,
+            )
+
+
+def _called_for(camera: Mapping[str, Any]) -> dict[str, tuple[Sequence[float], Sequence[float]] | None]:
+    """Values and σ in plan of what the tests call for; both together where they call for both."""
+    main, both = camera["mountings"][0], camera["separated"]
+    fixed_in = camera["offset_fixed_in"]
+    lever_arm = main["lever_arm_m"], main["lever_arm_sigma_m"]
+    shift = main["shift_m"], main["shift_sigma_m"]
+    if fixed_in == "both":
+        lever_arm = both["lever_arm_m"], both["lever_arm_sigma_m"]
+        shift = both["shift_m"], both["shift_sigma_m"]
+    return {
+        "lever_arm": lever_arm if fixed_in in ("body", "both") else None,
+        "gnss_shift": shift if fixed_in in ("map", "both") else None,
+    }
+
+
+def _judged(
+    name: str,
+    camera: Mapping[str, Any],
+    unit: str,
+    value: float,
+    sigma: float | None,
+    limit: float,
+    limits: AcceptanceLimits,
+    strips: int,
+) -> TwoStepParameter:
+    """By its σ against the limit, as in the one-step calibration."""
+    own = name, str(camera["camera"]), unit
+    if sigma is None or not np.isfinite(sigma) or strips < _LEAST_STRIPS:
+        why = f"{strips} strip does not show how strips scatter: fly more of them"
+        return TwoStepParameter(*own, value, None, limit, "not_determinable", why)
+    if sigma <= limit:
+        return TwoStepParameter(*own, value, sigma, limit, "determined")
+    verdict: Determined = "weak" if sigma <= limits.weak_up_to * limit else "not_determinable"
+    why = f"σ {sigma:.2g} {unit}, limit {limit:g} {unit}, with {strips} strips: fly more of them"
+    return TwoStepParameter(*own, value, sigma, limit, verdict, why)
+
+
+def _restrictions(camera: Mapping[str, Any]) -> Iterator[str]:
+    name = camera["camera"]
+    mountings = camera["mountings"]
+    if len(mountings) > 1:
+        others = sum(item["images"] for item in mountings[1:])
+        yield (
+            f"Camera {name} was not flown with one mounting but with {len(mountings)}: the values are those "
+            f"of {mountings[0]['images']:,} images; the {others:,} others have means of their own."
+        )
+    if camera["offset_fixed_in"] == "undecided":
+        yield (
+            f"The offset of camera {name} is neither a lever arm nor a shift by these strips: it holds for "
+            "flights in the same direction only."
+        )

@@ -1,0 +1,119 @@
+"""Lever arm, shift or both: nested tests against by-hand models, their error rates, and their power."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from adjust.calibration.offset_separation import OffsetSeparation, separated_offset
+from adjust.calibration.strip_offsets import body_fixed, estimable, linear_fit, map_fixed, nested_test
+from tests.adjust.calibration.strips_flown import remounted, strips_flown
+
+BACK_AND_FORTH = (0.0, 180.0)
+
+
+def separation(
+    seed: int, lever_arm: Any = (0.0, 0.0), shift: Any = (0.0, 0.0), **more: Any
+) -> OffsetSeparation:
+    flights = more.pop("flights", (8,))
+    more = {"position_m": 0.02, "headings_deg": BACK_AND_FORTH, "shifts": (shift,) * 3} | more
+    strips = strips_flown(np.random.default_rng(seed), flights, lever_arm=lever_arm, **more)
+    return separated_offset(strips, np.zeros(sum(flights), dtype=np.int64), 0.01)
+
+
+def verdicts(trials: int, **more: Any) -> Counter[str]:
+    return Counter(separation(seed, **more).verdict for seed in range(trials))
+
+
+def test_a_shift_against_none_is_the_f_test_of_a_mean() -> None:
+    values = np.random.default_rng(1).normal(0.3, 1.0, 12)
+    found = nested_test(np.zeros((12, 0)), np.ones((12, 1)), values)
+    assert (found.freedom, found.variance_freedom) == (1, 11)
+    assert found.probability == pytest.approx(stats.ttest_1samp(values, 0.0).pvalue)
+    assert found.chi_squared == pytest.approx(stats.ttest_1samp(values, 0.0).statistic ** 2)
+
+
+def test_forward_is_east_for_a_strip_flown_to_the_east() -> None:
+    design = body_fixed(np.array([np.pi / 2]), np.array([0]))
+    np.testing.assert_allclose(design @ [1.0, 0.0], [1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(design @ [0.0, 1.0], [0.0, -1.0], atol=1e-15)
+
+
+def test_without_errors_both_come_back_exactly() -> None:
+    found = separation(1, (0.3, -0.2), (0.5, 0.1), position_m=0.0)
+    assert found.verdict == "both"
+    np.testing.assert_allclose(found.lever_arm, [0.3, -0.2], atol=1e-12)
+    np.testing.assert_allclose(found.shift, [0.5, 0.1], atol=1e-12)
+
+
+def test_both_lie_within_their_standard_deviations() -> None:
+    """200 flights of 8 strips: the mean square of error/σ is that of Student's t with 12, 12 / 10."""
+    squares = []
+    for seed in range(200):
+        found = separation(seed, (0.3, -0.2), (0.5, 0.1))
+        squares.append(((found.lever_arm - [0.3, -0.2]) / found.lever_arm_sigma) ** 2)
+        squares.append(((found.shift - [0.5, 0.1]) / found.shift_sigma) ** 2)
+    assert np.mean(squares) == pytest.approx(1.2, abs=0.2)
+
+
+def test_an_offset_of_each_kind_is_called_what_it_is() -> None:
+    """Four centimetres, strips of two: one of the two axes alone would not tell, or tell wrongly."""
+    trials = 200
+    assert verdicts(trials, lever_arm=(0.04, 0.0))["body"] > 0.85 * trials
+    assert verdicts(trials, shift=(0.04, 0.0))["map"] > 0.85 * trials
+    assert verdicts(trials, lever_arm=(0.04, 0.0), shift=(0.0, 0.04))["both"] > 0.85 * trials
+
+
+def test_without_an_offset_none_is_called_for_with_the_stated_probability() -> None:
+    """A lever arm and a shift in 2.5 % each, 1,000 flights: 50 ± 7 together."""
+    trials = 1000
+    found = verdicts(trials)
+    called = found["body"] + found["map"] + found["both"]
+    assert abs(called - 50) < 4 * 7
+    assert found["neither"] > 0.9 * trials
+
+
+def test_in_one_direction_a_large_offset_stays_undecided() -> None:
+    found = separation(3, (0.5, 0.0), headings_deg=(10.0,))
+    assert found.verdict == "undecided"
+    assert not found.tests["lever_arm"].testable
+    assert found.tests["offset"].probability < 1e-6
+    assert np.isnan(found.lever_arm).all()
+
+
+def test_in_one_direction_shifts_that_differ_by_flight_do_not_decide() -> None:
+    shifts = ((0.3, 0.0), (-0.2, 0.0))
+    found = separation(3, headings_deg=(10.0,), flights=(8, 8), shifts=shifts)
+    assert found.tests["shift_by_flight"].probability < 1e-6
+    assert found.verdict == "undecided"
+
+
+def test_shifts_of_two_flights_do_not_pass_for_scatter() -> None:
+    """Half a metre apart: taken for one shift they would hide a lever arm of 5 cm."""
+    shifts = ((0.3, 0.0), (-0.2, 0.0))
+    found = separation(4, (0.05, 0.0), flights=(8, 8), shifts=shifts)
+    assert found.tests["shift_by_flight"].probability < 1e-6
+    assert found.verdict == "both"
+    assert found.tests["lever_arm_by_flight"].probability > 0.01
+
+
+def test_mountings_are_tested_against_each_other() -> None:
+    strips = strips_flown(np.random.default_rng(5), (8, 8))
+    remounted(strips, strips.flight == 1, (0.004, 0.0, 0.0), (0.2, 0.0))
+    tests = separated_offset(strips, strips.flight, 0.01).tests
+    assert tests["roll_by_mounting"].probability < 1e-6
+    assert tests["lever_arm_by_mounting"].probability < 1e-6
+    assert tests["pitch_by_mounting"].probability > 1e-3
+
+
+def test_what_a_design_leaves_open_is_not_estimable() -> None:
+    heading, one = np.zeros(4), np.zeros(4, dtype=np.int64)
+    design = np.hstack([map_fixed(one), body_fixed(heading, one)])
+    # A lever arm to the right is a shift to the east of strips flown to the north.
+    contrasts = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(estimable(design, contrasts), [False, True])
+    assert linear_fit(design, np.ones(8)).freedom == 6
