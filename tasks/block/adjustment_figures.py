@@ -11,7 +11,7 @@ from adjust.quality.redundancy import UNCONTROLLED
 from adjust.result import GroupResult, ObservationStatus
 from tasks.block.free_network_figures import free_network_figures, free_network_sentences
 from tasks.block.result_tables import AdjustedBlock
-from tasks.block.surveyed_differences import left_out_figures, surveyed_differences
+from tasks.block.surveyed_differences import left_out_figures, rejected_control, surveyed_differences
 from tasks.block.variance_figures import (
     correlation_figures,
     correlation_sentences,
@@ -43,6 +43,7 @@ def adjustment_figures(
     sigma_image = float(np.median(rays.sigma))
     pixel = adjusted.block.cameras[0].pixel_size
     control, check = (surveyed_differences(adjusted, is_check) for is_check in (False, True))
+    control = control[control["status"] == "used"]
     test = result.test
     return {
         "sigma0": test.sigma0,
@@ -191,6 +192,13 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
         f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
         f"{settings.rejection.critical_value:g}){back}."
     ]
+    if rejected := rejected_control(adjusted):
+        more = len(rejected) - _MOST_NAMES
+        sentences.append(
+            f"Rejected control points: {', '.join(rejected[:_MOST_NAMES])}"
+            f"{f' and {more:,} more' if more > 0 else ''}. They count as no control; check their coordinates "
+            "and their measurement in the images."
+        )
     if len(result.given_up):
         names = ", ".join(adjusted.block.points[point] for point in result.given_up[:_MOST_NAMES])
         more = len(result.given_up) - _MOST_NAMES

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.control_point import ControlPoints
 from adjust.quality.control_checks import ControlCheck
+from adjust.result import ObservationStatus
 from tasks.block.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
@@ -19,8 +20,8 @@ from tasks.tables.parquet import write_table
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
     """control_residuals.parquet and check_points.parquet: computed − given along east, north, up.
 
-    The predicted standard deviation of a control residual is that of v (√(σ² − q)), that of a check
-    point contains its survey (√(σ² + q)). A control point left out of the adjustment is a check point.
+    The predicted standard deviation of a control residual is that of v (√(σ² − q)). That of a point that
+    took no part, as a check point or because it was rejected, contains its survey (√(σ² + q)).
     """
     for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):
         table = surveyed_differences(adjusted, is_check)
@@ -34,7 +35,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
 
 
 def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:
-    """Columns of control_residuals or check_points for the points that took part."""
+    """Columns of control_residuals, with ``status``, or check_points for the points that were measured."""
     surveyed, result = adjusted.surveyed, adjusted.result
     index = pd.Index(adjusted.block.points).get_indexer(pd.Index(surveyed.name))
     chosen = np.flatnonzero((index >= 0) & (surveyed.is_check == is_check))
@@ -50,19 +51,35 @@ def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFram
     difference = np.where(surveyed.present[chosen], difference, np.nan)
     spread = variances(np.swapaxes(axes, 1, 2), result.cofactor.of_points[points]) * adjusted.sigma0**2
     given_variance = np.diagonal(surveyed.covariance[chosen], axis1=1, axis2=2)
-    if is_check:
-        variance = given_variance + spread
-    else:
-        variance = np.maximum(given_variance * adjusted.sigma0**2 - spread, 0.0)
+    left_out = np.full(len(points), is_check) | np.isin(points, _rejected(adjusted))
+    of_residual = np.maximum(given_variance * adjusted.sigma0**2 - spread, 0.0)
+    variance = np.where(left_out[:, None], given_variance + spread, of_residual)
     sigma = np.where(surveyed.present[chosen], np.sqrt(variance), np.nan)
+    status = {} if is_check else {"status": np.where(left_out, "rejected", "used")}
     return pd.DataFrame(
         {
             "point": np.array(surveyed.name, dtype=object)[chosen],
             **xyz_columns("{}_m", ("dx", "dy", "dz"), difference),
             **xyz_columns("sigma_{}_m", ("dx", "dy", "dz"), sigma),
             "rays": adjusted.rays_used[points],
+            **status,
         }
     )
+
+
+def rejected_control(adjusted: AdjustedBlock) -> tuple[str, ...]:
+    """Names of the control points that were rejected as gross errors, ascending."""
+    return tuple(sorted(adjusted.block.points[point] for point in _rejected(adjusted)))
+
+
+def _rejected(adjusted: AdjustedBlock) -> Ints:
+    """Object points whose survey was rejected."""
+    found = [
+        group.group.point[(group.status == ObservationStatus.REJECTED).any(axis=1)]
+        for group in adjusted.result.groups
+        if isinstance(group.group, ControlPoints)
+    ]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
 def _with_left_out(adjusted: AdjustedBlock, table: pd.DataFrame) -> pd.DataFrame:

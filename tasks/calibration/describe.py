@@ -120,7 +120,7 @@ def describe_calibration(
     counts = {
         "object_points": outputs["object_points"].rows or 0,
         "image_points": outputs["image_points"].rows or 0,
-        "control_points": outputs["control_residuals"].rows or 0,
+        "control_points": int((read_table(outputs["control_residuals"])["status"] == "used").sum()),
     }
     used = sorted(material.images["camera"].unique())
     for camera in used:

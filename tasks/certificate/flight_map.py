@@ -39,7 +39,8 @@ def _surveyed(material: CertificateMaterial) -> pd.DataFrame:
     """Surveyed points in plan: whether each is a check point, and whether it took part."""
     points = material.results.control_points
     points = points[points["x_m"].notna() & points["y_m"].notna()]
-    control = set(material.results.control_residuals["point"])
+    table = material.results.control_residuals
+    control, rejected = set(table["point"]), set(table.loc[table["status"] == "rejected", "point"])
     check = set(material.results.check_points["point"])
     if material.check is not None:
         check |= set(material.check.points["point"]) - control
@@ -48,7 +49,7 @@ def _surveyed(material: CertificateMaterial) -> pd.DataFrame:
             name in check or (role == "check" and name not in control)
             for name, role in zip(points["point"], points["role"], strict=True)
         ],
-        took_part=points["point"].isin(control | check),
+        took_part=points["point"].isin((control - rejected) | check),
     )
 
 

@@ -59,7 +59,8 @@ def _facts(results: Material) -> tuple[Fact, ...]:
 
 def statistics_table(results: Material) -> Table:
     """The table of the protocol; X, Y, Z of attitudes are roll, pitch, yaw (RMS) and ω, φ, κ (σ)."""
-    ground = _components(results.control_residuals, [f"d{axis}_m" for axis in _XYZ])
+    control = results.control_residuals
+    ground = _components(control[control["status"] == "used"], [f"d{axis}_m" for axis in _XYZ])
     gates = results.project.gates
     orientations = results.images[results.images["sigma_x_m"].notna()]
     check = _components(results.check_points, [f"d{axis}_m" for axis in _XYZ])

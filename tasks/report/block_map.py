@@ -169,8 +169,9 @@ def _surveyed(material: Material) -> pd.DataFrame:
     points = points[points["x_m"].notna() & points["y_m"].notna()]
     found = pd.concat([differences(material, is_check) for is_check in (False, True)], ignore_index=True)
     joined = points[["point", "x_m", "y_m", "role"]].merge(
-        found[["point", "dx_m", "dy_m", "dz_m", "is_check"]], on="point", how="left"
+        found[["point", "dx_m", "dy_m", "dz_m", "is_check", "status"]], on="point", how="left"
     )
+    joined["rejected"] = joined["status"].eq("rejected")
     joined["took_part"] = joined["is_check"].notna()
     # Without control as observations, a point of the role control is a check point.
     joined["is_check"] = np.where(
@@ -188,12 +189,13 @@ def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, fl
         took_part, is_check = bool(row["took_part"]), bool(row["is_check"])
         if scale is not None and took_part:
             drawn += arrows(row, place, scale)
-        drawn.append(symbol(place, is_check, took_part, _words(row, is_check, took_part)))
+        words = _words(row, is_check, took_part)
+        drawn.append(symbol(place, is_check, took_part and not row["rejected"], words))
     x = plot.x.start
     for is_check, took_part, words, width in (
         (False, True, "control point", 120.0),
         (True, True, "check point", 110.0),
-        (False, False, "takes no part (hollow)", 170.0),
+        (False, False, "takes no part or rejected (hollow)", 220.0),
     ):
         drawn += [
             symbol((x + 7, y + 10), is_check, took_part, ""),
@@ -207,7 +209,7 @@ def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, fl
 
 def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
     """What the pointer shows at a control or check point."""
-    kind = "check point" if is_check else "control point"
+    kind = "check point" if is_check else "rejected control point" if row["rejected"] else "control point"
     if not took_part:
         return f"{kind} {row['point']}: takes no part"
     shown = [

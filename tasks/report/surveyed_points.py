@@ -56,7 +56,7 @@ def point_table(material: Material, is_check: bool) -> Table:
         *components("{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", AXES),
         *components("{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", AXES),
         Column("rays", "rays"),
-        *(() if is_check else _LEFT_OUT_COLUMNS),
+        *(() if is_check else (text_column("status", "status"), *_LEFT_OUT_COLUMNS)),
     )
     rows = tuple(
         Row(
@@ -68,6 +68,7 @@ def point_table(material: Material, is_check: bool) -> Table:
                 *numbers((row[f"{axis}_gsd"] for axis in AXES), 2, plus=True),
                 *numbers((row[f"{axis}_ratio"] for axis in AXES), 1),
                 *numbers((row["rays"],), 0),
+                *(() if is_check else (str(row["status"]),)),
                 *(() if is_check else numbers((row[f"{LEFT_OUT}{axis}_m"] for axis in AXES), 3, plus=True)),
                 *(() if is_check else numbers((row[f"{LEFT_OUT}largest"],), 1)),
             ),
@@ -84,6 +85,7 @@ def statistics(material: Material) -> Table:
     rows = []
     for key, kind, is_check, prefix in _KINDS:
         table = differences(material, is_check)
+        table = table if is_check else table[table["status"] == "used"]
         if len(table) == 0:
             continue
         for name, words, figure in _FIGURES:

@@ -70,7 +70,7 @@ def _row(computed: Computed, number: int) -> Row:
         **_image_residuals(read_table(artifacts["residuals"])),
         **_mean_residuals(artifacts["notes"]),
         "gsd_m": _gsd_m(read_table(artifacts["images"]), read_table(artifacts["cameras"])),
-        **_differences("control", read_table(artifacts["control_residuals"])),
+        **_differences("control", read_table(artifacts["control_residuals"]).query("status == 'used'")),
         **_differences("check", read_table(artifacts["check_points"])),
     }
 

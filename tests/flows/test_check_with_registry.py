@@ -76,7 +76,9 @@ def results(folder: Path, calibration: CalibrationRecord) -> Path:
     correlations["correlation"] = [matrix[pair] for pair in pairs]
     write_table(folder / "correlations.parquet", schemas.CORRELATIONS, correlations)
     write_table(
-        folder / "control_residuals.parquet", schemas.CONTROL_RESIDUALS, {"point": ["-"], "rays": [0]}
+        folder / "control_residuals.parquet",
+        schemas.CONTROL_RESIDUALS,
+        {"point": ["-"], "status": ["used"], "rays": [0]},
     )
     place = {f"{axis}_m": [0.0] for axis in "xyz"}
     control = {"point": ["-"], **place, "role": ["control"]}

@@ -70,3 +70,35 @@ def test_without_control_points_nothing_is_left_out(block: Path) -> None:
     assert summary["leave_one_out"] is None
     assert summary["k_fold"] is None
     assert pd.read_parquet(out / "control_residuals.parquet").empty
+
+
+def test_a_rejected_control_point_is_named_and_is_the_check_point_it_has_become(block: Path) -> None:
+    table = pd.read_csv(block.with_name("control.csv"), dtype={"point": str})
+    wrong = str(table["point"].iloc[1])
+    table.loc[1, "z"] += 2.0
+    table.to_csv(block.with_name("control.csv"), index=False)
+    rejection = 'adjustment.rejection={critical_value=4.0, test="observations"}'
+    outcome = carry_out(
+        aerial_triangulation, RunRequest(block, overrides=(rejection, "adjustment.sigma0=a_priori"))
+    )
+    assert outcome.error is None
+    assert any(f"Rejected control points: {wrong}." in text for text in outcome.summary.problems)
+    summary = json.loads((outcome.directory / "summary.json").read_text())
+    found = pd.read_parquet(outcome.directory / "control_residuals.parquet").set_index("point")
+    assert found["status"].to_dict() == {
+        name: "rejected" if name == wrong else "used" for name in found.index
+    }
+    used = found[found["status"] == "used"]
+    assert summary["counts"]["control"] == len(used) == len(found) - 1
+    assert summary["rmse_control_m"][2] == pytest.approx(float(np.sqrt(np.mean(used["dz_m"] ** 2))))
+    html = (outcome.directory / "report.html").read_text()
+    assert f"rejected control point {wrong}:" in html
+    with_role(block, [wrong], "check")
+    as_check = carry_out(
+        aerial_triangulation, RunRequest(block, overrides=(rejection, "adjustment.sigma0=a_priori"))
+    )
+    checked = pd.read_parquet(as_check.directory / "check_points.parquet").set_index("point").loc[wrong]
+    for axis in AXES:
+        assert found.loc[wrong, f"{axis}_m"] == pytest.approx(checked[f"{axis}_m"], abs=1e-4)
+        assert found.loc[wrong, f"sigma_{axis}_m"] == pytest.approx(checked[f"sigma_{axis}_m"], rel=1e-3)
+    assert abs(found.loc[wrong, "dz_m"] + 2.0) < 0.3

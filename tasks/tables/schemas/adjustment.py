@@ -90,6 +90,7 @@ CONTROL_RESIDUALS = _differences(
     "control_residuals",
     "Adjusted minus given coordinates of a control point, in the adjustment and in the one without it.",
     (
+        text("status", "whether it was rejected as a gross error", values=("used", "rejected")),
         *(
             number(
                 f"loo_{d}_m",

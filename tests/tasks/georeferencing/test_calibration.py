@@ -153,7 +153,9 @@ def results(folder: Path) -> CalibrationInput:
     write_table(folder / "parameters.parquet", schemas.PARAMETERS, columns)
     write_table(folder / "correlations.parquet", schemas.CORRELATIONS, CORRELATIONS.to_dict("series"))
     write_table(
-        folder / "control_residuals.parquet", schemas.CONTROL_RESIDUALS, {"point": ["B"], "rays": [4]}
+        folder / "control_residuals.parquet",
+        schemas.CONTROL_RESIDUALS,
+        {"point": ["B"], "status": ["used"], "rays": [4]},
     )
     write_table(
         folder / "control_points.parquet",

@@ -251,7 +251,7 @@ CONTRACT = {
     "residuals": "group image point component residual sigma unit redundancy standardized mdb status",
     "parameters": "parameter entity value change sigma sigma_prior sigma_over_prior unit t status",
     "correlations": "parameter_a entity_a parameter_b entity_b correlation",
-    "control_residuals": "point dx_m dy_m dz_m rays",
+    "control_residuals": "point dx_m dy_m dz_m rays status",
     "check_points": "point dx_m dy_m dz_m rays",
 }
 
