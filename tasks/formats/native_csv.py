@@ -8,12 +8,14 @@
 
 The three angles of an exposure may be left empty together: it has no attitude then.
 
-Names are text and are kept verbatim. Further columns are kept as text.
+Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
+``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
 """  # noqa: E501
 
 from __future__ import annotations
 
 import csv
+import difflib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,6 +32,13 @@ _XYZ = ("x", "y", "z")
 _SIGMA_XYZ = ("sx", "sy", "sz")
 _MOST_COLUMNS = 1_000
 _NOT_BLANK = re.compile(rb"\S")
+# How others head a standard deviation: before or behind the quantity.
+_WORDS = "(?:sigma|sig|stddev|stdev|std|sd)"
+_SIGMA = re.compile(rf"{_WORDS}_?(?P<before>\w+)|(?P<behind>\w+)_{_WORDS}")
+# What can hardly be anything else.
+_SURELY_SIGMA = re.compile(rf"(?:sigma|stddev|stdev)\w*|{_WORDS}_\w+|\w+_{_WORDS}")
+# Names up to this length are like too many others.
+_SHORT = 3
 
 
 def read_csv_image_points(path: Path) -> ImagePointRecords:
@@ -109,8 +118,10 @@ def _read(
     path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str]
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
     content = lines_of(read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n"), path)
-    header_line, names, rows = _header(content, path)
+    header_line, delivered, rows = _header(content, path)
+    names = [_recognised(name, (*required, *optional)) for name in delivered]
     _check_columns(names, required, optional, path, header_line)
+    _refuse_near_misses(names, required, optional, path, header_line)
     present = [name for name in numeric if name in names]
     table = read_table_text(rows, path, names, present, "comma", first_line=header_line + 1)
     known = {*required, *optional}
@@ -133,6 +144,41 @@ def _header(content: bytes, path: Path) -> tuple[int, list[str], bytes]:
     if not rest or rest.isspace():
         raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
     return line, [field.strip() for field in fields], rest
+
+
+def _recognised(name: str, known: Sequence[str]) -> str:
+    """The column a heading means: spelt in upper case, or a standard deviation as others write it."""
+    plain = re.sub(r"[\s-]+", "_", name).lower()
+    if name in known or plain in known:
+        return name if name in known else plain
+    sigma = _SIGMA.fullmatch(plain)
+    meant = f"s{sigma['before'] or sigma['behind']}" if sigma is not None else ""
+    return meant if meant in known else name
+
+
+def _refuse_near_misses(
+    names: Sequence[str], required: Sequence[str], optional: Sequence[str], path: Path, line: int
+) -> None:
+    """A column that is nearly one this program reads must not be passed over in silence."""
+    absent = [name for name in optional if name not in names]
+    for name in names:
+        if name in required or name in optional:
+            continue
+        plain = re.sub(r"[\s-]+", "_", name).lower()
+        like = next((one for one in absent if plain.startswith(f"{one}_") or plain.endswith(f"_{one}")), None)
+        found = difflib.get_close_matches(
+            plain, [one for one in absent if len(one) > _SHORT], n=1, cutoff=0.8
+        )
+        if like is None and not found and not _SURELY_SIGMA.fullmatch(plain):
+            continue
+        meant = f"'{like or found[0]}'" if like or found else "a standard deviation"
+        raise InputError(
+            f"The column '{name}' looks like {meant}, and nothing reads it.",
+            f"Rename it, also if it is something else; columns of that kind are {', '.join(optional)}.",
+            file=path,
+            line=line,
+            entity=name,
+        )
 
 
 def _check_columns(

@@ -17,7 +17,7 @@ from tasks.errors import InputError
 from tasks.formats.records import ControlRecords
 from tasks.formats.register import CONTROL_FORMATS
 from tasks.importing.exposures import turned_sigmas
-from tasks.importing.extra_columns import joined
+from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.source_rows import Places, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ControlInput
@@ -58,7 +58,7 @@ def control_columns(
     columns |= dict(zip(("x_m", "y_m", "z_m"), np.concatenate([e.position for e in inputs]).T, strict=True))
     names = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
     columns |= dict(zip(names, np.concatenate([e.sigma for e in inputs]).T, strict=True))
-    remarks = tuple(remark for r in records for remark in r.remarks)
+    remarks = (*(remark for r in records for remark in r.remarks), *about_extra(records))
     notes = Notes(remarks, {"counts": {name: role.count(name) for name in _ROLES}})
     return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
 

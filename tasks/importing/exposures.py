@@ -23,7 +23,7 @@ from tasks.importing.exposure_angles import (
     refuse_impossible_angles,
     unit_suspicion,
 )
-from tasks.importing.extra_columns import joined
+from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.source_rows import Places, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
@@ -81,7 +81,7 @@ def exposure_columns(
         ("sigma_heading_deg sigma_pitch_deg sigma_roll_deg", [a.sigma_heading_pitch_roll for a in angles]),
     ):
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
-    problems = tuple(problem for entry in inputs for problem in entry.problems)
+    problems = (*(problem for entry in inputs for problem in entry.problems), *about_extra(records))
     notes = Notes(problems, {"counts": {"exposures": len(image)}})
     return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
 

@@ -1,10 +1,12 @@
-"""Further columns of input files, kept as text beside those of the contract."""
+"""Further columns of input files, kept as text beside those of the contract, and said to be."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import pyarrow as pa
+
+from tasks.formats.records import ControlRecords, ExposureRecords, ImagePointRecords
 
 
 def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dict[str, pa.Array]:
@@ -16,3 +18,10 @@ def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dic
         )
         for name in names
     }
+
+
+def about_extra(records: Sequence[ImagePointRecords | ExposureRecords | ControlRecords]) -> Iterator[str]:
+    """A sentence for each file with further columns."""
+    for record in records:
+        if record.extra:
+            yield f"{record.file.name}: kept as text, and not used: {', '.join(record.extra)}."

@@ -6,7 +6,7 @@ Fast for millions of rows: names become numbers once, everything after that is a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from adjust.camera.interior import FrameCamera
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.importing.cameras import frame_cameras
-from tasks.importing.extra_columns import joined
+from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.image_point_units import in_millimetres, refuse_wrong_unit
 from tasks.importing.source_rows import Places, refuse_sigmas
 from tasks.nearest_name import did_you_mean
@@ -85,6 +85,7 @@ def usable_image_points(
     }
     extra = joined([r.extra for r in records], [len(r.line) for r in records])
     notes = _notes(inputs, point.dictionary, single, len(kept), exposure, exposures)
+    notes = replace(notes, problems=(*notes.problems, *about_extra(records)))
     return columns, {name: values.take(taken) for name, values in extra.items()}, notes
 
 

@@ -155,3 +155,28 @@ def test_every_reader_refuses_an_empty_file_and_a_table_of_words(file, register)
 def test_every_exposure_reader_refuses_an_empty_file(file):
     for reader in EXPOSURE_FORMATS.values():
         assert refused(reader, file(""), "omega-phi-kappa").what == "The file is empty."
+
+
+@pytest.mark.parametrize(
+    "names", ["sigma_x,Sigma-Y,SIGZ", "std_x,y_sigma,sz", "sdx,stddev y,Sz", "sx,sy,sz", "SX,SY,SZ"]
+)
+def test_common_names_of_standard_deviations_are_recognised(file, names):
+    records = read_csv_control(file(f"Point,X,Y,Z,{names}\nA,1,2,3,0.1,0.2,5\n"))
+    assert records.sigma.tolist() == [[0.1, 0.2, 5.0]]
+    assert records.extra == {}
+
+
+@pytest.mark.parametrize(
+    "name", ["sigma_east", "s_sigma", "sx_mm", "std_easting", "height_stddev", "roles", "role_code"]
+)
+def test_a_column_that_is_nearly_one_of_ours_is_not_passed_over(file, name):
+    error = refused(read_csv_control, file(f"point,x,y,z,{name}\nA,1,2,3,0.1\n"))
+    assert error.entity == name
+    assert error.line == 1
+    assert "nothing reads it" in error.what
+
+
+@pytest.mark.parametrize("name", ["note", "gsd", "signal", "class", "Description", "source", "side", "epoch"])
+def test_other_columns_are_kept(file, name):
+    records = read_csv_control(file(f"point,x,y,z,{name}\nA,1,2,3,q\n"))
+    assert records.extra[name].to_pylist() == ["q"]
