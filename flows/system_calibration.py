@@ -13,6 +13,7 @@ from tasks import publish as publishing
 from tasks.calibration import applied_cameras, describe, judge
 from tasks.calibration.control_alone import control_alone
 from tasks.calibration.evidence import model_refuses
+from tasks.calibration.observable import is_georeferenced, observable
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
@@ -62,14 +63,19 @@ def system_calibration(project: Project, store: Store) -> Summary:
     """
     if not project.inputs.image_points and project.calibration.adjusted is not None:
         return two_step_calibration(project, store, project.calibration.adjusted)
+    project, remarks = observable(project)
     block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)
     stages = (*block.stages, one.adjusted, *two.outputs)
-    stages = (*stages, checked_block(one.project, store, stages))
-    described = described_calibration(one, two, store, stages)
+    # Approximate exposures are nothing that could be checked.
+    checked = is_georeferenced(project)
+    if checked:
+        stages = (*stages, checked_block(one.project, store, stages))
+    described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
     stages = (*stages, described)
-    pages = (page_of_check(one.project, store, stages), report_of(one.project, store, stages))
+    pages = (page_of_check(one.project, store, stages),) if checked else ()
+    pages = (*pages, report_of(one.project, store, stages))
     certificates = tuple(
         write_certificate(
             store,
@@ -144,6 +150,13 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
     calibration = one.project.calibration
     if not calibration.two_step:
         return SecondStep()
+    if not is_georeferenced(one.project):
+        return SecondStep(
+            remarks=(
+                "There is no two-step calibration and no check of direct georeferencing: GNSS and INS are "
+                "not both observed.",
+            )
+        )
     try:
         adjusted = (
             _adjusted_on_control(one, store, block)
@@ -173,7 +186,7 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ar
 
 
 def described_calibration(
-    one: OneStep, two: SecondStep, store: Store, stages: tuple[Outputs, ...]
+    one: OneStep, remarks: tuple[str, ...], two: SecondStep, store: Store, stages: tuple[Outputs, ...]
 ) -> Outputs:
     """The records of the calibration: covariances, and the verdict from the evidence of all stages."""
     return describe_calibration(
@@ -182,7 +195,7 @@ def described_calibration(
         adjusted=one.adjusted["notes"],
         means=two.outputs[0]["orientation_difference_means"] if two.outputs else None,
         releases=one.releases,
-        remarks=two.remarks,
+        remarks=remarks,
         settings=one.project.calibration,
         given=one.project.cameras,
         inputs=one.project.inputs,

@@ -56,6 +56,8 @@ _IMAGE_ERRORS = "brown"
 _PER_MILLION = 1e-6
 # Less than this part of its height is no relief, or no second height, that a scale could show in.
 _FLAT = 1e-3
+# Metres in the image: the rays of a close-range block are straight.
+_NO_REFRACTION = 1e-9
 # Radians; a local system has one north only.
 _NO_CONVERGENCE = 1e-9
 
@@ -289,8 +291,9 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
     bent = refracted_image_points(
         rays.xy, interior[of_ray], block.local_from_camera[image], up[image], coefficient[image]
     )
-    refraction = ObservationAlternative(rays.name, bent - rays.xy)
-    yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
+    if np.abs(bent - rays.xy).max(initial=0.0) > _NO_REFRACTION:
+        refraction = ObservationAlternative(rays.name, bent - rays.xy)
+        yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
     free = _free_additional(block)
     rows = {row["camera"]: row for row in cameras.to_dict("records")}
     for number, camera in enumerate(block.cameras):

@@ -97,7 +97,9 @@ def describe_calibration(
         steps = compared_steps(table, pairs, read_table(means), mountings)
     figures = cast(Mapping[str, Any], read_notes(adjusted).figures)
     evidence = _evidence(stages, outputs, figures, gates, steps)
-    of_flight = _with_held(flight_verdict(table, verdicts, pattern, settings.limits), held)
+    by_gnss = any(item["group"] == "gnss_positions" for item in figures["groups"])
+    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss)
+    of_flight = _with_held(of_flight, held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
     by_height = flights_by_height(images, pattern)
     if by_height is not None and any(

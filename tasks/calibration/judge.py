@@ -70,7 +70,8 @@ def recognised_pattern(images: pd.DataFrame) -> FlightPattern:
     InputError
         If no image has a heading and a height above ground.
     """
-    known = images[images["heading_deg"].notna() & images["height_above_ground_m"].notna()]
+    # A camera beside or below its object has no height above ground.
+    known = images[images["heading_deg"].notna() & (images["height_above_ground_m"] > 0.0)]
     if known.empty:
         raise InputError(
             "No image has a heading and a height above ground; a flight pattern cannot be recognised.",

@@ -237,19 +237,26 @@ def flight_verdict(
     verdicts: Mapping[Key, ParameterVerdict],
     pattern: FlightPattern,
     limits: AcceptanceLimits,
+    *,
+    by_gnss: bool = True,
 ) -> FlightVerdict:
     """Whether the flight is accepted as a calibration flight, with the reasons why not.
 
     Refused if a quantity of the calibration is not determined, or if what is calibrated needs directions or
     heights that were not flown.
+
+    Parameters
+    ----------
+    by_gnss : whether GNSS positions were observed; control alone needs neither directions nor heights.
     """
     calibrated = [
         item for item in verdicts.values() if item.sigma is not None and is_calibrated(item.parameter)
     ]
     if not calibrated:
         return FlightVerdict(("No quantity of a calibration was estimated; free some of them.",))
-    reasons = pattern_reasons({item.parameter for item in calibrated}, pattern, limits)
-    free_strips, about_strips = _about_strips(parameters, calibrated)
+    names = {item.parameter for item in calibrated}
+    reasons = pattern_reasons(names, pattern, limits) if by_gnss else []
+    free_strips, about_strips = _about_strips(parameters, calibrated) if by_gnss else ([], [])
     reasons += free_strips
     reasons += [
         f"{item} is {item.verdict.replace('_', ' ')}: {item.because}"

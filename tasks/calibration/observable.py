@@ -1,0 +1,52 @@
+"""What a calibration can estimate from what the project observes: without GNSS there is no GNSS shift."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from adjust.camera.additional.selection import NOTHING
+from tasks.errors import InputError
+from tasks.settings.adjustment import FreeParameter, ObservedGroup
+from tasks.settings.project import Project
+
+#: Parameters that nothing else observes.
+_ONLY: Mapping[ObservedGroup, tuple[FreeParameter, ...]] = {
+    "gnss": ("gnss_shift", "gnss_strip_bias", "gnss_drift", "lever_arm", "time_offset"),
+    "ins": ("boresight",),
+}
+_WORDS: Mapping[ObservedGroup, str] = {"gnss": "GNSS positions", "ins": "INS attitudes"}
+
+
+def observable(project: Project) -> tuple[Project, tuple[str, ...]]:
+    """The project without what nothing observes, and a remark for each group that is missing.
+
+    Raises
+    ------
+    InputError
+        If nothing is left to calibrate.
+    """
+    calibration, remarks = project.calibration, []
+    free = calibration.free
+    for group, names in _ONLY.items():
+        dropped = [name for name in free if name in names]
+        if group not in project.adjustment.observe and dropped:
+            free = tuple(name for name in free if name not in names)
+            remarks.append(
+                f"No {_WORDS[group]} are observed (adjustment.observe), so there is nothing to calibrate "
+                f"{' and '.join(dropped)} with."
+            )
+    if not free and project.adjustment.self_calibration.parameters == NOTHING:
+        raise InputError(
+            f"Nothing that calibration.free names is observed: {', '.join(calibration.free)}.",
+            "Observe GNSS and INS (adjustment.observe), or free what control determines: focal_length, "
+            "principal_point.",
+            entity="calibration.free",
+        )
+    return project.model_copy(update={"calibration": calibration.model_copy(update={"free": free})}), tuple(
+        remarks
+    )
+
+
+def is_georeferenced(project: Project) -> bool:
+    """Whether exposures are observed as positions and attitudes; else they are approximate values only."""
+    return {"gnss", "ins"} <= set(project.adjustment.observe)
