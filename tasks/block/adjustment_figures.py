@@ -8,7 +8,7 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.calibration.correlation import correlation_matrix
 from adjust.quality.redundancy import UNCONTROLLED
-from adjust.result import GroupResult, ObservationStatus
+from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from tasks.block.free_network_figures import free_network_figures, free_network_sentences
 from tasks.block.result_tables import AdjustedBlock
 from tasks.block.surveyed_differences import left_out_figures, rejected_control, surveyed_differences
@@ -26,6 +26,8 @@ from tasks.storage.json_text import JSON
 _GROUP_LIMITS = (0.7, 1.4)
 _GROUP_REDUNDANCY = 10.0
 _MOST_NAMES = 5
+# Fewer rejected observations are gross errors, whatever part of their group they are.
+_SEVERAL = 3
 _IN_WORDS = {
     "image_points": "image points",
     "control_points": "control points",
@@ -155,6 +157,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
             f"The global test fails: σ0 is {test.sigma0:.3f}, the stated σ allow {test.lower:.3f} to "
             f"{test.upper:.3f} ({100 * test.confidence:g} %)."
         )
+    problems += _mostly_rejected(result)
     for group in result.groups:
         if group.redundancy_sum >= _GROUP_REDUNDANCY and not (
             _GROUP_LIMITS[0] <= group.sigma0 <= _GROUP_LIMITS[1]
@@ -176,6 +179,21 @@ def _correlated(adjusted: AdjustedBlock) -> list[str]:
     names = adjusted.result.layout.border_names()
     parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
     return weak_mode_sentences(parameters, correlation_matrix(adjusted.result.cofactor.reduced.corner))
+
+
+def _mostly_rejected(result: AdjustmentResult) -> list[str]:
+    """Groups of which most was rejected: that is one error of all, and no gross error of each."""
+    sentences = []
+    for group in result.groups:
+        count = int(group.group.stochastic.taking_part.sum())
+        part = int((group.status == ObservationStatus.REJECTED).any(axis=1).sum())
+        if count and part >= _SEVERAL and part > 0.5 * count:
+            words = _IN_WORDS.get(group.group.name, group.group.name)
+            sentences.append(
+                f"{part:,} of {count:,} {words} were rejected, and the result is as if there were none: so "
+                "many have one cause, such as their datum, height system, lever arm or σ."
+            )
+    return sentences
 
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:

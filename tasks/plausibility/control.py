@@ -17,6 +17,8 @@ from tasks.plausibility.declared_accuracy import ExpectedIntersections
 # A common height difference is a matter of the datum when it exceeds this many times its own scatter.
 _COMMON_HEIGHT = 5.0
 _COMMON_HEIGHT_M = 5.0
+# Positions of one receiver may be wrong together, by no more than this many of their σ.
+_COMMON_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +148,7 @@ def _common_height(
         return None
     median = float(np.median(up))
     scatter = float(np.median(np.abs(up - median))) * 1.4826 if len(up) >= 3 else expected.sigma_m
-    notable = max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter, 2.0 * expected.sigma_m)
+    notable = max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter, _COMMON_SIGMAS * expected.common_m)
     if abs(median) < notable:
         return None
     points = "the one surveyed point comes" if len(up) == 1 else f"{len(up)} surveyed points come"

@@ -42,11 +42,13 @@ class ExpectedIntersections:
     sigma_m : standard deviation that the declared ones of positions and attitudes explain, metres.
     limit_m : distance above which a point is called wrong, metres.
     height : flying height above the points, metres.
+    common_m : standard deviation of what all of them may have in common: that of a position.
     """
 
     sigma_m: float
     limit_m: float
     height: float
+    common_m: float
 
 
 def tie_limits(given: GivenOrientations, checks: ChecksSettings, height: float) -> TieLimits:
@@ -77,7 +79,7 @@ def expected_intersections(
     attitude = float(np.median(np.nan_to_num(given.angle_sigma).max(axis=1)))
     position = float(np.median(np.nan_to_num(given.position_sigma).max(axis=1)))
     sigma = _HEIGHT_TO_BASE * (position + height * attitude)
-    return ExpectedIntersections(sigma, max(checks.control_distance_m, _ALLOWANCE * sigma), height)
+    return ExpectedIntersections(sigma, max(checks.control_distance_m, _ALLOWANCE * sigma), height, position)
 
 
 def _spacing(given: GivenOrientations) -> float:

@@ -317,3 +317,26 @@ def test_good_projects_raise_no_suspicion_when_adjusted(tmp_path: Path, preset: 
             text for text in outcome.summary.problems if "looks as if" in text or "height system" in text
         ]
         assert doubts == []
+
+
+@pytest.mark.parametrize("sigma_m", [0.05, 5.0, 10.0])
+def test_another_height_system_is_named_whatever_the_sigma_of_positions(
+    tmp_path: Path, sigma_m: float
+) -> None:
+    """48 m common to all points: by the plausibility check, the tests of the model, and what is rejected."""
+    simulate_project(load_simulation("uce-high", ("points.count=400",)), tmp_path)
+    table = pd.read_csv(tmp_path / "control.csv", dtype={"point": str})
+    table.assign(z=table["z"] - 48.0).to_csv(tmp_path / "control.csv", index=False)
+    changes = (
+        f"inputs.exposures.sigma.position_m={sigma_m}",
+        'adjustment.free=["boresight"]',
+        'adjustment.rejection={critical_value=4.0, test="observations"}',
+    )
+    outcome = carry_out(
+        aerial_triangulation, RunRequest(tmp_path / "project.toml", tmp_path / "out", changes)
+    )
+    assert outcome.error is None
+    said = outcome.summary.problems
+    assert "different height systems" in said[0]
+    assert any("shifted against the others or the control by z +48" in text for text in said)
+    assert any("28 of 28 GNSS positions were rejected" in text for text in said)
