@@ -20,6 +20,7 @@ from adjust.geometry import rotation
 from tasks.block.strip_names import strip_names
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
+from tasks.errors import InputError
 from tasks.importing.cameras import frame_cameras
 
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -101,7 +102,11 @@ class GivenOrientations:
     def from_tables(
         cls, exposures: pd.DataFrame, mountings: Mountings, map_frame: MapFrame, frame: AdjustmentFrame
     ) -> Self:
-        """From exposures.parquet; the rows must be the images wanted."""
+        """From exposures.parquet; the rows must be the images wanted.
+
+        Positions that were reduced to the projection centre get back what their lever arm took off, so that
+        all of them are observations of the antenna.
+        """
         x_in_map = exposures[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
         observed = local_from_map(map_frame, frame, x_in_map)
         heading_columns = ["heading_deg", "pitch_deg", "roll_deg"]
@@ -111,7 +116,7 @@ class GivenOrientations:
         choose = is_heading[:, None]
         sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
         sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
-        return cls(
+        delivered = cls(
             mountings,
             tuple(exposures["image"]),
             pd.Index(mountings.names).get_indexer(pd.Index(exposures["camera"])).astype(np.int64),
@@ -128,6 +133,29 @@ class GivenOrientations:
             is_heading,
             np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
         )
+        return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
+
+    def _at_the_antenna(self, reduced: Bools) -> Self:
+        """The same with the known lever arms added to the positions (n,) that were reduced by them.
+
+        Raises
+        ------
+        InputError
+            If such a position has no attitude, with which it was reduced.
+        """
+        arm = np.where(reduced[:, None], self.mountings.lever_arm[self.camera], 0.0)
+        if not arm.any():
+            return self
+        unknown = arm.any(axis=1) & ~self.has_attitude
+        if unknown.any():
+            raise InputError(
+                "The position was reduced to the projection centre, and no attitude is there to undo that.",
+                'Deliver the attitude, or the position of the antenna (position = "antenna"), or give no '
+                "lever_arm_m.",
+                entity=f"image {self.image[int(np.argmax(unknown))]}",
+            )
+        back = np.einsum("nij,nj->ni", self.local_from_body(), arm)
+        return replace(self, observed=self.observed + np.where(reduced[:, None], back, 0.0))
 
     @property
     def flights(self) -> tuple[str, ...]:

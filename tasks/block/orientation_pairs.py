@@ -125,10 +125,11 @@ def _of_camera(
     mountings = Mountings.from_table(cameras[cameras["camera"] == camera])
     local = local_frame(frame, observed[_XYZ].to_numpy(np.float64))
     given = GivenOrientations.from_tables(observed, mountings, frame, local)
+    # An adjusted projection centre is what it is: no lever arm was taken off.
     nothing = pd.DataFrame(np.nan, index=observed.index, columns=[*_SIGMAS, *_HEADING])
     columns = [*_XYZ, *_OPK, *(_SIGMAS if weighted else ())]
     result = GivenOrientations.from_tables(
-        observed.assign(**nothing).assign(**adjusted[columns]), mountings, frame, local
+        observed.assign(**nothing, position="antenna").assign(**adjusted[columns]), mountings, frame, local
     )
     body_from_camera = given.body_from_camera
     pairs = OrientationPairs(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from tasks.formats.register import control_formats, exposure_formats, image_point_formats
-from tasks.settings.base import InputPath, Settings, one_of
+from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
     Angles,
     Heights,
@@ -82,8 +82,10 @@ class ExposuresInput(Settings):
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(description="Height system of z.")
     position: Literal["projection_centre", "antenna", "imu"] = Field(
-        description="What the position is of. It decides which lever arm the observation has: a delivery "
-        "reduced to the projection centre has only a residual one."
+        description="What the position is of: `antenna`, or `imu`, the point to which `lever_arm_m` of the "
+        "camera leads (one of both in a project); or `projection_centre`, if the delivery was reduced with "
+        "that lever arm and its attitudes already, which is undone: a lever arm estimated is that of the "
+        "antenna for both, and without `lever_arm_m` what the reduction left over."
     )
     angles: Angles = Field(description="What the three angles are.")
     sigma: ExposureSigma = Field(
@@ -139,3 +141,13 @@ class Inputs(Settings):
     control: ControlInputs = Field(
         default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."
     )
+
+    @model_validator(mode="after")
+    def _one_lever_arm(self) -> Inputs:
+        if {"antenna", "imu"} <= {item.position for item in self.exposures}:
+            raise trouble(
+                "Some exposures give the position of the antenna, others that of the IMU: one lever_arm_m "
+                "cannot lead to both.",
+                "Deliver one of them, or the projection centre.",
+            )
+        return self

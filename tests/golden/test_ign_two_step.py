@@ -153,11 +153,15 @@ def test_differences_of_the_images_average_to_the_means(calibrated, means) -> No
     assert images.loc[images["strip"].isin(OTHER_MOUNTING), "mounting"].eq(1).all()
 
 
+#: What the reduction left over is the arm of the point that was delivered.
+ANTENNA = "inputs.exposures.position=antenna"
+
+
 @pytest.mark.parametrize(("given", "named"), [("[-0.61,-0.34,0.37]", True), ("[0.61,0.34,0.37]", False)])
 def test_a_lever_arm_given_the_wrong_way_round_is_named(
     test_data: Path, tmp_path: Path, given: str, named: bool
 ) -> None:
-    outputs = calibration(test_data, tmp_path, f"cameras.UCE-M3-f120-s07.lever_arm_m={given}")
+    outputs = calibration(test_data, tmp_path, f"cameras.UCE-M3-f120-s07.lever_arm_m={given}", ANTENNA)
     remarks = [text for text in read_notes(outputs["notes"]).problems if "wrong sign" in text]
     assert len(remarks) == named
     assert all("along forward and right" in text for text in remarks)
