@@ -43,6 +43,7 @@ from tasks.block.self_calibration_tables import (
     self_calibration_sentences,
     write_self_calibration,
 )
+from tasks.block.shared_readings import about_shared_readings
 from tasks.block.surveyed_differences import write_control_residuals
 from tasks.block.variance_figures import with_estimated_sigmas
 from tasks.coordinates.crs import MapFrame
@@ -163,6 +164,7 @@ def _written(
         *slips,
         *(item.sentence for item in findings),
         *adjustment_problems(adjusted, settings),
+        *about_shared_readings(prepared.given),
         *problems,
         *residual_grid_sentences(cameras, grids, settings.confidence),
     )

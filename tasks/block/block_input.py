@@ -33,6 +33,7 @@ from adjust.parameters import (
 )
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.self_calibration import BlockSelfCalibration
+from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
@@ -222,8 +223,9 @@ def block_of(
 
 
 def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
-    """GNSS positions of all images, weighted along grid east, grid north, up."""
-    model = StochasticModel.from_sigma(given.position_sigma)
+    """GNSS positions of all images, weighted along grid east, grid north, up; heads share a reading."""
+    heads = heads_of_reading(given)
+    model = StochasticModel.from_sigma(given.position_sigma * np.sqrt(heads)[:, None])
     return GnssPositions(
         np.arange(len(given.image), dtype=np.int64),
         given.camera,
@@ -237,11 +239,10 @@ def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentS
 
 
 def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> InsAttitudes:
-    """INS attitudes of the images that have one, weighted in body axes."""
+    """INS attitudes of the images that have one, weighted in body axes; heads share a reading."""
     observed = np.flatnonzero(given.attitude_observed)
-    model = StochasticModel.from_covariance(
-        given.attitude_covariance()[observed], np.ones((len(observed), 3), dtype=bool)
-    )
+    covariance = given.attitude_covariance() * heads_of_reading(given)[:, None, None]
+    model = StochasticModel.from_covariance(covariance[observed], np.ones((len(observed), 3), dtype=bool))
     return InsAttitudes(
         observed.astype(np.int64),
         given.camera[observed],

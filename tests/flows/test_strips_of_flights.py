@@ -83,6 +83,10 @@ def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> No
     )
     outcome = adjusted(folder)
     assert outcome.error is None, outcome.error
+    assert any("exposed at" in text and "counts once" in text for text in outcome.summary.problems)
+    residuals = pd.read_parquet(folder / "results" / "residuals.parquet")
+    positions = residuals[residuals["group"] == "gnss_positions"]
+    assert positions["sigma"].to_numpy() == pytest.approx(0.05 * np.sqrt(2.0))
     parameters = pd.read_parquet(folder / "results" / "parameters.parquet")
     (first, second) = parameters[parameters["parameter"] == "time_offset"].itertuples()
     assert first.value == pytest.approx(0.004, abs=3.5 * first.sigma)

@@ -78,7 +78,7 @@ def test_without_an_offset_none_is_called_for_with_the_stated_probability() -> N
 
 
 def test_a_lever_arm_is_found_with_the_power_that_the_strips_allow() -> None:
-    """10 strips with 3 cm of noise, test at 5 %: 1,000 flights find 3 cm in 0.76, 6 cm always, nothing in 0.05."""
+    """10 strips with 3 cm of noise, test at 5 %: of 1,000 flights 3 cm in 0.76, 6 cm in all, none in 0.05."""
 
     def found(lever_arm: float, trials: int) -> float:
         tests = [

@@ -1,0 +1,38 @@
+"""Heads that exposed at one moment share one reading of GNSS and INS; it must not count several times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Ints
+from tasks.block.given_orientations import GivenOrientations
+
+# Heads of one body lie within it, metres.
+_ONE_BODY_M = 10.0
+
+
+def heads_of_reading(given: GivenOrientations) -> Ints:
+    """(n,) number of images with the same flight, time and place, of one exposure; 1 without time."""
+    heads = np.ones(len(given.image), dtype=np.int64)
+    timed = np.flatnonzero(np.isfinite(given.time_s))
+    if len(timed) == 0:
+        return heads
+    table = pd.DataFrame(given.observed[timed], columns=["x", "y", "z"])
+    together = table.groupby([np.array(given.flight)[timed], given.time_s[timed]])
+    spread = (together.transform("max") - together.transform("min")).max(axis=1).to_numpy(np.float64)
+    count = together["x"].transform("size").to_numpy(np.int64)
+    heads[timed] = np.where(spread < _ONE_BODY_M, count, 1)
+    return heads
+
+
+def about_shared_readings(given: GivenOrientations) -> tuple[str, ...]:
+    """A sentence where heads share readings."""
+    heads = heads_of_reading(given)
+    if (heads == 1).all():
+        return ()
+    moments = round(float((1.0 / heads[heads > 1]).sum()))
+    return (
+        f"{int((heads > 1).sum()):,} images were exposed at {moments:,} moments by several heads: each "
+        "reading of GNSS and INS counts once, shared among them.",
+    )
