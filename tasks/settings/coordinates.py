@@ -52,6 +52,17 @@ class Heights(Settings):
         )
 
 
+class PlacedSettings(Settings):
+    """Base of settings with a `crs` and `heights`: local coordinates have one height, and need no system."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _local_heights(cls, value: object) -> object:
+        if isinstance(value, dict) and value.get("crs") == LOCAL:
+            return {"heights": "ellipsoidal", **value}
+        return value
+
+
 class Angles(Settings):
     """Which angles an exposure input holds."""
 

@@ -11,6 +11,7 @@ from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
     Angles,
     Heights,
+    PlacedSettings,
     PositivePair,
     PositiveTriple,
     one_table_or_several,
@@ -71,7 +72,7 @@ class DeliveredFlight(Settings):
     )
 
 
-class ExposuresInput(Settings):
+class ExposuresInput(PlacedSettings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
     file: InputPath = Field(description="The file.")
@@ -80,7 +81,7 @@ class ExposuresInput(Settings):
         "camera; strip and flight are taken from names like …x00015_00614)."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
-    heights: Heights = Field(description="Height system of z.")
+    heights: Heights = Field(description='Height system of z; not needed with crs = "local".')
     position: Literal["projection_centre", "antenna", "imu"] = Field(
         description="What the position is of: `antenna`, or `imu`, the point to which `lever_arm_m` of the "
         "camera leads (one of both in a project); or `projection_centre`, if the delivery was reduced with "
@@ -98,7 +99,7 @@ class ExposuresInput(Settings):
     )
 
 
-class ControlInput(Settings):
+class ControlInput(PlacedSettings):
     """One file of control and check points."""
 
     file: InputPath = Field(description="The file.")
@@ -106,7 +107,10 @@ class ControlInput(Settings):
         description="`csv` (point, x, y, z [, sx, sy, sz, role]) or `ign-app` (name code x y z)."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
-    heights: Heights = Field(description="Height system of z; often another one than that of the exposures.")
+    heights: Heights = Field(
+        description="Height system of z; often another one than that of the exposures. Not needed with "
+        'crs = "local".'
+    )
     sigma_m: PositiveTriple = Field(
         default=(0.05, 0.05, 0.05),
         description="Standard deviation along east, north, up, m; one number or three. Default 0.05 m, "

@@ -14,14 +14,14 @@ from tasks.settings.base import Settings, trouble
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.certificate import CertificateSettings
-from tasks.settings.coordinates import Heights
+from tasks.settings.coordinates import Heights, PlacedSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import Inputs
 from tasks.settings.quality import ChecksSettings, Gates
 from tasks.settings.sweep import SweepSettings
 
 
-class ProjectSettings(Settings):
+class ProjectSettings(PlacedSettings):
     """Name of the project and the coordinate system of its results."""
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"name", "flown"})
@@ -35,7 +35,7 @@ class ProjectSettings(Settings):
         description='CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric '
         "Cartesian)."
     )
-    heights: Heights = Field(description="Height system of the results.")
+    heights: Heights = Field(description='Height system of the results; not needed with crs = "local".')
 
 
 @dataclass(frozen=True)

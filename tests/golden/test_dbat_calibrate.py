@@ -31,7 +31,6 @@ version = 1
 [project]
 name = "camcal"
 crs = "local"
-heights = "ellipsoidal"
 [cameras.C4040Z]
 columns = {COLUMNS}
 rows = {ROWS}
@@ -49,14 +48,12 @@ sigma = 0.1
 file = "exposures.csv"
 format = "csv"
 crs = "local"
-heights = "ellipsoidal"
 position = "projection_centre"
 angles = {{ order = "omega-phi-kappa", unit = "deg", reference = "grid" }}
 [inputs.control]
 file = "control.csv"
 format = "csv"
 crs = "local"
-heights = "ellipsoidal"
 sigma_m = 1e-8
 [adjustment]
 observe = ["control"]
