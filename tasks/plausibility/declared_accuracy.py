@@ -27,10 +27,12 @@ class TieLimits:
     ----------
     suspicious_px : above it a slip that explains the residuals is named.
     wrong_px : above it the orientations are called wrong.
+    because : what makes it an error: the stated standard deviations, and the keys they stand in.
     """
 
     suspicious_px: float
     wrong_px: float
+    because: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,12 @@ def tie_limits(given: GivenOrientations, checks: ChecksSettings, height: float) 
     position = np.nan_to_num(given.position_sigma).max(axis=1) / max(height, _spacing(given), 1.0)
     expected = float(np.median(scale * np.hypot(attitude, position)))
     wrong = max(checks.tie_residual_px, _ALLOWANCE * expected)
-    return TieLimits(min(max(_SUSPICIOUS_PX, _SUSPICIOUS * expected), wrong), wrong)
+    stated = float(np.median(np.nan_to_num(given.position_sigma).max(axis=1)))
+    because = (
+        f"(ten times what the stated σ of {stated:.3g} m and {np.rad2deg(np.median(attitude)):.3g}° explain, "
+        "inputs.exposures.sigma, or checks.tie_residual_px)"
+    )
+    return TieLimits(min(max(_SUSPICIOUS_PX, _SUSPICIOUS * expected), wrong), wrong, because)
 
 
 def expected_intersections(

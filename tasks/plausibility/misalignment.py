@@ -17,7 +17,7 @@ from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.plausibility.declared_accuracy import TieLimits
-from tasks.plausibility.orientations import best_slip, ray_residuals, sample_of_rays
+from tasks.plausibility.orientations import best_slips, ray_residuals, sample_of_rays
 
 #: Larger than this, radians, it is no misalignment any more but a slip.
 LARGEST = np.deg2rad(3.0)
@@ -97,8 +97,8 @@ def misalignment(
     left = ray_residuals(rays, _state_of(state, turned), points, pixel_size).median_px
     if np.abs(angles).max() > LARGEST or left > _LEFT * now_px:
         return None
-    slip, of_slip = best_slip(given, sample, state, now_px, pixel_size)
-    if slip is not None and of_slip <= _AS_WELL * left:
+    slips, of_slip = best_slips(given, sample, state, now_px, pixel_size)
+    if len(slips) == 1 and of_slip <= _AS_WELL * left:
         return None
     return Misalignment(turned, angles, left)
 

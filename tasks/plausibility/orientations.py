@@ -24,6 +24,8 @@ from tasks.plausibility.orientation_slips import Slip, usual_slips
 
 # A slip is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0
+# So many slips that explain it alike are named.
+_MOST_ALIKE = 2
 # Images tried as the one that contradicts the others.
 _SUSPECTS = 8
 # Rays used to try slips: enough for a median, few enough to be instant.
@@ -82,15 +84,16 @@ def check_orientations(
     if worst_px <= limits.suspicious_px:
         _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
         return []
-    slip, left_px = best_slip(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
-    if worst_px <= limits.wrong_px and (slip is None or left_px > limits.suspicious_px):
+    slips, left_px = best_slips(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
+    if worst_px <= limits.wrong_px and (not slips or left_px > limits.suspicious_px):
         _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
         return []
     if worst_px > limits.wrong_px:
-        if slip is None and found.median_px <= limits.wrong_px:
+        if not slips and found.median_px <= limits.wrong_px:
             _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
-        raise _refusal(worst_px, limits.wrong_px, slip if left_px <= limits.wrong_px else None, left_px)
-    refusal = _refusal(worst_px, limits.suspicious_px, slip, left_px)
+        explaining = slips if left_px <= limits.wrong_px else ()
+        raise _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
+    refusal = _refusal(worst_px, limits.suspicious_px, "", slips, left_px)
     try:
         _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
     except InputError as error:
@@ -129,10 +132,13 @@ def _subset(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
     )
 
 
-def best_slip(
+def best_slips(
     given: GivenOrientations, sample: ImagePoints, state: State, now_px: float, pixel: Floats
-) -> tuple[Slip | None, float]:
-    """The slip that explains the residuals clearly better than all others, if any; and the least left, px."""
+) -> tuple[tuple[Slip, ...], float]:
+    """The slips that explain the residuals clearly better than all others, best first; what is left, px.
+
+    Several explain them where their effects are alike; more than two say nothing.
+    """
     points = int(sample.point.max()) + 1
     trials = []
     for slip in usual_slips(given):
@@ -141,30 +147,36 @@ def best_slip(
         trial = replace(state, projection_centre=centre, local_from_camera=local_from_camera @ turn)
         trials.append((ray_residuals(rays, trial, points, pixel).median_px, slip))
     trials.sort(key=lambda item: item[0])
-    best_px, best = trials[0]
-    others = [px for px, slip in trials[1:] if not slip.kind or slip.kind != best.kind]
-    return (best if best_px * _MARGIN < min(*others, now_px) else None), best_px
+    best_px = trials[0][0]
+    if best_px * _MARGIN >= now_px:
+        return (), best_px
+    alike: list[Slip] = []
+    for left_px, slip in trials:
+        same = any(slip.kind and slip.kind == other.kind for other in alike)
+        if left_px <= best_px * _MARGIN and not same:
+            alike.append(slip)
+    return (tuple(alike) if len(alike) <= _MOST_ALIKE else ()), best_px
 
 
-def _refusal(now_px: float, limit_px: float, slip: Slip | None, left_px: float) -> InputError:
-    """The error that names the most likely slip, or says that none of the usual ones explains it."""
-    if slip is not None:
-        return InputError(
-            f"{_miss(now_px, limit_px)} {slip.looks_like}: then it is {_px(left_px)}.", slip.remedy
-        )
+def _refusal(
+    now_px: float, limit_px: float, because: str, slips: tuple[Slip, ...], left_px: float
+) -> InputError:
+    """The error that names the most likely slip or slips, or says that none of the usual ones explains it."""
+    miss = (
+        f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
+        f"up to {limit_px:.0f} px could be explained{f' {because}' if because else ''}."
+    )
+    if slips:
+        first, *others = slips
+        also = "".join(f" {other.looks_like} just as well." for other in others)
+        remedy = " Or: ".join(slip.remedy for slip in slips)
+        return InputError(f"{miss} {first.looks_like}: then it is {_px(left_px)}.{also}", remedy)
     return InputError(
-        _miss(now_px, limit_px),
+        miss,
         "None of the usual slips (unit, order or reference of the angles, a turned camera, mirrored image "
         "coordinates) explains it: check the focal length, the positions, and whether the image points "
         "belong to these exposures. If the camera was never calibrated in this mounting, free the boresight "
-        "(adjustment.free).",
-    )
-
-
-def _miss(now_px: float, limit_px: float) -> str:
-    return (
-        f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
-        f"up to {limit_px:.0f} px could be explained."
+        "(adjustment.free). If GNSS and INS are not as accurate as stated, state their σ.",
     )
 
 

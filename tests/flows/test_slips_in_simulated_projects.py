@@ -340,3 +340,18 @@ def test_another_height_system_is_named_whatever_the_sigma_of_positions(
     assert "different height systems" in said[0]
     assert any("shifted against the others or the control by z +48" in text for text in said)
     assert any("28 of 28 GNSS positions were rejected" in text for text in said)
+
+
+def test_attitudes_worse_than_stated_are_refused_with_the_sigma_and_its_key(tmp_path: Path) -> None:
+    simulate_project(load_simulation("uce-high", ("points.count=300",)), tmp_path)
+    table = pd.read_csv(tmp_path / "exposures.csv")
+    noise = np.random.default_rng(4).normal(0.0, 0.5, (len(table), 3))
+    table[["heading", "pitch", "roll"]] += noise
+    table.to_csv(tmp_path / "exposures.csv", index=False)
+    outcome = carry_out(aerial_triangulation, RunRequest(tmp_path / "project.toml", tmp_path / "out"))
+    assert outcome.summary.status == "input_error"
+    said = str(outcome.error)
+    assert "the stated σ of 0.05 m and 0.008° explain" in said
+    assert "inputs.exposures.sigma" in said
+    assert "checks.tie_residual_px" in said
+    assert "state their σ" in said
