@@ -347,6 +347,7 @@ def test_attitudes_worse_than_stated_are_refused_with_the_sigma_and_its_key(tmp_
     table = pd.read_csv(tmp_path / "exposures.csv")
     noise = np.random.default_rng(4).normal(0.0, 0.5, (len(table), 3))
     table[["heading", "pitch", "roll"]] += noise
+    table["heading"] %= 360.0
     table.to_csv(tmp_path / "exposures.csv", index=False)
     outcome = carry_out(aerial_triangulation, RunRequest(tmp_path / "project.toml", tmp_path / "out"))
     assert outcome.summary.status == "input_error"
