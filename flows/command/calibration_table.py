@@ -47,9 +47,10 @@ def calibration_verdict(found: Mapping[str, JSON]) -> RenderableType:
     return Group(verdict, flown, *said)
 
 
-def _parameters(summary: Summary, found: Mapping[str, JSON]) -> Table:
+def parameters_beside_limits(title: str, owner: str, value: str) -> Table:
+    """An empty table of parameters: whose they are, value, σ, limit, unit, verdict."""
     table = Table(
-        title="Calibrated parameters, change against the given values",
+        title=title,
         title_justify="left",
         title_style="bold",
         box=box.SIMPLE_HEAD,
@@ -57,11 +58,18 @@ def _parameters(summary: Summary, found: Mapping[str, JSON]) -> Table:
         pad_edge=False,
     )
     table.add_column("parameter", no_wrap=True)
-    table.add_column("entity", overflow="fold")
-    for column in ("change", "± σ", "limit"):
+    table.add_column(owner, overflow="fold")
+    for column in (value, "± σ", "limit"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     table.add_column("verdict")
+    return table
+
+
+def _parameters(summary: Summary, found: Mapping[str, JSON]) -> Table:
+    table = parameters_beside_limits(
+        "Calibrated parameters, change against the given values", "entity", "change"
+    )
     changes = {(item.parameter, item.entity): item for item in summary.parameters or ()}
     held = 0
     for row in cast("Sequence[Mapping[str, JSON]]", found["parameters"]):

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from rich import box
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from flows.command.calibration_table import parameters_beside_limits
 from tasks.storage.json_text import JSON
 from tasks.summary import Summary
 
@@ -34,20 +33,7 @@ def two_step_only(summary: Summary) -> Mapping[str, JSON] | None:
 def two_step_table(found: Mapping[str, JSON]) -> RenderableType:
     """Verdict, and the parameters with their σ and limits."""
     words, colour = _VERDICTS[str(found["verdict"])]
-    table = Table(
-        title="Parameters by the second step",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-    )
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("camera", overflow="fold")
-    for column in ("value", "± σ", "limit"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("verdict")
+    table = parameters_beside_limits("Parameters by the second step", "camera", "value")
     for row in cast("Sequence[Mapping[str, JSON]]", found["parameters"]):
         factor, unit, decimals = _SHOWN[str(row["unit"])]
         verdict = str(row["verdict"])
