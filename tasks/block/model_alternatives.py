@@ -18,7 +18,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.calibration.flight_pattern import flight_pattern
 from adjust.camera.additional.register import additional_parameters
-from adjust.camera.refraction import refracted_image_points, refraction_coefficient
+from adjust.camera.refraction import refracted_image_points
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
@@ -39,7 +39,7 @@ from adjust.quality.model_alternatives import (
 from adjust.solve.normal_equations import Observations
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.parameter_tables import reported_unit
-from tasks.block.refracted_rays import ground_heights
+from tasks.block.refracted_rays import coefficients_of_rays, ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.block.strip_motion import strip_motion
 
@@ -285,11 +285,13 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
     block, rays = material.block, material.observations.image_points
     interior = next(item.values for item in block.system if item.family.name == INTERIOR_ORIENTATION)
     of_ray, image = rays.camera_of_image[rays.image], rays.image
-    height, ground = block.frame.height(block.projection_centre), ground_heights(rays, block)
-    coefficient = refraction_coefficient(height, np.where(np.isfinite(ground), ground, 0.0))
     up = np.asarray(block.frame.local_from_enu(block.projection_centre))[:, :, 2]
     bent = refracted_image_points(
-        rays.xy, interior[of_ray], block.local_from_camera[image], up[image], coefficient[image]
+        rays.xy,
+        interior[of_ray],
+        block.local_from_camera[image],
+        up[image],
+        coefficients_of_rays(rays, block),
     )
     if np.abs(bent - rays.xy).max(initial=0.0) > _NO_REFRACTION:
         refraction = ObservationAlternative(rays.name, bent - rays.xy)

@@ -19,9 +19,6 @@ def without_refraction(rays: ImagePoints, block: Block) -> ImagePoints:
     Ellipsoidal heights stand for heights above the sea: an undulation of 50 m changes the correction by
     less than 1 %, some 0.03 µm in the corner.
     """
-    camera_height = block.frame.height(block.projection_centre)
-    ground = ground_heights(rays, block)
-    coefficient = refraction_coefficient(camera_height, np.where(np.isfinite(ground), ground, 0.0))
     interior = next(p.values for p in block.system if p.family.name == INTERIOR_ORIENTATION)
     up = np.asarray(block.frame.local_from_enu(block.projection_centre))[:, :, 2]
     image = rays.image
@@ -30,9 +27,19 @@ def without_refraction(rays: ImagePoints, block: Block) -> ImagePoints:
         interior[rays.camera_of_image[image]],
         block.local_from_camera[image],
         up[image],
-        coefficient[image],
+        coefficients_of_rays(rays, block),
     )
     return replace(rays, xy=xy)
+
+
+def coefficients_of_rays(rays: ImagePoints, block: Block) -> Floats:
+    """Refraction K (n,) of each ray, radians: from the height of its camera to that of its object point.
+
+    One height for an image would leave up to 0.9 µm in the corners over 800 m of relief. Approximate object
+    points do: 10 m change K by 0.5 %.
+    """
+    camera_height = block.frame.height(block.projection_centre)[rays.image]
+    return refraction_coefficient(camera_height, block.frame.height(block.object_point)[rays.point])
 
 
 def ground_heights(rays: ImagePoints, block: Block) -> Floats:
