@@ -18,6 +18,9 @@ from tasks.storage.json_text import JSON, json_text
 from tasks.storage.run_lock import run_lock
 from tasks.storage.store import Store
 
+# Lines of one list; a block may have hundreds of control points.
+_MOST = 5
+
 
 def examine(
     project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
@@ -68,11 +71,32 @@ def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]
         if isinstance(value, Mapping):
             rows += _rows(value, f"{label}: ")
         elif isinstance(value, Sequence) and any(isinstance(item, Mapping) for item in value):
-            for number, item in enumerate(value, start=1):
-                rows += _rows({str(number): item}, f"{label} ")
+            rows += _largest(label, [item for item in value if isinstance(item, Mapping)])
         else:
             rows.append((label, _text(value)))
     return rows
+
+
+def _largest(label: str, items: Sequence[Mapping[str, JSON]]) -> list[tuple[str, str]]:
+    """A line for each table of figures in a list, the largest values first, and no more than a few."""
+
+    def size(item: Mapping[str, JSON]) -> float:
+        return max((abs(value) for value in item.values() if isinstance(value, float)), default=0.0)
+
+    rows = [(label, _in_one_line(item)) for item in sorted(items, key=size, reverse=True)[:_MOST]]
+    more = len(items) - len(rows)
+    return [*rows, (label, f"and {more:,} more, with smaller values (--json has all)")] if more else rows
+
+
+def _in_one_line(item: Mapping[str, JSON]) -> str:
+    """Its name, and its figures behind that: ``C108: dx m -0.238, dy m 0.155``."""
+    named = ", ".join(value for value in item.values() if isinstance(value, str))
+    numbers = [
+        f"{name.replace('_', ' ')} {_text(value)}"
+        for name, value in item.items()
+        if not isinstance(value, str)
+    ]
+    return f"{named}: {', '.join(numbers)}" if named else ", ".join(numbers)
 
 
 def _text(value: JSON) -> str:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from tests.command_line import aerocal
@@ -128,6 +129,9 @@ def test_the_doctor_reads_and_publishes_nothing(block: Path) -> None:
     done = aerocal("doctor", block)
     assert done.returncode == 0, done.stderr
     assert "The project can be read" in done.stdout
+    points = pd.read_csv(block.parent / "control.csv", dtype=str)["point"]
+    # A line for each control point, or as few as are worth reading.
+    assert sum(f"{point}: dx m" in done.stdout for point in points) == min(len(points), 5)
     assert sorted(path.name for path in block.parent.iterdir()) == before
     assert set(json.loads(aerocal("doctor", block, "--json").stdout)) == {
         "exposures and cameras",
