@@ -26,6 +26,10 @@ from tasks.storage.notes import Notes
 _ROLES = ("control", "check")
 
 
+#: σ of a point that is fixed (σ = 0), metres: small beside any survey, but its residual can be told.
+FIXED_M = 1e-4
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Converted:
     """One input in the project's coordinate system."""
@@ -68,14 +72,15 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
     transfer = Transfer.between(frame, project)
-    refuse_sigmas(places, records.sigma, records.point)
+    # Zero is no slip here: the point is fixed.
+    refuse_sigmas(places, np.where(records.sigma == 0.0, np.nan, records.sigma), records.point)
     _refuse_unknown_position(records, places)
     refuse_outside_area(frame, records.position, places, records.point, "control point")
     position = _positions(records, transfer, places)
     refuse_without_image((frame, project), records.position, position, places, records.point)
     sigma = np.where(np.isnan(records.sigma), source.sigma_m, records.sigma)
     sigma = turned_sigmas(transfer, sigma, np.nan_to_num(records.position), np.nan_to_num(position))
-    sigma = np.where(np.isfinite(position), sigma, np.nan)
+    sigma = np.where(np.isfinite(position), np.maximum(sigma, FIXED_M), np.nan)
     return _Converted(records, position, sigma, _roles(source, records, places))
 
 

@@ -11,6 +11,7 @@ from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
     Angles,
     Heights,
+    NotNegativeTriple,
     PlacedSettings,
     PositivePair,
     PositiveTriple,
@@ -111,10 +112,11 @@ class ControlInput(PlacedSettings):
         description="Height system of z; often another one than that of the exposures. Not needed with "
         'crs = "local".'
     )
-    sigma_m: PositiveTriple = Field(
+    sigma_m: NotNegativeTriple = Field(
         default=(0.05, 0.05, 0.05),
         description="Standard deviation along east, north, up, m; one number or three. Default 0.05 m, "
-        "surveyed by differential GNSS (a network solution reaches 0.02 m). A row's sx, sy, sz beat it.",
+        "surveyed by differential GNSS (a network solution reaches 0.02 m); 0 is fixed, to 0.1 mm. A row's "
+        "sx, sy, sz beat it.",
     )
     role: Literal["control", "check"] = Field(
         default="control",

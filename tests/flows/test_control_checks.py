@@ -102,3 +102,14 @@ def test_a_rejected_control_point_is_named_and_is_the_check_point_it_has_become(
         assert found.loc[wrong, f"{axis}_m"] == pytest.approx(checked[f"{axis}_m"], abs=1e-4)
         assert found.loc[wrong, f"sigma_{axis}_m"] == pytest.approx(checked[f"sigma_{axis}_m"], rel=1e-3)
     assert abs(found.loc[wrong, "dz_m"] + 2.0) < 0.3
+
+
+def test_control_without_sigma_is_fixed_and_still_checked_by_the_rest(block: Path) -> None:
+    out = run(block, "inputs.control.sigma_m=0", 'adjustment.sigma0="a_priori"')
+    table = pd.read_parquet(out / "control_residuals.parquet")
+    left_out = pd.read_parquet(run(block, 'adjustment.sigma0="a_priori"') / "control_residuals.parquet")
+    for axis in AXES:
+        assert (table[f"{axis}_m"].abs() < 1e-4).all()
+        # Without the point the same as before, but for the survey that counts as perfect.
+        assert (table[f"loo_{axis}_m"] - left_out[f"loo_{axis}_m"]).abs().max() < 0.1
+        assert (table[f"sigma_loo_{axis}_m"] < left_out[f"sigma_loo_{axis}_m"]).all()
