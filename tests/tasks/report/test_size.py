@@ -179,6 +179,7 @@ def _write_surveyed(folder: Path, random: np.random.Generator, points: np.ndarra
                 **differences,
                 **_sigmas(random, len(own), ("dx", "dy", "dz"), "m"),
                 "rays": np.full(len(own), 5),
+                **({"status": ["used"] * len(own)} if start == 0 else {}),
             },
         )
 
