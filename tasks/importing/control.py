@@ -80,7 +80,7 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     refuse_without_image((frame, project), records.position, position, places, records.point)
     sigma = np.where(np.isnan(records.sigma), source.sigma_m, records.sigma)
     sigma = turned_sigmas(transfer, sigma, np.nan_to_num(records.position), np.nan_to_num(position))
-    sigma = np.where(np.isfinite(position), np.maximum(sigma, FIXED_M), np.nan)
+    sigma = np.where(np.isfinite(position), np.where(sigma == 0.0, FIXED_M, sigma), np.nan)
     return _Converted(records, position, sigma, _roles(source, records, places))
 
 
