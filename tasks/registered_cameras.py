@@ -68,6 +68,7 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
             "additional_parameters": {key: value for key, value in values.items() if ":" in key},
             "boresight_deg": _triple(values, "boresight", _ANGLES, camera.boresight_deg),
             "lever_arm_m": _triple(values, "lever_arm", tuple("xyz"), camera.lever_arm_m),
+            "reduced_by_m": camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m,
             "calibration": source,
         }
     )

@@ -35,20 +35,25 @@ class Mountings:
     ----------
     cameras : the cameras.
     lever_arm : (c, 3) metres, body axes.
+    reduced_by : (c, 3) that with which delivered projection centres were reduced, metres, body axes.
     boresight : (c, 3) roll, pitch, yaw, radians.
     """
 
     cameras: tuple[FrameCamera, ...]
     lever_arm: Floats
+    reduced_by: Floats
     boresight: Floats
 
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> Self:
         """From cameras.parquet; only the cameras that are used need to be in it."""
         cameras = tuple(frame_cameras(table).values())
-        lever_arm = table[[f"lever_arm_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)
+        lever_arm, reduced_by = (
+            table[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)
+            for name in ("lever_arm", "reduced_by")
+        )
         boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
-        return cls(cameras, lever_arm, np.deg2rad(boresight))
+        return cls(cameras, lever_arm, reduced_by, np.deg2rad(boresight))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,14 +141,14 @@ class GivenOrientations:
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
 
     def _at_the_antenna(self, reduced: Bools) -> Self:
-        """The same with the known lever arms added to the positions (n,) that were reduced by them.
+        """The same with the lever arms added to the positions (n,) that were reduced by them.
 
         Raises
         ------
         InputError
             If such a position has no attitude, with which it was reduced.
         """
-        arm = np.where(reduced[:, None], self.mountings.lever_arm[self.camera], 0.0)
+        arm = np.where(reduced[:, None], self.mountings.reduced_by[self.camera], 0.0)
         if not arm.any():
             return self
         unknown = arm.any(axis=1) & ~self.has_attitude

@@ -92,6 +92,11 @@ class CameraInput(Settings):
         description="Known lever arm from the projection centre to the point the positions are of, body "
         "axes (forward, right, down), m: the initial value if it is free, else fixed.",
     )
+    reduced_by_m: Triple | None = Field(
+        default=None,
+        description='Lever arm by which a delivery with `position = "projection_centre"` was reduced, m. Left '
+        "out: `lever_arm_m` as it stands here, also where the registry gives another one.",
+    )
     boresight_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),
         description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial "

@@ -49,6 +49,10 @@ CAMERAS = TableSchema(
             for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
         ),
         *(
+            number(f"reduced_by_{axis}_m", "m", f"lever arm of reduced positions, {way}")
+            for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
+        ),
+        *(
             number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
