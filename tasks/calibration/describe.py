@@ -102,8 +102,13 @@ def describe_calibration(
     of_flight = _with_held(of_flight, held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
     by_height = flights_by_height(images, pattern)
-    if by_height is not None and any(
-        item.parameter == "focal_length" and item.verdict == "not_determinable" for item in verdicts.values()
+    if (
+        by_height is not None
+        and "gnss_shift" in settings.free
+        and any(
+            item.parameter == "focal_length" and item.verdict == "not_determinable"
+            for item in verdicts.values()
+        )
     ):
         of_flight = of_flight.beside((by_height,), ())
     material = _Material(

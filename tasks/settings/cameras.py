@@ -94,8 +94,8 @@ class CameraInput(Settings):
     )
     reduced_by_m: Triple | None = Field(
         default=None,
-        description='Lever arm by which a delivery with `position = "projection_centre"` was reduced, m. Left '
-        "out: `lever_arm_m` as it stands here, also where the registry gives another one.",
+        description="Lever arm by which positions of the projection centre were reduced, m. Left out: "
+        "`lever_arm_m` as it stands here, also where the registry gives another one.",
     )
     boresight_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),

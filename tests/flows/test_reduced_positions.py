@@ -74,6 +74,19 @@ def test_what_was_reduced_is_undone_whatever_is_mixed(delivery: Path) -> None:
         np.testing.assert_allclose(found[name][2]["z_m"], centres["z_m"], atol=1e-4)
 
 
+def test_a_lever_arm_that_was_calibrated_on_reduced_positions_is_applied(delivery: Path) -> None:
+    """As the registry gives it: the delivery was reduced by none, and all of the arm is left over."""
+    left = ("cameras.UCE-80.reduced_by_m=[0,0,0]", HELD)
+    known = run(delivery, "known", ("exposures.csv", "projection_centre"), more=left)
+    antenna = run(delivery, "held", ("exposures.csv", "antenna"), more=(HELD,))
+    for outcome in (known, antenna):
+        assert outcome.error is None, outcome.error
+    found, expected = (
+        json.loads((outcome.directory / "summary.json").read_text())["sigma0"] for outcome in (known, antenna)
+    )
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_wrong_word_for_the_position_is_noticed(delivery: Path) -> None:
     """The arm is taken off twice: the tests of the model name it."""
     outcome = run(delivery, "wrong", ("reduced.csv", "antenna"), more=(HELD,))
