@@ -21,6 +21,7 @@ def plan_of_project(
     data: Path | None = None,
     *,
     free: tuple[FreeParameter, ...] | None = None,
+    additional: str | None = None,
     strip_bias_m: float | None = None,
     propose: bool = True,
 ) -> CalibrationPlan:
@@ -33,7 +34,7 @@ def plan_of_project(
     """
     project = with_registered_cameras(load_project(Path(source), overrides, data))
     settings = project.adjustment
-    request = PlanRequest.of(project.calibration, settings, free, strip_bias_m)
+    request = PlanRequest.of(project.calibration, settings, free, additional, strip_bias_m)
     # A plan leaves nothing behind.
     with tempfile.TemporaryDirectory(prefix="aerocal-plan-") as folder:
         store = Store.of(Path(folder))

@@ -18,6 +18,7 @@ def plan_of_specification(
     _data: Path | None = None,
     *,
     free: tuple[FreeParameter, ...] | None = None,
+    additional: str | None = None,
     strip_bias_m: float | None = None,
     propose: bool = True,
 ) -> CalibrationPlan:
@@ -30,6 +31,6 @@ def plan_of_specification(
     """
     simulation = load_simulation(source, overrides)
     calibration = simulation.calibration or CalibrationSettings()
-    request = PlanRequest.of(calibration, AdjustmentSettings(), free, strip_bias_m)
+    request = PlanRequest.of(calibration, AdjustmentSettings(), free, additional, strip_bias_m)
     network = network_of_specification(simulation)
     return plan_calibration(simulation.project.name, network, request, propose=propose)

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.calibration.correlation import correlation_matrix, total_correlation
+from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
@@ -22,6 +23,7 @@ from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
     FAMILIES,
     GNSS_DRIFT,
     GNSS_STRIP_BIAS,
@@ -40,6 +42,22 @@ _LEAST_ANGLE = np.deg2rad(0.5)
 
 
 @dataclass(frozen=True, eq=False)
+class PlannedAdditional:
+    """Additional parameters to be estimated, all of them zero before.
+
+    Attributes
+    ----------
+    model : which parameters each exposure has.
+    parameters : which are free.
+    prior : what is known of them beforehand; None: nothing.
+    """
+
+    model: SelfCalibration
+    parameters: SystemParameters
+    prior: DirectObservations | None
+
+
+@dataclass(frozen=True, eq=False)
 class CalibrationModel:
     """What is estimated, and what is known of it beforehand.
 
@@ -49,12 +67,14 @@ class CalibrationModel:
     prior_sigma : family → (d,) standard deviations of its given values, SI and radians; NaN for none.
     gnss_correlation_time, ins_correlation_time : seconds that the errors of positions and attitudes last
         along a strip; None: they are independent.
+    additional : additional parameters of the cameras; None without any.
     """
 
     free: Mapping[str, tuple[int, ...]]
     prior_sigma: Mapping[str, Floats]
     gnss_correlation_time: float | None = None
     ins_correlation_time: float | None = None
+    additional: PlannedAdditional | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +134,18 @@ def a_priori_covariance(network: PlannedNetwork, model: CalibrationModel, thread
         columns = system.layout.columns[parameters.family.name]
         free = columns >= 0
         value[columns[free]] = parameters.values[free]
-        known = model.prior_sigma.get(parameters.family.name)
+        known = _prior_sigma(model, parameters.family.name)
         if known is not None:
             sigma[columns[free]] = np.broadcast_to(known, columns.shape)[free]
     return APriori(system.layout.border_names(), value, cofactor, sigma)
+
+
+def _prior_sigma(model: CalibrationModel, family: str) -> Floats | None:
+    """Standard deviations (e, d) or (d,) of what is known of a family beforehand; NaN where nothing is."""
+    if family != ADDITIONAL_PARAMETERS:
+        return model.prior_sigma.get(family)
+    prior = None if model.additional is None else model.additional.prior
+    return None if prior is None else prior.stochastic.sigma
 
 
 def _inverse(normal: Floats) -> Floats:
@@ -144,6 +172,8 @@ def _block(network: PlannedNetwork, model: CalibrationModel) -> Block:
         free = np.zeros(shape, dtype=bool)
         free[:, list(components)] = True
         system.append(SystemParameters(family, names, network.system.get(family.name, np.zeros(shape)), free))
+    if model.additional is not None:
+        system.append(model.additional.parameters)
     return Block(
         network.frame,
         network.cameras,
@@ -173,6 +203,7 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
         network.image_coordinates,
         rays.sigma,
         np.ones(len(rays.image), dtype=bool),
+        self_calibration=None if model.additional is None else model.additional.model,
     )
     others: list[ObservationGroup] = []
     if len(control.point):
@@ -185,6 +216,8 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
         others.append(_positions(network, block, model))
     if exposures.attitude_observed.any():
         others.append(_attitudes(network, block, model))
+    if model.additional is not None and model.additional.prior is not None:
+        others.append(model.additional.prior)
     return Observations(image_points, (*others, *_priors(block, model)))
 
 

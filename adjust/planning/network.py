@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.camera.additional.base import ImageFormat
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from adjust.geometry.earth import LocalFrame
@@ -101,6 +102,7 @@ class PlannedNetwork:
     exposures, rays, control : what is observed.
     object_point : (m, 3) metres, local frame.
     system : values of the interior orientation, boresight and lever arm of every camera, SI and radians.
+    formats, calibration_axes_deg : image of every camera in calibration axes, and these from image axes.
     """
 
     frame: LocalFrame
@@ -112,6 +114,8 @@ class PlannedNetwork:
     rays: PlannedRays
     control: PlannedControl
     system: Mapping[str, Floats]
+    formats: tuple[ImageFormat, ...]
+    calibration_axes_deg: tuple[int, ...]
 
     @property
     def body_from_camera(self) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
+from adjust.simulate.image_errors import image_format_of
 from adjust.simulate.truth import BlockSpecification, BlockTruth, block_truth
 
 
@@ -44,6 +45,8 @@ def simulated_network(specification: BlockSpecification) -> PlannedNetwork:
         PlannedRays(truth.image, truth.point, np.full((len(truth.image), 2), noise.image)),
         _control(truth, np.array(noise.control)),
         {name: truth.state.system[name] for name in names},
+        tuple(image_format_of(specification.image_errors, camera) for camera in specification.cameras),
+        (0,) * len(specification.cameras),
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Bools, Floats
-from adjust.camera.additional.base import Tiles
+from adjust.camera.additional.base import ImageFormat, Tiles
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
 from adjust.camera.additional.correction import correction
 from adjust.camera.additional.effect import effects
@@ -116,20 +116,30 @@ def image_errors_of(
     # RMS over the shifted tiles (corners) of the length in one coordinate.
     tiles *= specification.tile_shift / np.sqrt(np.sum(tiles**2) / 16.0)
     corners *= specification.corner / np.sqrt(np.mean(corners**2))
-    seams = half / 3.0 if specification.seams is None else np.array(specification.seams)
-    parameters, values = _additional(specification, camera, seams)
+    seams = _seams(specification, camera)
+    parameters, values = _additional(specification, image_format_of(specification, camera))
     of_parameters = max((abs(size) for _, size in specification.additional), default=0.0)
     jump = float(np.abs(tiles).max()) + len(values) * of_parameters
     reach = 2.0 * jump + _SETTLED if jump > 0.0 else -1.0
     return ImageErrors(half, specification.radial, seams, tiles, corners, parameters, values, reach)
 
 
+def _seams(specification: ImageErrorSpecification, camera: FrameCamera) -> Floats:
+    if specification.seams is None:
+        return np.asarray(np.array(camera.half_format) / 3.0)
+    return np.array(specification.seams)
+
+
+def image_format_of(specification: ImageErrorSpecification, camera: FrameCamera) -> ImageFormat:
+    """The image of a camera with the seams of its tiles; calibration axes are image axes."""
+    x, y = (float(seam) for seam in _seams(specification, camera))
+    return format_in_calibration_axes(camera.half_format, 0, Tiles((-x, x), (-y, y)))
+
+
 def _additional(
-    specification: ImageErrorSpecification, camera: FrameCamera, seams: Floats
+    specification: ImageErrorSpecification, image_format: ImageFormat
 ) -> tuple[AdditionalParameters, Floats]:
-    """The additional parameters of a camera with the seams of its tiles, and values of the given effects."""
-    tiles = Tiles((-float(seams[0]), float(seams[0])), (-float(seams[1]), float(seams[1])))
-    image_format = format_in_calibration_axes(camera.half_format, 0, tiles)
+    """The additional parameters of a camera and the values that have the given effects."""
     sizes = {
         name: size
         for selection, size in specification.additional

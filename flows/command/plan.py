@@ -28,6 +28,16 @@ def plan(
             show_default="calibration.free of the file",
         ),
     ] = None,
+    additional: Annotated[
+        str | None,
+        typer.Option(
+            "--additional",
+            metavar="SELECTION",
+            help="Additional parameters to be calibrated, too, e.g. [bold]bluh:1-12[/bold]; "
+            "[bold]none[/bold] for none.",
+            show_default="adjustment.self_calibration.parameters of a project",
+        ),
+    ] = None,
     strip_bias: Annotated[
         float | None,
         typer.Option(
@@ -73,6 +83,8 @@ def plan(
 
       aerocal plan my-flight.toml --free boresight,lever_arm
 
+      aerocal plan uce-calibration --additional brown:K1,K2
+
       aerocal plan project.toml --set calibration.limits.focal_length_um=1
 
     What limits a calibration, and nine flight patterns side by side: docs/plan.md
@@ -81,5 +93,5 @@ def plan(
     """
     from flows.command.plan_execution import PlanOptions, execute_plan
 
-    options = PlanOptions(source, free, strip_bias, tuple(overrides or ()), data, proposals)
+    options = PlanOptions(source, free, additional, strip_bias, tuple(overrides or ()), data, proposals)
     end_with(lambda: execute_plan(options, as_json=json))

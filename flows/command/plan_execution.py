@@ -11,7 +11,7 @@ from rich.console import Console
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.plan_table import plan_table
 from flows.command.progress import show_progress
-from tasks.planning.free_names import free_from_text
+from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
 from tasks.planning.plan_json import plan_json
 from tasks.settings.load import is_project_file
@@ -26,6 +26,7 @@ class PlanOptions:
     ----------
     source : preset, specification or project file.
     free : names separated by commas; None: the default.
+    additional : selection of additional parameters; None: that of the project.
     strip_bias : metres; None: the default, or the project's.
     overrides : texts ``a.b.c=VALUE``.
     data : a second folder for relative input paths of a project.
@@ -34,6 +35,7 @@ class PlanOptions:
 
     source: str
     free: str | None
+    additional: str | None
     strip_bias: float | None
     overrides: tuple[str, ...]
     data: Path | None
@@ -60,6 +62,7 @@ def execute_plan(options: PlanOptions, *, as_json: bool) -> int:
         options.overrides,
         options.data,
         free=free,
+        additional=None if options.additional is None else selection_from_text(options.additional),
         strip_bias_m=options.strip_bias,
         propose=options.proposals,
     )

@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adjust.camera.additional.selection import NOTHING
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.quantities import written_sigma
 from tasks.planning.addition_words import addition_words
@@ -31,7 +32,7 @@ def plan_table(plan: CalibrationPlan) -> RenderableType:
     rules = [reason for reason in here.flight.reasons if not _is_of_quantity(reason, here)]
     needs = [f"{item}: {item.because}" for item in here.quantities if item.verdict != "determined"]
     parts += _sentences("Why", [*rules, *needs], "red")
-    parts += _sentences("Remarks", here.flight.remarks, "yellow")
+    parts += _sentences("Remarks", [*here.flight.remarks, *_about_elimination(plan)], "yellow")
     if plan.proposals:
         parts += [Text(), _proposals(plan), Text(), _cheapest(plan)]
     return Group(*parts)
@@ -40,6 +41,16 @@ def plan_table(plan: CalibrationPlan) -> RenderableType:
 def _is_of_quantity(reason: str, here: Expectation) -> bool:
     """Whether a reason is said of a quantity; the table has those."""
     return any(reason.startswith(f"{item} is ") for item in here.quantities)
+
+
+def _about_elimination(plan: CalibrationPlan) -> list[str]:
+    settings = plan.request.self_calibration
+    if settings.parameters == NOTHING or settings.elimination == "none":
+        return []
+    return [
+        f"All of {settings.parameters} count as estimated. Those that turn out not to be significant are "
+        "eliminated; the σ of the others then become smaller."
+    ]
 
 
 def _network(here: Expectation, strip_bias: float) -> Table:
@@ -58,7 +69,7 @@ def _quantities(here: Expectation) -> Table:
     table = _titled("Expected standard deviations")
     table.add_column("parameter", no_wrap=True)
     table.add_column("entity", overflow="fold")
-    for column in ("σ", "limit", "σ/σ_prior"):
+    for column in ("σ", "limit", "σ/prior"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     units = here.parameters.set_index(["parameter", "entity"])["unit"]

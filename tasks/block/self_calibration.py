@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.camera.additional.base import ImageFormat, Tiles
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
 from adjust.camera.additional.effect import effects
@@ -25,6 +26,22 @@ from tasks.settings.self_calibration import SelfCalibrationSettings
 
 _MM = 1e-3
 _UM = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedImages:
+    """Which camera took each of n images in which flight.
+
+    Attributes
+    ----------
+    cameras, flights : names.
+    camera, flight : (n,) index into them.
+    """
+
+    cameras: tuple[str, ...]
+    camera: Ints
+    flights: tuple[str, ...]
+    flight: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +96,24 @@ def block_self_calibration(
         _corrections(row, settings.parameters, tuple(values))
         for row, values in zip(cameras.to_dict("records"), known, strict=True)
     ]
+    images = CalibratedImages(given.mountings.names, given.camera, given.flights, given.flight_of_image)
+    return self_calibration_of(images, of_camera, known, settings)
+
+
+def self_calibration_of(
+    images: CalibratedImages,
+    of_camera: Sequence[AdditionalParameters],
+    known: Sequence[Mapping[str, float]],
+    settings: SelfCalibrationSettings,
+) -> BlockSelfCalibration:
+    """The additional parameters of images whose cameras have them.
+
+    Parameters
+    ----------
+    of_camera, known : of every camera its parameters, and the values that are given of them.
+    """
     free_names = set(_names_of(settings.parameters))
-    entities, camera_of_entity, entity_of_image = _entities(given, settings.per)
+    entities, camera_of_entity, entity_of_image = _entities(images, settings.per)
     units = {n: u for item in of_camera for n, u in zip(item.names, item.units, strict=True)}
     names = tuple(units)
     values = np.zeros((len(entities), len(names)))
@@ -114,13 +147,28 @@ def _corrections(
     """All parameters of one camera: those selected, then those it brings along besides."""
     besides = tuple(name for name in known if name not in _names_of(selection))
     turn = int(str(camera["calibration_axes_deg"]))
+    return additional_parameters_of(
+        str(camera["camera"]), selection, image_format_of(camera, turn), turn, besides
+    )
+
+
+def additional_parameters_of(
+    camera: str, selection: str, image_format: ImageFormat, turn_deg: int, besides: tuple[str, ...] = ()
+) -> AdditionalParameters:
+    """The selected parameters of a camera, then those it brings along besides.
+
+    Raises
+    ------
+    InputError
+        If the camera cannot have them.
+    """
     try:
-        return additional_parameters(selection, image_format_of(camera, turn), turn, besides)
+        return additional_parameters(selection, image_format, turn_deg, besides)
     except AdditionalParametersError as error:
         raise InputError(
             f"The additional parameters cannot be used with this camera: {error}",
             "Choose others in adjustment.self_calibration, or complete the camera.",
-            entity=f"camera {camera['camera']}",
+            entity=f"camera {camera}",
         ) from error
 
 
@@ -141,13 +189,12 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
     return format_in_calibration_axes(half, turn, tiles)
 
 
-def _entities(given: GivenOrientations, per: str) -> tuple[tuple[str, ...], tuple[int, ...], np.ndarray]:
+def _entities(images: CalibratedImages, per: str) -> tuple[tuple[str, ...], tuple[int, ...], Ints]:
     """Names of the entities, the camera of each, and the entity of every image."""
-    names = given.mountings.names
+    names, flights = images.cameras, images.flights
     if per == "camera":
-        return names, tuple(range(len(names))), given.camera
-    flights = given.flights
-    pairs = given.camera * len(flights) + given.flight_of_image
+        return names, tuple(range(len(names))), images.camera
+    pairs = images.camera * len(flights) + images.flight
     present, entity_of_image = np.unique(pairs, return_inverse=True)
     cameras = tuple(int(pair) // len(flights) for pair in present)
     entities = tuple(

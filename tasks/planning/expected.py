@@ -15,8 +15,8 @@ def expected_parameters(expected: APriori) -> pd.DataFrame:
     """The free parameters with the columns of parameters.parquet; nothing is estimated, so no change."""
     own_part = expected.own_part
     rows = []
-    for k, (parameter, entity, _) in enumerate(expected.names):
-        unit, factor = _unit(parameter)
+    for k, (parameter, entity, own_unit) in enumerate(expected.names):
+        unit, factor = _unit(parameter, own_unit)
         sigma, prior = float(expected.sigma[k]), float(expected.prior_sigma[k])
         status = "not_significant"
         if own_part[k] < INSEPARABLE:
@@ -55,9 +55,9 @@ def expected_correlations(expected: APriori) -> pd.DataFrame:
     )
 
 
-def _unit(parameter: str) -> tuple[str, float]:
-    """Unit of a parameter in the tables and the factor from SI and radians."""
+def _unit(parameter: str, own_unit: str) -> tuple[str, float]:
+    """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
     for family in FAMILIES.values():
         if parameter in family.components:
             return reported_unit(family, family.components.index(parameter))
-    raise KeyError(parameter)
+    return own_unit, 1.0

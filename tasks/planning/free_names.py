@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import cast, get_args
 
+from adjust.camera.additional.register import REGISTER
+from adjust.camera.additional.selection import selected
+from adjust.errors import AdditionalParametersError
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.settings.adjustment import FreeParameter
@@ -25,3 +28,22 @@ def free_from_text(text: str) -> tuple[FreeParameter, ...]:
     if not names:
         raise InputError("--free names no parameter.", f"Name some of: {', '.join(known)}.")
     return cast(tuple[FreeParameter, ...], tuple(names))
+
+
+def selection_from_text(text: str) -> str:
+    """A selection of additional parameters, as in `adjustment.self_calibration.parameters`.
+
+    Raises
+    ------
+    InputError
+        If the register does not know it.
+    """
+    try:
+        selected(text, REGISTER)
+    except AdditionalParametersError as error:
+        raise InputError(
+            f"The additional parameters '{text}' are not known: {error}",
+            'Write for example "bluh:1-12"; docs/additional-parameters.md lists all sets.',
+            entity="--additional",
+        ) from error
+    return text.strip()

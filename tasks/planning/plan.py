@@ -135,7 +135,7 @@ def plan_calibration(
 
 def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
     try:
-        expected = a_priori_covariance(network, request.model())
+        expected = a_priori_covariance(network, request.model(network))
     except AdjustmentError as error:
         raise NotComputableError(str(error)) from error
     pattern = _pattern(network)

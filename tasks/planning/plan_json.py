@@ -20,6 +20,7 @@ def plan_json(plan: CalibrationPlan) -> JSON:
         "reasons": list(here.flight.reasons),
         "remarks": list(here.flight.remarks),
         "free": list(plan.request.free),
+        "additional": plan.request.self_calibration.parameters,
         "strip_bias_m": plan.request.strip_bias_m,
         "limits": plan.request.limits.model_dump(mode="json"),
         "network": {

@@ -11,6 +11,7 @@ from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNet
 from tasks.approximate import USED, oriented_images
 from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.self_calibration import image_format_of
 from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
@@ -47,7 +48,8 @@ def network_of_project(
     """
     map_frame, measured = MapFrame.of(project.crs, project.heights), read_table(image_points)
     approximate = read_table(approximate_points)
-    given, frame, _ = oriented_images(read_table(exposures), read_table(cameras), measured, map_frame)
+    camera_table = read_table(cameras)
+    given, frame, _ = oriented_images(read_table(exposures), camera_table, measured, map_frame)
     require_motion(given, adjustment.model_copy(update={"free": free}))
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
@@ -55,6 +57,8 @@ def network_of_project(
     rays, _ = image_point_observations(measured, given.image, names, given.camera)
     surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
     mountings = given.mountings
+    rows = camera_table.set_index("camera").loc[list(mountings.names)].reset_index().to_dict("records")
+    turns = tuple(int(row["calibration_axes_deg"]) for row in rows)
     interior = np.array([[camera.focal_length, *camera.principal_point] for camera in mountings.cameras])
     return PlannedNetwork(
         frame,
@@ -66,6 +70,8 @@ def network_of_project(
         PlannedRays(rays.image, rays.point, rays.sigma),
         _control(names, surveyed, "control" in adjustment.observe),
         {INTERIOR_ORIENTATION: interior, BORESIGHT: mountings.boresight, LEVER_ARM: mountings.lever_arm},
+        tuple(image_format_of(row, turn) for row, turn in zip(rows, turns, strict=True)),
+        turns,
     )
 
 

@@ -6,10 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from adjust.planning.a_priori import CalibrationModel
+from adjust.camera.additional.selection import NOTHING
+from adjust.planning.a_priori import CalibrationModel, PlannedAdditional
+from adjust.planning.network import PlannedNetwork
 from tasks.block.block_input import FREE_FAMILIES, prior_sigmas
+from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
+from tasks.settings.self_calibration import SelfCalibrationSettings
 
 _STRIP_BIAS: FreeParameter = "gnss_strip_bias"
 #: So little is known beforehand that σ/σ_prior tells what the flight adds.
@@ -22,6 +26,8 @@ WEAK_PRIORS = Priors(
     gnss_drift_m_s=(1.0, 1.0, 1.0),
     time_offset_s=1.0,
 )
+#: The same for additional parameters: their largest effect in the image, µm.
+WEAK_EFFECT_UM = 1000.0
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,8 @@ class PlanRequest:
     priors : what is known beforehand; what is not given there is hardly known (`WEAK_PRIORS`).
     limits : of an accepted flight.
     gnss_correlation_s, ins_correlation_s : correlation times of the errors within a strip, s.
+    self_calibration : additional parameters to estimate; all of them, as before those that are not
+        significant are eliminated.
     """
 
     free: tuple[FreeParameter, ...]
@@ -43,6 +51,7 @@ class PlanRequest:
     limits: AcceptanceLimits = field(default_factory=AcceptanceLimits)
     gnss_correlation_s: float | None = None
     ins_correlation_s: float | None = None
+    self_calibration: SelfCalibrationSettings = field(default_factory=SelfCalibrationSettings)
 
     @classmethod
     def of(
@@ -50,10 +59,11 @@ class PlanRequest:
         calibration: CalibrationSettings,
         adjustment: AdjustmentSettings,
         free: tuple[FreeParameter, ...] | None = None,
+        additional: str | None = None,
         strip_bias_m: float | None = None,
     ) -> PlanRequest:
         """What `aerocal calibrate` would estimate with these settings, unless something else is asked for."""
-        chosen = free or calibration.free
+        chosen, own = free or calibration.free, adjustment.self_calibration
         if strip_bias_m is None:
             stated = max(adjustment.priors.gnss_strip_bias_m)
             strip_bias_m = stated if _STRIP_BIAS in (*chosen, *calibration.free) else 0.0
@@ -64,6 +74,7 @@ class PlanRequest:
             calibration.limits,
             adjustment.gnss_correlation_s,
             adjustment.ins_correlation_s,
+            own if additional is None else own.model_copy(update={"parameters": additional}),
         )
 
     @property
@@ -71,8 +82,14 @@ class PlanRequest:
         """All that is free, biases of the strips included."""
         return (*self.free, _STRIP_BIAS) if self.strip_bias_m > 0.0 else self.free
 
-    def model(self) -> CalibrationModel:
-        """The same in terms of the adjustment."""
+    def model(self, network: PlannedNetwork) -> CalibrationModel:
+        """The same in terms of the adjustment of a network.
+
+        Raises
+        ------
+        InputError
+            If a camera cannot have the additional parameters.
+        """
         free: dict[str, tuple[int, ...]] = {}
         for name in self.estimated:
             family, components = FREE_FAMILIES[name]
@@ -80,4 +97,28 @@ class PlanRequest:
         given = {key: value for key, value in self.priors.model_dump().items() if value is not None}
         bias = max(self.strip_bias_m, np.finfo(float).tiny)
         known = WEAK_PRIORS.model_copy(update={**given, "gnss_strip_bias_m": (bias, bias, bias)})
-        return CalibrationModel(free, prior_sigmas(known), self.gnss_correlation_s, self.ins_correlation_s)
+        return CalibrationModel(
+            free,
+            prior_sigmas(known),
+            self.gnss_correlation_s,
+            self.ins_correlation_s,
+            self._additional(network),
+        )
+
+    def _additional(self, network: PlannedNetwork) -> PlannedAdditional | None:
+        settings = self.self_calibration
+        if settings.parameters == NOTHING:
+            return None
+        cameras = tuple(camera.name for camera in network.cameras)
+        of_camera = [
+            additional_parameters_of(name, settings.parameters, image_format, turn)
+            for name, image_format, turn in zip(
+                cameras, network.formats, network.calibration_axes_deg, strict=True
+            )
+        ]
+        exposures = network.exposures
+        images = CalibratedImages(cameras, exposures.camera, network.flights, exposures.flight)
+        found = self_calibration_of(images, of_camera, [{}] * len(cameras), settings)
+        return PlannedAdditional(
+            found.model, found.parameters, found.prior(settings.sigma_um or WEAK_EFFECT_UM)
+        )

@@ -14,7 +14,7 @@ from flows.command.plan_execution import PlanOptions, execute_plan
 from flows.project_plan import plan_of_project
 from flows.specification_plan import plan_of_specification
 from tasks.errors import InputError, NotComputableError
-from tasks.planning.free_names import free_from_text
+from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
@@ -248,7 +248,8 @@ def test_a_project_without_strips_cannot_have_an_error_common_to_a_strip(tmp_pat
 
 def options(source: str, **changes: Any) -> PlanOptions:
     defaults: dict[str, Any] = {
-        "free": None, "strip_bias": None, "overrides": (), "data": None, "proposals": True,
+        "free": None, "additional": None, "strip_bias": None, "overrides": (), "data": None,
+        "proposals": True,
     }  # fmt: skip
     return PlanOptions(source, **{**defaults, **changes})
 
@@ -279,6 +280,31 @@ def test_the_screen_shows_verdict_reasons_and_proposal(capsys: pytest.CaptureFix
     ):
         assert words in shown
     assert max(map(len, output.splitlines())) <= 80
+
+
+def test_additional_parameters_take_their_part_of_the_interior_orientation() -> None:
+    """P1 and P2 go with principal point and boresight."""
+    without, given = sigmas(planned(2)), planned(2, additional="brown:K1,K2,P1,P2")
+    table = given.expectation.parameters.set_index("parameter")["sigma"]
+    assert {"brown:K1", "brown:K2", "brown:P1", "brown:P2"} <= set(table.index)
+    assert table["principal_point_x"] * 1e3 > 1.1 * without["principal_point_x"]
+    assert table["boresight_roll"] * 1e3 > 1.4 * without["boresight_roll"]
+    verdicts = {item.parameter: item.verdict for item in given.expectation.quantities}
+    assert verdicts["boresight_roll"] == "weak"
+
+
+def test_proposals_hold_with_additional_parameters() -> None:
+    cheapest = planned(5, additional="brown:K1,K2,P1,P2", propose=True).cheapest
+    assert cheapest is not None
+    assert cheapest.expectation.accepted
+
+
+def test_one_distortion_in_two_units_is_not_determinable() -> None:
+    flight = planned(7, additional="brown:K1+brown_mm:K1").expectation.flight
+    assert flight.verdict == "refused"
+    assert any("brown:K1" in reason and "not determinable" in reason for reason in flight.reasons)
+    with pytest.raises(InputError, match="bluh:99"):
+        selection_from_text("bluh:99")
 
 
 def test_limits_come_from_the_file() -> None:

@@ -38,10 +38,14 @@ def test_the_focal_length_is_refused_because_one_height_cannot_tell_it_from_the_
 
 
 def test_standard_deviations_before_the_adjustment_are_those_after_it(tmp_path: Path) -> None:
-    """A posteriori σ over σ0 against the plan, which knows the geometry from intersections only."""
-    plan = plan_of_project(str(PROJECT), free=FREE, strip_bias_m=0.0, propose=False)
+    """A posteriori σ over σ0 against the plan, which knows the geometry from intersections only.
+
+    With additional parameters, all of which are kept.
+    """
+    own = ('adjustment.self_calibration={parameters="brown:K1,K2,P1,P2", elimination="none"}',)
+    plan = plan_of_project(str(PROJECT), own, free=FREE, strip_bias_m=0.0, propose=False)
     before = plan.expectation.parameters.set_index("parameter")["sigma"]
-    overrides = ('adjustment.rejection="none"', f"adjustment.free={list(FREE)}")
+    overrides = (*own, 'adjustment.rejection="none"', f"adjustment.free={list(FREE)}")
     outcome = carry_out(aerial_triangulation, RunRequest(PROJECT, tmp_path / "results", overrides))
     assert outcome.error is None, outcome.error
     assert outcome.summary.sigma0 is not None
@@ -50,3 +54,4 @@ def test_standard_deviations_before_the_adjustment_are_those_after_it(tmp_path: 
     assert set(after.index) == set(before.index)
     for name in after.index:
         assert before[name] == pytest.approx(after[name], rel=0.02)
+    assert "brown:K1" in before.index
