@@ -1,0 +1,1 @@
+"""Results for other programs: each is given what its own understanding of the world needs."""
