@@ -23,6 +23,7 @@ from tasks.summary import Summary, summary_of, write_summary
 
 PUBLISHED = (
     "images",
+    "cameras",
     "image_points",
     "exposures",
     "control_points",
@@ -46,6 +47,7 @@ PUBLISHED = (
 #: What a direct-georeferencing check without an adjustment publishes, beside what an adjustment left there.
 OF_CHECKS = (
     "images",
+    "cameras",
     "image_points",
     "exposures",
     "control_points",

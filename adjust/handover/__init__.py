@@ -1,1 +1,1 @@
-"""Orientations for programs that understand the world in another way, and how far those then are from ours."""
+"""Orientations for programs that understand the world in another way, and how far they are from ours."""

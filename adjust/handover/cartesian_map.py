@@ -5,11 +5,11 @@ Its collinearity equations hold in the map: p = Rᵀ(X − X0), q = (p_x, p_y)/p
     u = −c q (1 + k1 t² − H t²/(2R)),    t = |q|,    H = Z0 − Z,
 
 the last term only where it corrects the curvature of the earth (radius R; measured coordinates times
-1 + H t²/(2R) are those of a flat world), k1 where it takes a radial term of the camera. Refraction, where it has a
-model of its own, is left to it: the rays here are straight.
+1 + H t²/(2R) are those of a flat world), k1 where it takes a radial term of the camera. Refraction, where it
+has a model of its own, is left to it: the rays here are straight.
 
-The world of a map is none: the scale of the projection differs from that of heights, and the ground is flat. What a
-wrong world does to orientations and ground: Ressl (2002), Legat (2006).
+The world of a map is none: the scale of the projection differs from that of heights, and the ground is flat.
+What a wrong world does to orientations and ground: Ressl (2002), Legat (2006).
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def derivatives(world: CartesianMap, pose: Pose, ground: Floats) -> tuple[Floats
 
     Returns
     -------
-    by the orientation (n, k, 2, 6): centre, then a small rotation in the camera frame, R ← R exp(δ); by focal length
-    and k1 (n, k, 2, 2).
+    by the orientation (n, k, 2, 6): centre, then a small rotation in the camera frame, R ← R exp(δ); by focal
+    length and k1 (n, k, 2, 2).
     """
     p = _in_camera(pose, ground)
     z = p[..., 2:]

@@ -2,10 +2,10 @@
 
     row_n = Σ a_i m_i(P, L, H) / Σ b_i m_i(P, L, H),   b_1 = 1,
 
-with latitude P, longitude L and ellipsoidal height H, all scaled to −1 … 1, and the twenty monomials of the standard
-(STDI-0002, appendix E). The ratio is fitted linearly, row · denominator = numerator, each equation divided by the
-denominator found before (Tao and Hu, 2001); a small ridge keeps terms apart that a frame image does not tell from each
-other.
+with latitude P, longitude L and ellipsoidal height H, all scaled to −1 … 1, and the twenty monomials of the
+standard (STDI-0002, appendix E). The ratio is fitted linearly, row · denominator = numerator, each equation
+divided by the denominator found before (Tao and Hu, 2001); a small ridge keeps terms apart that a frame image
+does not tell from each other.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def fit_rational_polynomials(ground: Floats, image: Floats) -> RationalPolynomia
 
     Parameters
     ----------
-    ground : (n, 3) latitude, longitude in degrees, ellipsoidal height in metres; spread over the image and over all
-        heights that it will be used for.
+    ground : (n, 3) latitude, longitude in degrees, ellipsoidal height in metres; spread over the image and
+        over all heights that it will be used for.
     image : (n, 2) row and column.
     """
     ground_offset, ground_scale = _centred(ground)

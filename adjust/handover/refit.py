@@ -1,12 +1,13 @@
 """Orientations fitted anew to a program that takes the map as Cartesian.
 
-Every image has a grid of ideal image points and, for each, where it really sees the ground, in map coordinates. The
-six elements of its orientation, and where the program takes our camera one focal length and one k1 for all images
-of a camera, are those with the smallest sum of squared differences in the image (Gauss–Newton; orientations are
-eliminated first). What is left is the error of the program's model, nothing random.
+Every image has a grid of ideal image points and, for each, where it really sees the ground, in map
+coordinates. The six elements of its orientation, and where the program takes our camera one focal length and
+one k1 for all images of a camera, are those with the smallest sum of squared differences in the image
+(Gauss–Newton; orientations are eliminated first). What is left is the error of the program's model, nothing
+random.
 
-The orientations are then no positions of the camera any more: the height moves by up to a metre for each 1,000 m
-above ground.
+The orientations are then no positions of the camera any more: the height moves by up to a metre for each
+1,000 m above ground.
 """
 
 from __future__ import annotations
@@ -55,12 +56,12 @@ class Refitted:
     @property
     def rms(self) -> Floats:
         """(n,) of the lengths in each image, metres."""
-        return np.sqrt(np.mean(np.sum(self.residual**2, axis=-1), axis=-1))
+        return np.asarray(np.sqrt(np.mean(np.sum(self.residual**2, axis=-1), axis=-1)))
 
     @property
     def largest(self) -> Floats:
         """(n,) length in each image, metres."""
-        return np.sqrt(np.max(np.sum(self.residual**2, axis=-1), axis=-1))
+        return np.asarray(np.sqrt(np.max(np.sum(self.residual**2, axis=-1), axis=-1)))
 
 
 def refit(
@@ -133,6 +134,4 @@ def _step(
 
 
 def _only(pose: Pose, part: slice) -> Pose:
-    return Pose(
-        pose.centre[part], pose.map_from_camera[part], pose.focal_length[part], pose.radial[part]
-    )
+    return Pose(pose.centre[part], pose.map_from_camera[part], pose.focal_length[part], pose.radial[part])

@@ -10,6 +10,7 @@ from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.clean import clean
 from flows.command.doctor import doctor
+from flows.command.export import export
 from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
@@ -57,6 +58,7 @@ app.command()(simulate)
 app.command()(plan)
 app.command()(sweep)
 app.command()(batch)
+app.command()(export)
 app.command()(figures)
 app.command()(fetch)
 app.command()(flight_check)

@@ -1,15 +1,16 @@
-"""Where oriented images really see the ground: through the Cartesian frame of the adjustment, into the map."""
+"""Where oriented images really see the ground: through the Cartesian frame of the adjustment."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.camera.refraction import refraction_coefficient, straight_image_points
 from adjust.handover.cartesian_map import Pose
 from tasks.coordinates.crs import MapFrame
-from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map, map_from_local
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 
 # The height along a ray is straight but for the curvature of the earth: each round gains five digits.
 _ROUNDS = 3
@@ -29,6 +30,7 @@ class OrientedImages:
     focal_length : (cameras,) metres.
     half_format : (cameras, 2) half the sides of the image, metres.
     pixel_size : (cameras,) metres.
+    refracted : whether the rays are bent by the atmosphere, as the adjustment took them.
     """
 
     names: tuple[str, ...]
@@ -40,6 +42,18 @@ class OrientedImages:
     focal_length: Floats
     half_format: Floats
     pixel_size: Floats
+    refracted: bool = False
+
+    def only(self, index: int) -> OrientedImages:
+        """One of the images."""
+        one = slice(index, index + 1)
+        return replace(
+            self,
+            names=self.names[one],
+            camera=self.camera[one],
+            projection_centre=self.projection_centre[one],
+            local_from_camera=self.local_from_camera[one],
+        )
 
     @property
     def map_pose(self) -> Pose:
@@ -61,22 +75,33 @@ class OrientedImages:
         return np.asarray(unit * self.half_format[self.camera][:, None])
 
     def ground(self, ideal: Floats, height: Floats) -> Floats:
-        """Where ideal image points (n, k, 2) see the ground at map heights (n, k): (n, k, 3) map coordinates."""
-        c = np.broadcast_to(self.focal_length[self.camera][:, None, None], (*ideal.shape[:2], 1))
-        ray = np.einsum("nij,nkj->nki", self.local_from_camera, np.concatenate([ideal, -c], axis=-1))
-        centre = self.projection_centre[:, None]
+        """Map coordinates (n, k, 3) where ideal image points (n, k, 2) see the ground at heights (n, k)."""
         axes = np.asarray(self.frame.local_from_enu(self.projection_centre))
+        start = self._on_map(self.projection_centre)[:, 2:]
+        straight = self._straight(ideal, axes[:, :, 2], start, height) if self.refracted else ideal
+        c = np.broadcast_to(self.focal_length[self.camera][:, None, None], (*ideal.shape[:2], 1))
+        ray = np.einsum("nij,nkj->nki", self.local_from_camera, np.concatenate([straight, -c], axis=-1))
         rise = np.einsum("ni,nki->nk", axes[:, :, 2], ray)
-        start = map_from_local(self.map_frame, self.frame, self.projection_centre)[:, 2]
-        along = (height - start[:, None]) / rise
+        centre, along = self.projection_centre[:, None], (height - start) / rise
         for _ in range(_ROUNDS):
             reached = self._on_map(centre + along[..., None] * ray)
             along = along + (height - reached[..., 2]) / rise
         return self._on_map(centre + along[..., None] * ray)
 
-    def in_local(self, x_in_map: Floats) -> Floats:
-        """Local coordinates (…, 3) of map coordinates."""
-        return local_from_map(self.map_frame, self.frame, x_in_map.reshape(-1, 3)).reshape(x_in_map.shape)
+    def _straight(self, ideal: Floats, up: Floats, above: Floats, height: Floats) -> Floats:
+        """Ideal image points (n, k, 2) of the straight rays from the ground, without refraction."""
+        k = ideal.shape[1]
+        interior = np.zeros((len(self.camera), 3))
+        interior[:, 0] = self.focal_length[self.camera]
+        coefficient = refraction_coefficient(np.repeat(above, k, axis=1), height)
+        flat = straight_image_points(
+            ideal.reshape(-1, 2),
+            np.repeat(interior, k, axis=0),
+            np.repeat(self.local_from_camera, k, axis=0),
+            np.repeat(up, k, axis=0),
+            coefficient.ravel(),
+        )
+        return flat.reshape(ideal.shape)
 
     def _on_map(self, x_in_local: Floats) -> Floats:
         flat = map_from_local(self.map_frame, self.frame, x_in_local.reshape(-1, 3))

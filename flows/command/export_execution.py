@@ -1,0 +1,52 @@
+"""Carry out ``aerocal export`` and say what was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast, get_args
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from flows.command.exit_code import DONE
+from tasks.errors import InputError
+from tasks.handover.delivery import AngleOrder, Angles, AngleUnit
+from tasks.handover.export import export_results
+from tasks.handover.formats.register import REGISTER
+from tasks.nearest_name import did_you_mean
+
+
+def list_formats() -> int:
+    """All formats with what they are for."""
+    table = Table("format", "what", "usual kind", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    for item in REGISTER.values():
+        table.add_row(item.name, item.meaning, item.world)
+    console = Console()
+    console.print(table)
+    console.print("Write one with: aerocal export RESULTS --to FORMAT")
+    return DONE
+
+
+def write_export(
+    results: Path, to: str, out: Path | None, world: str | None, order: str, unit: str, *, force: bool
+) -> int:
+    """Write and show the statement; wrong input leaves as an InputError."""
+    angles = Angles(
+        cast(AngleOrder, _one_of(order, get_args(AngleOrder), "--angles")),
+        cast(AngleUnit, _one_of(unit, get_args(AngleUnit), "--unit")),
+    )
+    written = export_results(results, to, out, world, angles, force=force)
+    console = Console()
+    console.print(Text(written.statement))
+    count = len(written.files)
+    shown = ", ".join(written.files[:4]) + (f" and {count - 4} more" if count > 4 else "")
+    console.print(Text(f"{shown} and HANDOVER.txt are in {written.folder}."), soft_wrap=True)
+    return DONE
+
+
+def _one_of(text: str, known: tuple[str, ...], option: str) -> str:
+    if text not in known:
+        raise InputError(f"'{text}' is not known.", did_you_mean(text, list(known)), entity=option)
+    return text

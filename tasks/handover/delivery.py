@@ -1,0 +1,86 @@
+"""What a writer gets: orientations and cameras as one kind of program takes them, and what a format is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import pandas as pd
+
+from adjust.handover.refit import Freed
+from tasks.handover.receiver import HandedOver, World
+from tasks.handover.results import Results
+
+AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa"]
+AngleUnit: TypeAlias = Literal["deg", "gon", "rad"]
+
+
+@dataclass(frozen=True)
+class Angles:
+    """An angle system: R = R_x(ω) R_y(φ) R_z(κ) or R = R_y(φ) R_x(ω) R_z(κ)."""
+
+    order: AngleOrder = "omega-phi-kappa"
+    unit: AngleUnit = "deg"
+
+
+@dataclass(frozen=True, eq=False)
+class Delivery:
+    """A block to be written.
+
+    Attributes
+    ----------
+    results : as adjusted.
+    handed : orientations for the kind of program.
+    angles : wanted, where a format leaves the choice.
+    """
+
+    results: Results
+    handed: HandedOver
+    angles: Angles = field(default_factory=Angles)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the images."""
+        return self.results.images.names
+
+    @property
+    def camera_names(self) -> list[str]:
+        """Name of the camera of each image."""
+        return [self.results.cameras[k].frame.name for k in self.results.images.camera]
+
+    @property
+    def sigmas(self) -> pd.DataFrame:
+        """Standard deviations of the adjustment, columns of exterior_orientations.parquet."""
+        table = self.results.orientations
+        return table[[name for name in table.columns if name.startswith("sigma_")]]
+
+
+#: Files a writer makes: name → text.
+Files: TypeAlias = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class DeliveryFormat:
+    """A format of results for other programs.
+
+    Attributes
+    ----------
+    name : on the command line.
+    meaning : one line for people.
+    world : kind of program that usually reads it; None: the format carries its own geometry.
+    worlds : kinds it can be written for.
+    freed : what programs that read it let us change of the camera.
+    write : the files.
+    read : orientations (positions, rotations world from camera) from the files, for the check of what was
+        written; None: the format carries its own geometry.
+    seen : whether files for it were checked against the software itself or real files of it.
+    """
+
+    name: str
+    meaning: str
+    world: World
+    worlds: tuple[World, ...]
+    freed: Freed
+    write: Callable[[Delivery], Files]
+    seen: bool

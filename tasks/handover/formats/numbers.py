@@ -1,0 +1,37 @@
+"""Numbers with as many digits as the accuracy of an orientation needs, and no more."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.geometry.rotation import to_omega_phi_kappa, to_phi_omega_kappa
+from tasks.handover.delivery import Angles
+
+#: Decimals of metres, of an angle (1e-7° are 0.007 mm at 4 km), of elements of a rotation.
+METRES, ANGLES, ROTATION = 4, 7, 12
+_PER_RADIAN = {"deg": 180.0 / np.pi, "gon": 200.0 / np.pi, "rad": 1.0}
+
+
+def in_angles(rotations: Floats, angles: Angles) -> Floats:
+    """(n, 3) angles of rotations world from camera (n, 3, 3), in the order their system names them."""
+    split = to_omega_phi_kappa if angles.order == "omega-phi-kappa" else to_phi_omega_kappa
+    return np.asarray(split(rotations) * _PER_RADIAN[angles.unit])
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]], separator: str = ",") -> str:
+    """Rows of texts with a header as a text file; names with separators are quoted."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, delimiter=separator, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def fixed(values: Iterable[float], decimals: int) -> list[str]:
+    """Numbers with this many decimals; never −0."""
+    return [f"{value + 0.0:.{decimals}f}" for value in np.round(np.asarray(list(values)), decimals)]

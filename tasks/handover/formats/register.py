@@ -1,0 +1,68 @@
+"""All formats in which results are handed over; a further one is a file here and a row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from adjust.handover.refit import Freed
+from tasks.handover.delivery import DeliveryFormat
+from tasks.handover.formats.eo_csv import write_eo_csv
+from tasks.handover.formats.esri import write_esri
+from tasks.handover.formats.orbit import write_orbit
+from tasks.handover.formats.patb import write_patb
+from tasks.handover.formats.rpc import write_rpc
+from tasks.handover.receiver import World
+
+_CAMERA_TOO, _POSE_ONLY = Freed(focal_length=True), Freed()
+_ANY: tuple[World, ...] = ("local", "map", "map-cartesian", "map-cartesian-curved")
+
+REGISTER: Mapping[str, DeliveryFormat] = {
+    item.name: item
+    for item in (
+        DeliveryFormat(
+            "eo-csv",
+            "table with header: image, camera, X, Y, Z, angles of any system, standard deviations",
+            "map",
+            _ANY,
+            _POSE_ONLY,
+            write_eo_csv,
+            seen=True,
+        ),
+        DeliveryFormat(
+            "patb",
+            "PATB .ori: positions and rotation matrices in fixed columns",
+            "map-cartesian",
+            _ANY,
+            _POSE_ONLY,
+            write_patb,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "esri",
+            "Frames and Cameras tables of ArcGIS",
+            "map-cartesian",
+            _ANY,
+            _CAMERA_TOO,
+            write_esri,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "orbit",
+            "Orbit 3DM: one line an image, for undistorted images",
+            "map-cartesian",
+            _ANY,
+            _POSE_ONLY,
+            write_orbit,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "rpc",
+            "rational polynomials, one _RPC.TXT an image: GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB, SNAP",
+            "rpc",
+            ("rpc",),
+            _POSE_ONLY,
+            write_rpc,
+            seen=True,
+        ),
+    )
+}

@@ -1,0 +1,175 @@
+"""Results of a run as other programs need them: oriented images, calibrated cameras, ground heights."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from adjust.arrays import Floats, Ints
+from adjust.camera.additional.correction import ideal_from_measured
+from adjust.camera.additional.register import AdditionalParameters
+from adjust.camera.additional.selection import NOTHING
+from adjust.camera.interior import FrameCamera
+from adjust.geometry.rotation import from_omega_phi_kappa
+from tasks.block.self_calibration import additional_parameters_of, image_format_of
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
+from tasks.errors import InputError
+from tasks.georeferencing.calibrated_cameras import calibrated_cameras
+from tasks.georeferencing.calibration import SurveyedControl, calibration_of
+from tasks.handover.rigorous import OrientedImages
+from tasks.importing.cameras import frame_cameras
+from tasks.settings.project import ProjectSettings
+from tasks.storage.manifest import read_manifest
+from tasks.tables import schemas
+from tasks.tables.foreign import read_foreign_table
+from tasks.tables.schemas import TableSchema
+
+_REMEDY = "Name a folder with the results of `aerocal run`."
+# Part of the tie points of an image below, at and above which the ground is taken.
+_LEVELS = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedCamera:
+    """A camera with everything that an adjustment applied to its image points but mean residuals.
+
+    Attributes
+    ----------
+    frame : format, pixels, focal length and principal point.
+    additional, values : its additional parameters, and their values.
+    """
+
+    frame: FrameCamera
+    additional: AdditionalParameters
+    values: Floats
+
+    def ideal(self, xy: Floats) -> Floats:
+        """Ideal image points (n, 2) from the principal point, of measured ones from the centre; metres."""
+        reduced = xy - np.array(self.frame.principal_point)
+        return ideal_from_measured(self.additional, self.values, reduced)
+
+    @property
+    def largest_distortion(self) -> float:
+        """Largest correction by the additional parameters over the format, metres."""
+        steps = np.linspace(-1.0, 1.0, 21)
+        xy = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * np.array(self.frame.half_format)
+        reduced = xy - np.array(self.frame.principal_point)
+        return float(np.linalg.norm(self.ideal(xy) - reduced, axis=1).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """An adjusted block as it is handed over.
+
+    Attributes
+    ----------
+    images : names, orientations, cameras.
+    cameras : in the order of ``images.camera``.
+    orientations : exterior_orientations.parquet, in the order of the images.
+    ground : (n, 3) low, middle and high map height of the tie points below each image, metres.
+    """
+
+    images: OrientedImages
+    cameras: tuple[CalibratedCamera, ...]
+    orientations: pd.DataFrame
+    ground: Floats
+
+
+def read_results(folder: Path) -> Results:
+    """The results in a folder.
+
+    Raises
+    ------
+    InputError
+        If there are none, or a table is missing.
+    """
+    place, refracted = _stated(folder)
+    orientations = _table(folder, schemas.EXTERIOR_ORIENTATIONS)
+    if orientations.empty:
+        raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
+    rows = _camera_rows(folder)
+    taken = _table(folder, schemas.IMAGES).set_index("image")["camera"]
+    names = [str(name) for name in orientations["image"]]
+    index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken.loc[names]))
+    cameras = tuple(_camera(row) for row in rows)
+    images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
+    return Results(images, cameras, orientations, _ground(folder, names))
+
+
+def _stated(folder: Path) -> tuple[MapFrame, bool]:
+    """What the run was told: the CRS of its results, and whether refraction was corrected."""
+    manifest = read_manifest(folder)
+    if manifest is None:
+        raise InputError("There are no results of a run.", _REMEDY, file=folder)
+    settings = cast("dict[str, dict[str, object]]", dict(manifest.settings))
+    try:
+        project, adjustment = dict(settings["project"]), settings["adjustment"]
+        if not any(cast("dict[str, object]", project["heights"]).values()):
+            project["heights"] = "ellipsoidal"
+        stated = ProjectSettings.model_validate(project)
+        refracted = adjustment["refraction"] == "standard"
+    except (KeyError, AttributeError, ValidationError) as error:
+        raise InputError(
+            "The manifest does not say how the block was adjusted.", _REMEDY, file=folder
+        ) from error
+    return MapFrame.of(stated.crs, stated.heights), refracted
+
+
+def _table(folder: Path, schema: TableSchema) -> pd.DataFrame:
+    return read_foreign_table(folder / f"{schema.name}.parquet", schema, _REMEDY)[0]
+
+
+def _camera_rows(folder: Path) -> list[dict[object, object]]:
+    """Rows of cameras.parquet with the adjusted values, for the cameras that have images."""
+    parameters, correlations = _table(folder, schemas.PARAMETERS), _table(folder, schemas.CORRELATIONS)
+    adjusted = calibration_of(parameters, correlations, SurveyedControl())
+    given = _table(folder, schemas.CAMERAS)
+    given = given[given["camera"].isin(adjusted.entities("focal_length"))]
+    return [dict(row) for row in calibrated_cameras(given, adjusted).to_dict("records")]
+
+
+def _camera(row: dict[object, object]) -> CalibratedCamera:
+    known = json.loads(str(row["additional_parameters"]))
+    turn = int(str(row["calibration_axes_deg"]))
+    frame = next(iter(frame_cameras(pd.DataFrame([row])).values()))
+    additional = additional_parameters_of(
+        frame.name, "+".join(known) or NOTHING, image_format_of(row, turn), turn
+    )
+    return CalibratedCamera(frame, additional, np.array([known[name] for name in additional.names]))
+
+
+def _oriented(
+    place: MapFrame, orientations: pd.DataFrame, camera: Ints, cameras: tuple[CalibratedCamera, ...]
+) -> OrientedImages:
+    centre = orientations[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+    angles = np.deg2rad(orientations[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy(np.float64))
+    frame = local_frame(place, centre)
+    return OrientedImages(
+        tuple(str(name) for name in orientations["image"]),
+        camera,
+        place,
+        frame,
+        local_from_map(place, frame, centre),
+        np.asarray(local_from_grid(place, frame, centre) @ from_omega_phi_kappa(angles)),
+        np.array([item.frame.focal_length for item in cameras]),
+        np.array([item.frame.half_format for item in cameras]),
+        np.array([item.frame.pixel_size for item in cameras]),
+    )
+
+
+def _ground(folder: Path, names: list[str]) -> Floats:
+    """Heights (n, 3) of the tie points in each image; of all points where an image has none."""
+    points = _table(folder, schemas.OBJECT_POINTS).set_index("point")["z_m"]
+    seen = _table(folder, schemas.IMAGE_POINTS)[["image", "point"]]
+    height = seen["point"].map(points).astype(np.float64)
+    levels = height.groupby(seen["image"].astype(str)).quantile(np.array(_LEVELS)).unstack()
+    of_all = np.nanquantile(points.to_numpy(np.float64), _LEVELS)
+    found = levels.reindex(names).to_numpy(np.float64)
+    return np.where(np.isfinite(found), found, of_all)

@@ -1,0 +1,119 @@
+"""HANDOVER.txt: what was written, for which programs, what their users must set, how far it is from ours."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+
+from adjust.geometry.earth import TopocentricFrame
+from tasks.handover.delivery import Delivery, DeliveryFormat
+from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX, World
+
+_WORLDS: dict[World, str] = {
+    "local": "The program must take the coordinates as Cartesian, without any correction for the "
+    "curvature of the earth or the scale of a map.",
+    "map": "The program must know the map projection and compute with the curved earth. Positions are "
+    "true, angles count from grid north at each camera. A program that takes map coordinates as "
+    "Cartesian is wrong by decimetres with them.",
+    "map-cartesian": "For programs that take map coordinates as Cartesian, with their corrections for "
+    "curvature, map scale and refraction switched OFF.",
+    "map-cartesian-curved": "For programs that take map coordinates as Cartesian and correct the "
+    f"curvature of the earth themselves: switch that ON (radius {EARTH_RADIUS_M / 1000:,.0f} km), "
+    "corrections for map scale and refraction OFF.",
+    "rpc": "Latitude, longitude and ELLIPSOIDAL height lead to row and column of the delivered image "
+    "(centre of the first pixel: 0, 0). Camera, distortion, refraction and the earth are contained; no "
+    "switch is needed.",
+}
+_LEAST_DISTORTION_UM = 0.05
+_WIDTH = 78
+
+
+def statement(delivery: Delivery, form: DeliveryFormat, project: str) -> str:
+    """The text."""
+    parts = [
+        f"{project}: {len(delivery.names)} images, {form.name} ({form.meaning})",
+        _WORLDS[delivery.handed.world],
+        _coordinates(delivery),
+        *_about_refraction(delivery),
+        *_about_lens(delivery),
+        *_about_fit(delivery),
+    ]
+    if not form.seen:
+        parts.append(
+            "This format was not yet validated on data of the software that reads it: compare a few points."
+        )
+    return "\n\n".join(textwrap.fill(part, _WIDTH) for part in parts) + "\n"
+
+
+def _coordinates(delivery: Delivery) -> str:
+    images, world = delivery.results.images, delivery.handed.world
+    if world == "rpc":
+        return f"Coordinates: latitude and longitude of the datum of {images.map_frame.description}."
+    if world == "local" and isinstance(images.frame, TopocentricFrame):
+        latitude, longitude = np.rad2deg([images.frame.latitude, images.frame.longitude])
+        return (
+            f"Coordinates: metres east, north, up of latitude {latitude:.9f}°, longitude "
+            f"{longitude:.9f}°, ellipsoidal height {images.frame.height_of_origin_m:g} m, datum of "
+            f"{images.map_frame.description}."
+        )
+    return f"Coordinates: {images.map_frame.description}, metres."
+
+
+def _about_refraction(delivery: Delivery) -> list[str]:
+    if not delivery.results.images.refracted or delivery.handed.world == "rpc":
+        return []
+    if delivery.handed.refitted:
+        return ["Refraction of the standard atmosphere is contained in the orientations."]
+    return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
+
+
+def _about_lens(delivery: Delivery) -> list[str]:
+    if delivery.handed.world == "rpc":
+        return []
+    found = []
+    for camera in delivery.results.cameras:
+        frame = camera.frame
+        x0, y0 = (value * 1e3 for value in frame.principal_point)
+        text = (
+            f"Camera {frame.name}: focal length {frame.focal_length * 1e3:.4f} mm, principal point "
+            f"{x0:.4f}, {y0:.4f} mm from the centre (x right, y up)"
+        )
+        distortion = camera.largest_distortion * 1e6
+        if distortion > _LEAST_DISTORTION_UM:
+            text += (
+                f"; its additional parameters move image points by up to {distortion:.1f} µm and are NOT "
+                "contained: use corrected images or image coordinates"
+            )
+        found.append(f"{text}.")
+    return found
+
+
+def _about_fit(delivery: Delivery) -> list[str]:
+    handed, images = delivery.handed, delivery.results.images
+    if handed.world in ("local", "map"):
+        return ["Nothing is approximated."]
+    worst = int(np.argmax(handed.misfit_px))
+    text = (
+        f"Misfit of the program's model to ours: {handed.misfit_px[worst]:.3f} pixels at most "
+        f"({100.0 * handed.misfit_m.max():.1f} cm on the ground), in image {delivery.names[worst]}; "
+        f"median of the images {np.median(handed.misfit_px):.3f} pixels."
+    )
+    if handed.misfit_px[worst] >= WARNED_PX:
+        text += " That is much: where the program takes another kind, use it (--world)."
+    if not handed.refitted:
+        return [text]
+    moved = handed.pose.centre - images.map_pose.centre
+    changed = (
+        "Orientations were fitted to the program's model: they are NO positions of the camera any more "
+        f"(heights moved by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m). Never compare them "
+        "with GNSS; the true ones are in eo_rigorous.csv."
+    )
+    focal = {
+        camera.frame.name: 1e3 * float(handed.pose.focal_length[np.argmax(images.camera == k)])
+        for k, camera in enumerate(delivery.results.cameras)
+    }
+    if not np.allclose(handed.pose.focal_length, images.focal_length[images.camera], rtol=0, atol=1e-12):
+        listed = ", ".join(f"{name} {value:.4f} mm" for name, value in focal.items())
+        changed += f" The focal length to be entered is fitted, too: {listed}."
+    return [text, changed]
