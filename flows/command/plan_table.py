@@ -10,7 +10,6 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from adjust.camera.additional.selection import NOTHING
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.quantities import written_sigma
 from tasks.planning.addition_words import addition_words
@@ -45,7 +44,7 @@ def _is_of_quantity(reason: str, here: Expectation) -> bool:
 
 def _about_elimination(plan: CalibrationPlan) -> list[str]:
     settings = plan.request.self_calibration
-    if settings.parameters == NOTHING or settings.elimination == "none":
+    if not plan.request.has_additional or settings.elimination == "none":
         return []
     return [
         f"All of {settings.parameters} count as estimated. Those that turn out not to be significant are "

@@ -82,6 +82,11 @@ class PlanRequest:
         """All that is free, biases of the strips included."""
         return (*self.free, _STRIP_BIAS) if self.strip_bias_m > 0.0 else self.free
 
+    @property
+    def has_additional(self) -> bool:
+        """Whether there are additional parameters to estimate."""
+        return self.self_calibration.parameters != NOTHING
+
     def model(self, network: PlannedNetwork) -> CalibrationModel:
         """The same in terms of the adjustment of a network.
 
@@ -107,7 +112,7 @@ class PlanRequest:
 
     def _additional(self, network: PlannedNetwork) -> PlannedAdditional | None:
         settings = self.self_calibration
-        if settings.parameters == NOTHING:
+        if not self.has_additional:
             return None
         cameras = tuple(camera.name for camera in network.cameras)
         of_camera = [

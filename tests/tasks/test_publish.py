@@ -53,7 +53,7 @@ def files(out: Path) -> set[str]:
 def test_published_are_the_tables_of_the_contract_and_nothing_internal(
     tmp_path: Path, project: Project
 ) -> None:
-    run(tmp_path / "out", project, ("images", "object_points", "cameras"))
+    run(tmp_path / "out", project, ("images", "object_points", "approximate_points"))
     expected = {".store", "images.parquet", "object_points.parquet", "summary.json", "manifest.json"}
     assert files(tmp_path / "out") == expected
 

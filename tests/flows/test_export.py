@@ -1,0 +1,207 @@
+"""``aerocal export``: what is written leads to the ground that the adjustment sees (each file read anew)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.geometry.rotation import from_omega_phi_kappa, from_phi_omega_kappa
+from adjust.handover.cartesian_map import CartesianMap, Pose, on_ground
+from adjust.handover.rational import RationalPolynomials
+from flows.aerial_triangulation import aerial_triangulation
+from flows.command.export_execution import write_export
+from flows.project_run import RunRequest, carry_out
+from tasks.errors import InputError
+from tasks.handover.export import export_results
+from tasks.handover.formats.patb import photo_numbers
+from tasks.handover.formats.register import REGISTER
+from tasks.handover.receiver import EARTH_RADIUS_M
+from tasks.handover.results import Results, read_results
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulate import simulate_project
+
+SMALLER = (
+    "project.crs=EPSG:25832",
+    "project.latitude_deg=48",
+    "project.longitude_deg=11.5",
+    "flight.0.lines=2",
+    "flight.0.exposures=4",
+    "points.count=300",
+    "terrain.mean_m=400",
+    "terrain.relief_m=30",
+    "truth.refraction=true",
+)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small adjusted block in UTM, refraction corrected."""
+    folder = tmp_path_factory.mktemp("block")
+    project = simulate_project(load_simulation("uce-high", SMALLER), folder / "b").project_file
+    outcome = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
+    assert outcome.error is None, outcome.error
+    return folder / "results"
+
+
+def eo_csv(text: str, order: str = "omega-phi-kappa", unit: str = "deg") -> tuple[Floats, Floats]:
+    rows = list(csv.DictReader(text.splitlines()))
+    factor = {"deg": np.pi / 180.0, "gon": np.pi / 200.0, "rad": 1.0}[unit]
+    centre = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
+    angles = np.array([[float(row[f"{name}_{unit}"]) for name in order.split("-")] for row in rows]) * factor
+    turn = from_omega_phi_kappa if order == "omega-phi-kappa" else from_phi_omega_kappa
+    return centre, turn(angles)
+
+
+def patb(text: str) -> tuple[Floats, Floats]:
+    """Records of 4F16, 5F16.12, 4F16.12 in fixed columns."""
+    lines = text.splitlines()
+    cells = [[float(line[k : k + 16]) for k in range(0, len(line), 16)] for line in lines]
+    centre = [row[2:5] for row in cells[0::3]]
+    matrix = [[*two, *three] for two, three in zip(cells[1::3], cells[2::3], strict=True)]
+    return np.array(centre), np.array(matrix).reshape(-1, 3, 3)
+
+
+def esri(text: str) -> tuple[Floats, Floats]:
+    rows = list(csv.DictReader(text.splitlines()))
+    centre = np.array([[float(row[f"Perspective{axis}"]) for axis in "XYZ"] for row in rows])
+    angles = np.deg2rad([[float(row[name]) for name in ("Omega", "Phi", "Kappa")] for row in rows])
+    return centre, from_omega_phi_kappa(angles)
+
+
+def orbit(text: str) -> tuple[Floats, Floats]:
+    rows = list(csv.reader(text.splitlines()))[1:]
+    numbers = np.array([[float(cell) for cell in row[1:]] for row in rows])
+    return numbers[:, :3], from_omega_phi_kappa(np.deg2rad(numbers[:, 3:]))
+
+
+READERS: dict[str, tuple[str, Callable[[str], tuple[Floats, Floats]]]] = {
+    "eo-csv": ("eo.csv", eo_csv),
+    "patb": ("patb.ori", patb),
+    "esri": ("frames.csv", esri),
+    "orbit": ("orbit.csv", orbit),
+}
+
+
+def sampled(block: Results, heights: tuple[float, ...] = (370.0, 400.0, 430.0)) -> tuple[Floats, Floats]:
+    grid = block.images.grid_of_image_points(5)
+    level = np.repeat(heights, grid.shape[1])
+    return np.tile(grid, (1, len(heights), 1)), np.tile(level, (len(grid), 1))
+
+
+def focal_length(folder: Path, block: Results) -> Floats:
+    """The one a user is told to enter."""
+    c = block.images.focal_length[block.images.camera]
+    if (folder / "cameras.csv").is_file():
+        row = next(csv.DictReader((folder / "cameras.csv").read_text().splitlines()))
+        c = np.full(len(c), float(row["FocalLength"]) * 1e-6)
+    return c
+
+
+@pytest.mark.parametrize("world", ["map-cartesian", "map-cartesian-curved"])
+@pytest.mark.parametrize("name", READERS)
+def test_a_program_that_takes_the_map_as_cartesian_sees_the_same_ground(
+    results: Path, tmp_path: Path, name: str, world: str
+) -> None:
+    written = export_results(results, name, tmp_path, world)
+    block, (file, read) = read_results(results), READERS[name]
+    centre, rotation = read((tmp_path / file).read_text())
+    c = focal_length(tmp_path, block)
+    model = CartesianMap(EARTH_RADIUS_M if world.endswith("curved") else None)
+    ideal, height = sampled(block)
+    ground = on_ground(model, Pose(centre, rotation, c, np.zeros(len(c))), ideal, height)
+    away = np.linalg.norm((ground - block.images.ground(ideal, height))[..., :2], axis=-1).max()
+    pixel_m = float(block.images.pixel_size[0] / c[0] * (centre[:, 2] - 400.0).max())
+    # In the corner the ray is oblique; what the program's model cannot do was said.
+    assert away < 1.5 * written.misfit_px * pixel_m + 0.002
+    assert written.misfit_px < 1.0
+    true, _ = eo_csv((tmp_path / "eo_rigorous.csv").read_text())
+    np.testing.assert_allclose(true, block.images.map_pose.centre, atol=6e-5)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("world", ["map", "local"])
+def test_true_orientations_are_written_to_less_than_a_millimetre(
+    results: Path, tmp_path: Path, name: str, world: str
+) -> None:
+    written = export_results(results, name, tmp_path, world)
+    images, (file, read) = read_results(results).images, READERS[name]
+    centre, rotation = read((tmp_path / file).read_text())
+    if world == "local":
+        expected = images.projection_centre, images.local_from_camera
+    else:
+        expected = images.map_pose.centre, images.map_pose.map_from_camera
+    np.testing.assert_allclose(centre, expected[0], atol=6e-5)
+    # 1e-9 rad are 0.002 mm from 2 km.
+    np.testing.assert_allclose(rotation, expected[1], atol=2e-9)
+    assert "Nothing is approximated" in written.statement
+    assert not (tmp_path / "eo_rigorous.csv").exists()
+
+
+@pytest.mark.parametrize("order", ["omega-phi-kappa", "phi-omega-kappa"])
+@pytest.mark.parametrize("unit", ["deg", "gon", "rad"])
+def test_any_angle_system(results: Path, tmp_path: Path, order: str, unit: str) -> None:
+    write_export(results, "eo-csv", tmp_path, None, order, unit, force=False)
+    _, rotation = eo_csv((tmp_path / "eo.csv").read_text(), order, unit)
+    true = read_results(results).images.map_pose.map_from_camera
+    np.testing.assert_allclose(rotation, true, atol=2e-9)
+
+
+def test_rational_polynomials_lead_to_the_measured_pixel(results: Path, tmp_path: Path) -> None:
+    export_results(results, "rpc", tmp_path)
+    block = read_results(results)
+    ideal, height = sampled(block)
+    ground = block.images.ground(ideal, height)
+    for k, name in enumerate(block.images.names):
+        values = dict(line.split(": ") for line in (tmp_path / f"{name}_RPC.TXT").read_text().splitlines())
+        image, earth = ("LINE", "SAMP"), ("LAT", "LONG", "HEIGHT")
+        coefficients = {
+            part: np.array([[float(values[f"{a}_{part}_COEFF_{i + 1}"]) for i in range(20)] for a in image])
+            for part in ("NUM", "DEN")
+        }
+        one = RationalPolynomials(
+            *(np.array([float(values[f"{a}_{what}"]) for a in image]) for what in ("OFF", "SCALE")),
+            *(np.array([float(values[f"{a}_{what}"]) for a in earth]) for what in ("OFF", "SCALE")),
+            coefficients["NUM"],
+            coefficients["DEN"],
+        )
+        geodetic = block.images.map_frame.to_geodetic(ground[k])
+        geodetic[:, :2] = np.rad2deg(geodetic[:, :2])
+        camera = block.cameras[0].frame
+        column = ideal[k, :, 0] / camera.pixel_size + 0.5 * (camera.columns - 1)
+        row = 0.5 * (camera.rows - 1) - ideal[k, :, 1] / camera.pixel_size
+        assert np.abs(one.project(geodetic) - np.column_stack([row, column])).max() < 0.002
+
+
+def test_the_statement_says_what_the_user_must_set(results: Path, tmp_path: Path) -> None:
+    text = " ".join(export_results(results, "patb", tmp_path).statement.split())
+    for words in ("switched OFF", "NO positions of the camera", "eo_rigorous.csv", "not yet validated"):
+        assert words in text
+    assert " ".join((tmp_path / "HANDOVER.txt").read_text().split()) == text
+    assert "Refraction of the standard atmosphere is contained" in text
+
+
+def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for to, world in (("path", None), ("rpc", "local"), ("patb", "rpc"), ("patb", "flat")):
+        with pytest.raises(InputError):
+            export_results(results, to, out, world)
+    with pytest.raises(InputError, match="no results"):
+        export_results(tmp_path, "patb", out)
+    with pytest.raises(InputError, match="--unit"):
+        write_export(results, "eo-csv", out, None, "omega-phi-kappa", "grad", force=False)
+    assert not out.exists()
+
+
+def test_photos_are_numbered_only_where_names_are_no_numbers() -> None:
+    assert photo_numbers(("1001", "1002")) == (["1001", "1002"], False)
+    assert photo_numbers(("0012", "12")) == (["1", "2"], True)
+    assert photo_numbers(("a", "b")) == (["1", "2"], True)
+
+
+def test_every_format_is_read_back_in_these_tests() -> None:
+    assert set(REGISTER) == {*READERS, "rpc"}
