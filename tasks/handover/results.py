@@ -73,12 +73,14 @@ class Results:
     images : names, orientations, cameras.
     cameras : in the order of ``images.camera``.
     orientations : exterior_orientations.parquet, in the order of the images.
+    strips : name of the strip of each image; empty without.
     ground : (n, 3) low, middle and high map height of the tie points below each image, metres.
     """
 
     images: OrientedImages
     cameras: tuple[CalibratedCamera, ...]
     orientations: pd.DataFrame
+    strips: tuple[str, ...]
     ground: Floats
 
 
@@ -95,12 +97,13 @@ def read_results(folder: Path) -> Results:
     if orientations.empty:
         raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
     rows = _camera_rows(folder)
-    taken = _table(folder, schemas.IMAGES).set_index("image")["camera"]
     names = [str(name) for name in orientations["image"]]
-    index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken.loc[names]))
+    taken = _table(folder, schemas.IMAGES).set_index("image").loc[names]
+    index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken["camera"]))
     cameras = tuple(_camera(row) for row in rows)
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
-    return Results(images, cameras, orientations, _ground(folder, names))
+    strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
+    return Results(images, cameras, orientations, strips, _ground(folder, names))
 
 
 def _stated(folder: Path) -> tuple[MapFrame, bool]:

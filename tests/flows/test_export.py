@@ -20,7 +20,7 @@ from tasks.errors import InputError
 from tasks.handover.export import export_results
 from tasks.handover.formats.patb import photo_numbers
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M
+from tasks.handover.receiver import EARTH_RADIUS_M, World
 from tasks.handover.results import Results, read_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
@@ -79,12 +79,46 @@ def orbit(text: str) -> tuple[Floats, Floats]:
     return numbers[:, :3], from_omega_phi_kappa(np.deg2rad(numbers[:, 3:]))
 
 
+def metashape(text: str) -> tuple[Floats, Floats]:
+    """By its matrix, which leads from the object into the image."""
+    numbers = np.array([[float(cell) for cell in line.split("\t")[1:]] for line in text.splitlines()[2:]])
+    np.testing.assert_allclose(
+        from_omega_phi_kappa(np.deg2rad(numbers[:, 3:6])),
+        np.swapaxes(numbers[:, 6:].reshape(-1, 3, 3), 1, 2),
+        atol=2e-9,
+    )
+    return numbers[:, :3], np.swapaxes(numbers[:, 6:].reshape(-1, 3, 3), 1, 2)
+
+
+def inpho(text: str) -> tuple[Floats, Floats]:
+    """The four lines after each $EXT_ORI: c X Y Z, then the matrix into the image."""
+    lines = text.splitlines()
+    starts = [k for k, line in enumerate(lines) if "$EXT_ORI" in line]
+    head = np.array([[float(cell) for cell in lines[k + 1].split()] for k in starts])
+    matrix = np.array([[[float(c) for c in lines[k + i].split()] for i in (2, 3, 4)] for k in starts])
+    return head[:, 1:], np.swapaxes(matrix, 1, 2)
+
+
+def isat(text: str) -> tuple[Floats, Floats]:
+    rows = [line.split(":")[1].split() for line in text.splitlines() if "EO_parameters" in line]
+    numbers = np.array(rows, dtype=np.float64)
+    return numbers[:, :3], from_omega_phi_kappa(np.deg2rad(numbers[:, 3:]))
+
+
 READERS: dict[str, tuple[str, Callable[[str], tuple[Floats, Floats]]]] = {
     "eo-csv": ("eo.csv", eo_csv),
     "patb": ("patb.ori", patb),
     "esri": ("frames.csv", esri),
     "orbit": ("orbit.csv", orbit),
+    "metashape": ("metashape_opk.txt", metashape),
+    "inpho": ("inpho.prj", inpho),
+    "isat": ("photo", isat),
 }
+
+
+def cases(*worlds: World) -> list[tuple[str, World]]:
+    """Every format with the kinds of programs it can be written for, of these."""
+    return [(name, world) for name in READERS for world in worlds if world in REGISTER[name].worlds]
 
 
 def sampled(block: Results, heights: tuple[float, ...] = (370.0, 400.0, 430.0)) -> tuple[Floats, Floats]:
@@ -96,14 +130,17 @@ def sampled(block: Results, heights: tuple[float, ...] = (370.0, 400.0, 430.0)) 
 def focal_length(folder: Path, block: Results) -> Floats:
     """The one a user is told to enter."""
     c = block.images.focal_length[block.images.camera]
+    for name, key in (("inpho.prj", "$FOCAL_LENGTH"), ("camera", "focal_length")):
+        if (folder / name).is_file():
+            (line,) = (line for line in (folder / name).read_text().splitlines() if key in line)
+            c = np.full(len(c), float(line.split(":")[1]) * 1e-3)
     if (folder / "cameras.csv").is_file():
         row = next(csv.DictReader((folder / "cameras.csv").read_text().splitlines()))
         c = np.full(len(c), float(row["FocalLength"]) * 1e-6)
     return c
 
 
-@pytest.mark.parametrize("world", ["map-cartesian", "map-cartesian-curved"])
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("name", "world"), cases("map-cartesian", "map-cartesian-curved"))
 def test_a_program_that_takes_the_map_as_cartesian_sees_the_same_ground(
     results: Path, tmp_path: Path, name: str, world: str
 ) -> None:
@@ -123,8 +160,7 @@ def test_a_program_that_takes_the_map_as_cartesian_sees_the_same_ground(
     np.testing.assert_allclose(true, block.images.map_pose.centre, atol=6e-5)
 
 
-@pytest.mark.parametrize("name", READERS)
-@pytest.mark.parametrize("world", ["map", "local"])
+@pytest.mark.parametrize(("name", "world"), cases("map", "local"))
 def test_true_orientations_are_written_to_less_than_a_millimetre(
     results: Path, tmp_path: Path, name: str, world: str
 ) -> None:

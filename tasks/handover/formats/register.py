@@ -8,12 +8,16 @@ from adjust.handover.refit import Freed
 from tasks.handover.delivery import DeliveryFormat
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.esri import write_esri
+from tasks.handover.formats.inpho import write_inpho
+from tasks.handover.formats.isat import write_isat
+from tasks.handover.formats.metashape import write_metashape
 from tasks.handover.formats.orbit import write_orbit
 from tasks.handover.formats.patb import write_patb
 from tasks.handover.formats.rpc import write_rpc
 from tasks.handover.receiver import World
 
 _CAMERA_TOO, _POSE_ONLY = Freed(focal_length=True), Freed()
+_CARTESIAN: tuple[World, ...] = ("local", "map-cartesian", "map-cartesian-curved")
 _ANY: tuple[World, ...] = ("local", "map", "map-cartesian", "map-cartesian-curved")
 
 REGISTER: Mapping[str, DeliveryFormat] = {
@@ -53,6 +57,33 @@ REGISTER: Mapping[str, DeliveryFormat] = {
             _ANY,
             _POSE_ONLY,
             write_orbit,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "inpho",
+            "Inpho project (.prj): cameras, photos, orientations",
+            "map-cartesian-curved",
+            _CARTESIAN,
+            _CAMERA_TOO,
+            write_inpho,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "isat",
+            "ImageStation files photo and camera",
+            "map-cartesian-curved",
+            _CARTESIAN,
+            _CAMERA_TOO,
+            write_isat,
+            seen=False,
+        ),
+        DeliveryFormat(
+            "metashape",
+            "Metashape OPK text",
+            "map",
+            ("map", "local"),
+            _POSE_ONLY,
+            write_metashape,
             seen=False,
         ),
         DeliveryFormat(
