@@ -132,6 +132,7 @@ def test_boresight_and_shift_come_out_and_the_verdict_says_what_does_not(accepte
 def test_no_record_and_no_certificate_are_written(accepted: RunOutcome) -> None:
     names = {path.name for path in accepted.directory.iterdir() if not path.name.startswith(".")}
     assert names == {
+        "cameras.parquet",
         "exposures.parquet",
         "orientation_differences.parquet",
         "orientation_difference_means.parquet",
