@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from flows.command.interruption import end_on_signals
+import os
+import sys
+
+# What lies in the folder of a delivery is data. This process may have been started with `python -m`, and those
+# it starts would look for modules there.
+if not sys.flags.safe_path and sys.path[0] in ("", os.getcwd()):
+    del sys.path[0]
+os.environ["PYTHONSAFEPATH"] = "1"
+
+from flows.command.interruption import end_on_signals  # noqa: E402
 
 
 def main() -> None:

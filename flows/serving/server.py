@@ -6,7 +6,8 @@ INSERT of every scheduled run, so no schedule would ever begin anything. Here th
 leave the values alone again, in the server's process only.
 
 The dashboard's pages ask a provider of usage statistics for settings even where statistics are off. A
-Content-Security-Policy lets them speak to their own server and nobody else.
+Content-Security-Policy lets them speak to their own server and nobody else. In front of all of it stands our
+door (`flows.serving.guard`); whoever has passed it is not asked by the pages again.
 """
 
 from __future__ import annotations
@@ -18,11 +19,17 @@ from functools import wraps
 from typing import Any, cast
 from urllib.parse import urlsplit
 
+from flows.serving.door import DOOR_VARIABLE, Door, door_from
+from flows.serving.guard import Guard
+from flows.serving.server_process import SERVER_WORDS
+
 
 def main() -> None:
     """Carry out a command of Prefect's command line, with the arguments of this process."""
     leave_hybrid_values_alone()
-    keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""))
+    door = door_from(os.environ.get(SERVER_WORDS), os.environ.get(DOOR_VARIABLE))
+    leave_the_login_to_the_door()
+    keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)
 
 
@@ -42,12 +49,27 @@ def _leave_alone(_table: type, _values: MutableMapping[str, object], _value: obj
     """What becomes of the value of a property in a bulk INSERT: nothing."""
 
 
-def keep_pages_to_this_server(api: str) -> None:
-    """Have every page of the dashboard speak to this server only.
+def leave_the_login_to_the_door() -> None:
+    """Have the dashboard's pages ask nobody for a password: who sees them has been let in."""
+    from prefect.server.api import server
+    from pydantic import field_validator
+
+    class Settings(server.UISettings):
+        @field_validator("auth", mode="before")
+        @classmethod
+        def _nobody(cls, _value: object) -> None:
+            return None
+
+    server.UISettings = Settings  # type: ignore[misc]
+
+
+def keep_pages_to_this_server(api: str, door: Door) -> None:
+    """Have every page of the dashboard speak to this server only, and nobody else to it.
 
     Parameters
     ----------
-    api : address of the API as browsers know it; "" if it is that of the page.
+    api : address of the API as browsers know it; only its path, or "", if it is that of the page.
+    door : who is let in.
     """
     from prefect.server.api import server
     from starlette.middleware import Middleware
@@ -58,7 +80,7 @@ def keep_pages_to_this_server(api: str) -> None:
     @wraps(create_app)
     def create_quiet_app(*args: Any, **kwargs: Any) -> Any:
         app = create_app(*args, **kwargs)
-        app.user_middleware.insert(0, Middleware(_PagePolicy, policy=policy))
+        app.user_middleware[:0] = [Middleware(Guard, door=door), Middleware(_PagePolicy, policy=policy)]
         return app
 
     server.create_app = create_quiet_app
