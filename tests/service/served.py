@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flows.serving.api import Api
+from flows.serving.secret import kept_words
 from flows.serving.server_process import SERVER_WORDS, free_port
 from tasks.production.records import Records
 
@@ -41,14 +42,26 @@ class Served:
     ----------
     folder : holds root/, inbox/, state/ and what it printed.
     port, overview : of the server, and of the production page.
-    words : what the server asks for; None: it does not.
+    given : what it was told to ask for; None: it has made a secret of its own.
     """
 
     folder: Path
     process: subprocess.Popen[bytes]
     port: int
     overview: int
-    words: str | None = None
+    given: str | None = None
+
+    @property
+    def words(self) -> str:
+        """What it asks for."""
+        words = self.given or kept_words(self.folder / "state")
+        assert words is not None, "it has made no secret"
+        return words
+
+    @property
+    def link(self) -> str:
+        """What lets a browser in."""
+        return (self.folder / "state" / "link").read_text().strip()
 
     @property
     def api(self) -> Api:
@@ -123,7 +136,7 @@ def engines_of(group: int) -> list[int]:
     """The processes of a group that carry out runs."""
     listed = subprocess.run(["ps", "-eo", "pid,pgid,args"], capture_output=True, text=True, check=True).stdout
     parts = [line.split(None, 2) for line in listed.splitlines()[1:]]
-    return [int(pid) for pid, of, args in parts if int(of) == group and "prefect.engine" in args]
+    return [int(pid) for pid, of, args in parts if int(of) == group and "flows.serving.engine" in args]
 
 
 @contextmanager

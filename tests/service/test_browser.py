@@ -92,8 +92,10 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def seen(browser: Browser, tmp_path: Path) -> Iterator[Seen]:
+def seen(server: Served, browser: Browser, tmp_path: Path) -> Iterator[Seen]:
     page = browser.new_page(viewport={"width": 1500, "height": 1000})
+    page.goto(server.link)
+    page.wait_for_url(f"http://127.0.0.1:{server.port}/v2/**")
     page.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
     folder = Path(os.environ.get("AEROCAL_SCREENSHOTS") or tmp_path)

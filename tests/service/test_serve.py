@@ -142,7 +142,7 @@ def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
     def engines() -> list[str]:
         listed = subprocess.run(["ps", "-eo", "pgid,args"], capture_output=True, text=True, check=True).stdout
         ours = [line.split(None, 1) for line in listed.splitlines()[1:]]
-        return [args for group, args in ours if int(group) in server.groups() and "prefect.engine" in args]
+        return [args for group, args in ours if int(group) in server.groups() and "flows.serving.engine" in args]
 
     with run_lock(server.folder / "root" / "block" / "cancelled"):
         run = server.start(MANUAL, {"project": "block", "output": "cancelled"})
