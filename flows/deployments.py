@@ -46,7 +46,7 @@ _LOOK_S = 20.0
 
 
 class DrainingRunner(Runner):
-    """A runner that carries out our flows only; asked to end, it begins no further run and waits for the rest.
+    """A runner that carries out our flows only; asked to end, it begins no further run and waits.
 
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
     the event loop was doing. And while the server is away, this runner goes on asking: Prefect's own ends
@@ -66,7 +66,7 @@ class DrainingRunner(Runner):
             vars(asking)[question] = _patient(getattr(asking, question))
         return self
 
-    def _starter(self, flow_run: FlowRun) -> EngineCommandStarter:
+    def _starter(self, _run: FlowRun) -> EngineCommandStarter:
         """What starts a run: our program, whatever pull steps and entry point the server has for it."""
         return EngineCommandStarter(
             command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 from collections.abc import Sequence
 
+from dash.exceptions import DependencyException
 from flask import Flask, Request, Response, request
 
 from flows.serving.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
@@ -73,6 +74,10 @@ def guard(server: Flask, door: Door, policy: str) -> None:
         if asked.is_for_a_page:
             return Response(ENTRANCE_PAGE, 401, ENTRANCE_HEADERS)
         return Response("Unauthorized", 401, mimetype="text/plain")
+
+    @server.errorhandler(DependencyException)
+    def _nothing(_error: DependencyException) -> Response:
+        return Response("There is nothing here.", 404, mimetype="text/plain")
 
     @server.after_request
     def _protect(response: Response) -> Response:

@@ -102,8 +102,8 @@ class Door:
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return Refusal(
                 400,
-                "This server is not known by that name. Ask for its address, or start it with --public-url, or "
-                "with the name in AEROCAL_HOSTS.",
+                "This server is not known by that name. Ask for its address, or start it with --public-url, "
+                "or with the name in AEROCAL_HOSTS.",
             )
         for origin in asked.all("origin"):
             if origin not in self.origins and urlsplit(origin).netloc.lower() != hosts[0].lower():
@@ -249,8 +249,8 @@ ENTRANCE_PAGE = f"""<!DOCTYPE html>
 <style>body{{font:16px/1.5 system-ui,sans-serif;max-width:40rem;margin:4rem auto;padding:0 1rem}}
 input{{font:inherit;width:100%;box-sizing:border-box}}</style></head>
 <body><form id="door" hidden><h1>This browser is not known yet</h1>
-<p>Open the link that <code>aerocal serve</code> has shown at its start; it stands in the file <code>link</code> of
-its state folder. Or give user:password of the server.</p>
+<p>Open the link that <code>aerocal serve</code> has shown at its start; it stands in the file
+<code>link</code> of its state folder. Or give user:password of the server.</p>
 <p><input id="key" type="password" aria-label="user:password" autocomplete="off"> <button>Enter</button></p>
 <p id="said" role="alert"></p></form><script>{_SCRIPT}</script></body></html>"""
 
@@ -258,8 +258,8 @@ _DIGEST = base64.b64encode(hashlib.sha256(_SCRIPT.encode()).digest()).decode()
 #: Headers of that page.
 ENTRANCE_HEADERS: Mapping[str, str] = {
     "Content-Type": "text/html; charset=utf-8",
-    "Content-Security-Policy": f"default-src 'none'; script-src 'sha256-{_DIGEST}'; style-src 'unsafe-inline'; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": f"default-src 'none'; script-src 'sha256-{_DIGEST}'; "
+    "style-src 'unsafe-inline'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",

@@ -1,8 +1,8 @@
 """The program of a run: ``python -P -m flows.serving.engine``, started by the runner for each.
 
-Prefect's own would load what the server says: an entry point, after pull steps that may be shell commands. Here
-the server only says which of our flows is wanted and with which parameters; both are looked at before anything
-begins.
+Prefect's own would load what the server says: an entry point, after pull steps that may be shell commands.
+Here the server only says which of our flows is wanted and with which parameters; both are looked at before
+anything begins.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import inspect
 import logging
 import os
-import sys
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
@@ -25,7 +24,7 @@ _log = logging.getLogger("aerocal")
 
 
 def main() -> None:
-    """Carry out the run that the environment names; an outcome that is foreseen is no error of this process."""
+    """Carry out the run that the environment names; an outcome that is foreseen is no error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect.
     from flows.deployed import FLOWS, identity, note_refusal  # isort: skip
@@ -40,13 +39,15 @@ def main() -> None:
             run = client.read_flow_run(run_id)
             name = client.read_flow(run.flow_id).name
             flow = next((one for one in FLOWS if one.name == name), None)
-            trouble = f"There is no story '{visible(name)}'." if flow is None else trouble_in(flow, run.parameters)
+            trouble = (
+                f"There is no story '{visible(name)}'." if flow is None else trouble_in(flow, run.parameters)
+            )
             if trouble is not None:
                 note_refusal(identity(), visible(str(run.parameters.get("project", ""))), trouble)
                 _refuse(client, run, trouble)
-                sys.exit(0)
-        # As a state, so that one that is foreseen (a gate that failed) is not raised.
-        run_flow(flow, flow_run=run, return_type="state")
+        if flow is not None and trouble is None:
+            # As a state, so that one that is foreseen (a gate that failed) is not raised.
+            run_flow(flow, flow_run=run, return_type="state")
 
 
 def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:
@@ -54,11 +55,17 @@ def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:
     known = list(inspect.signature(flow.fn).parameters)
     unknown = [name for name in parameters if name not in known]
     if unknown:
-        return f"There is no parameter {', '.join(visible(name) for name in unknown)}. There are: {', '.join(known)}."
+        named = ", ".join(visible(name) for name in unknown)
+        return f"There is no parameter {named}. There are: {', '.join(known)}."
+    # Prefect says an error of its own for it, with the values.
+    said = logging.getLogger("prefect.flows")
+    said.disabled = True
     try:
         flow.validate_parameters(parameters)
     except Exception as error:
         return f"The parameters are refused. {visible(' '.join(str(error).split()))}"
+    finally:
+        said.disabled = False
     return None
 
 

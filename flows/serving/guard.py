@@ -62,7 +62,9 @@ class Guard:
 
 
 def _asked(scope: Any) -> Asked:
-    headers = tuple((name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in scope["headers"])
+    headers = tuple(
+        (name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in scope["headers"]
+    )
     return Asked(scope.get("method", "GET"), scope["path"], headers)
 
 

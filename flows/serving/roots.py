@@ -94,8 +94,8 @@ class Roots:
         except ValueError as error:
             raise InputError(
                 str(error),
-                "Give one name without slashes and without a dot in front; the folder is made beside the project "
-                "file.",
+                "Give one name without slashes and without a dot in front; the folder is made beside the "
+                "project file.",
             ) from error
         folder = project_file.parent / name
         if not all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock")):

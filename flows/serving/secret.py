@@ -1,7 +1,7 @@
 """The words that a server of this machine asks for: given, or made at its first start and kept for its user.
 
-They stand in a file of the state folder that nobody else can read, so that commands of the same user report to
-the server without being told, and others on the machine cannot.
+They stand in a file of the state folder that nobody else can read, so that commands of the same user report
+to the server without being told, and others on the machine cannot.
 """
 
 from __future__ import annotations
@@ -62,7 +62,9 @@ def kept_words(folder: Path) -> str | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise InstallationError(f"{file} cannot be read ({error.strerror}).", "Remove it, and start again.") from error
+        raise InstallationError(
+            f"{file} cannot be read ({error.strerror}).", "Remove it, and start again."
+        ) from error
     with os.fdopen(handle, encoding="utf-8") as stream:
         about = os.fstat(handle)
         if about.st_uid != os.geteuid() or about.st_mode & 0o077:

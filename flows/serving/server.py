@@ -3,7 +3,7 @@
 Since SQLAlchemy 2.1 a bulk INSERT refuses values of hybrid properties that do not say what becomes of them;
 2.0 left them alone. Prefect 3.8 hands such a value (the state of a flow run, stored by other means) to the
 INSERT of every scheduled run, so no schedule would ever begin anything. Here those properties are told to
-leave the values alone again, in the server's process only.
+leave the values alone again, in the server's process only. On SQLite, transactions wait for each other.
 
 The dashboard's pages ask a provider of usage statistics for settings even where statistics are off. A
 Content-Security-Policy lets them speak to their own server and nobody else. In front of all of it stands our
@@ -27,6 +27,7 @@ from flows.serving.server_process import SERVER_WORDS
 def main() -> None:
     """Carry out a command of Prefect's command line, with the arguments of this process."""
     leave_hybrid_values_alone()
+    begin_writing_at_once()
     door = door_from(os.environ.get(SERVER_WORDS), os.environ.get(DOOR_VARIABLE))
     leave_the_login_to_the_door()
     keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
@@ -47,6 +48,30 @@ def leave_hybrid_values_alone() -> None:
 
 def _leave_alone(_table: type, _values: MutableMapping[str, object], _value: object) -> None:
     """What becomes of the value of a property in a bulk INSERT: nothing."""
+
+
+def begin_writing_at_once() -> None:
+    """Let a transaction on SQLite that may write wait for its turn before it reads.
+
+    Prefect begins them reading. One that then writes while another has done so is refused at once ("database
+    is locked"), however long SQLite was told to wait; seen several times a run.
+    """
+    from prefect.server.database import configurations
+
+    kind, mode = configurations.AioSqliteConfiguration, configurations.SQLITE_BEGIN_MODE
+    begin_transaction, begin = kind.begin_transaction, kind.begin_sqlite_stmt
+
+    def begin_writing(self: Any, session: Any, *_: Any, **_for_update: Any) -> Any:
+        return begin_transaction(self, session, with_for_update=True)
+
+    def begin_once(self: Any, connection: Any) -> None:
+        begin(self, connection)
+        if mode.get() is not None:
+            # What is asked within, on another connection, reads; it would wait for the one around it.
+            mode.set("DEFERRED")
+
+    kind.begin_transaction = begin_writing  # type: ignore[method-assign]
+    kind.begin_sqlite_stmt = begin_once  # type: ignore[method-assign]
 
 
 def leave_the_login_to_the_door() -> None:

@@ -86,10 +86,10 @@ class Served:
     def printed(self) -> str:
         return (self.folder / "printed").read_text()
 
-    def start(self, deployment: str, parameters: Mapping[str, Any]) -> str:
+    def start(self, deployment: str, parameters: Mapping[str, Any], **more: Any) -> str:
         """Start a run by hand; its id."""
         found = self.api.get(f"/deployments/name/{deployment}")
-        run = self.api.post(f"/deployments/{found['id']}/create_flow_run", {"parameters": parameters})
+        run = self.api.post(f"/deployments/{found['id']}/create_flow_run", {"parameters": parameters, **more})
         return str(run["id"])
 
     def run(self, identity: str) -> Any:
@@ -157,10 +157,10 @@ def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[b
 
 
 @contextmanager
-def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
+def served(folder: Path, *options: str, cwd: Path | None = None, **variables: str) -> Iterator[Served]:
     """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards.
 
-    Its environment has these variables besides.
+    Its environment has these variables besides; it is started in the folder cwd.
     """
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -175,6 +175,7 @@ def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
             stdout=printed,
             stderr=printed,
             env={**environment(folder), **variables},
+            cwd=cwd,
         )
     server = Served(folder, process, port, overview, variables.get(SERVER_WORDS))
     groups: set[int] = set()

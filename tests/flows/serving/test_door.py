@@ -82,9 +82,18 @@ def test_words_and_cookie_are_known_and_nothing_else_is() -> None:
     other = door_of("ann:secrets", [], [])
     wrong: list[Mapping[str, str]] = [
         {},
-        *({"authorization": text} for text in ("Basic", "Basic x", "Bearer ann:secret", "ann:secret", "Basic é")),
-        *({"authorization": basic(words)} for words in ("", "ann:", "ann:secret ", "ann:secretx", DOOR.key, value)),
-        *({"cookie": text} for text in (f"{name}=", f"{name}={DOOR.key}", f"{name}={value}x", f"x={value}", "é")),
+        *(
+            {"authorization": text}
+            for text in ("Basic", "Basic x", "Bearer ann:secret", "ann:secret", "Basic é")
+        ),
+        *(
+            {"authorization": basic(words)}
+            for words in ("", "ann:", "ann:secret ", "ann:secretx", DOOR.key, value)
+        ),
+        *(
+            {"cookie": text}
+            for text in (f"{name}=", f"{name}={DOOR.key}", f"{name}={value}x", f"x={value}", "é")
+        ),
         {"cookie": cookie_of(other)},
     ]
     for headers in wrong:
@@ -96,7 +105,16 @@ def test_the_entrance_opens_for_key_and_words_and_gives_a_cookie_no_script_can_r
         assert DOOR.opens(asked("POST"), json.dumps({"key": key}).encode()), key
     known = asked("POST", cookie=cookie_of(DOOR))
     assert DOOR.opens(known, b'{"key": ""}')
-    for content in (b'{"key": ""}', b'{"key": "x"}', b'{"key": null}', b"[]", b"", b"\xff", b'"key"', b"[" * 9_999):
+    for content in (
+        b'{"key": ""}',
+        b'{"key": "x"}',
+        b'{"key": null}',
+        b"[]",
+        b"",
+        b"\xff",
+        b'"key"',
+        b"[" * 9_999,
+    ):
         assert not DOOR.opens(asked("POST"), content), content
     given = DOOR.cookie(asked("POST"))
     assert "HttpOnly; SameSite=Strict" in given
