@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 
 from flows.deployed import STORIES, clean_up, inbox, recalibration_due
+from flows.prefect_settings import HEARTBEAT_S
 from flows.serving.deliveries import MANUAL, ON_DELIVERY
 from flows.serving.options import RunnerOptions
 
@@ -56,7 +57,7 @@ class DrainingRunner(Runner):
     async def __aenter__(self) -> "DrainingRunner":
         """Begin, patient from now on."""
         await super().__aenter__()
-        self._scheduled_run_poller._resolve_starter = self._starter
+        vars(self._scheduled_run_poller)["_resolve_starter"] = self._starter
         assert self._hook_runner is not None
         self._hook_runner._resolve_flow = _flow_of_ours
         for asking, question in (
@@ -72,7 +73,7 @@ class DrainingRunner(Runner):
             command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),
             tmp_dir=self._tmp_dir,
             cwd=self._tmp_dir,
-            heartbeat_seconds=self._heartbeat_seconds,
+            heartbeat_seconds=HEARTBEAT_S,
             control_channel=self._control_channel,
         )
 

@@ -10,9 +10,11 @@ from __future__ import annotations
 import inspect
 import logging
 import os
+import re
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
+from flows.run_state import STATE_NAMES
 from tasks.plain_text import visible
 
 if TYPE_CHECKING:
@@ -21,18 +23,23 @@ if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun
 
 _log = logging.getLogger("aerocal")
+_FORESEEN = re.compile(rf"Finished in state ({'|'.join(STATE_NAMES.values())})\(")
 
 
 def main() -> None:
     """Carry out the run that the environment names; an outcome that is foreseen is no error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect.
-    from flows.deployed import FLOWS, identity, note_refusal  # isort: skip
+    from flows.deployed import FLOWS  # isort: skip
     from prefect._internal.control_listener import configure_from_env
     from prefect.client.orchestration import get_client
     from prefect.engine import handle_engine_signals
     from prefect.flow_engine import run_flow
 
+    from flows.recorded_run import note_refusal
+    from flows.registered import identity
+
+    logging.getLogger("prefect.task_runs").addFilter(foreseen)
     configure_from_env()
     with handle_engine_signals(run_id):
         with get_client(sync_client=True) as client:
@@ -48,6 +55,13 @@ def main() -> None:
         if flow is not None and trouble is None:
             # As a state, so that one that is foreseen (a gate that failed) is not raised.
             run_flow(flow, flow_run=run, return_type="state")
+
+
+def foreseen(said: logging.LogRecord) -> bool:
+    """Say that a stage has refused what was delivered as a warning; Prefect takes it for an error of ours."""
+    if said.levelno == logging.ERROR and _FORESEEN.match(said.getMessage()):
+        said.levelno, said.levelname = logging.WARNING, "WARNING"
+    return True
 
 
 def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:

@@ -78,7 +78,7 @@ async def _content(receive: Any) -> bytes:
     content = b""
     while len(content) <= _MOST_BYTES:
         message = await receive()
-        content += message.get("body", b"")
+        content += bytes(message.get("body", b""))
         if not message.get("more_body"):
             return content
     return b""

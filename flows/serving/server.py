@@ -71,21 +71,22 @@ def begin_writing_at_once() -> None:
             mode.set("DEFERRED")
 
     kind.begin_transaction = begin_writing  # type: ignore[method-assign]
-    kind.begin_sqlite_stmt = begin_once  # type: ignore[method-assign]
+    kind.begin_sqlite_stmt = begin_once  # type: ignore[assignment,method-assign]
 
 
 def leave_the_login_to_the_door() -> None:
     """Have the dashboard's pages ask nobody for a password: who sees them has been let in."""
     from prefect.server.api import server
+    from prefect.server.schemas.ui import UISettings
     from pydantic import field_validator
 
-    class Settings(server.UISettings):
+    class Settings(UISettings):
         @field_validator("auth", mode="before")
         @classmethod
         def _nobody(cls, _value: object) -> None:
             return None
 
-    server.UISettings = Settings  # type: ignore[misc]
+    vars(server)["UISettings"] = Settings
 
 
 def keep_pages_to_this_server(api: str, door: Door) -> None:

