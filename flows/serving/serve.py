@@ -172,11 +172,11 @@ class _Serving:
         """Look after children and inbox until a request to end has come; then let the runner finish."""
         watch = Watch(self.options, self.api, self.records, self.say)
         try:
-            while not self.requests.come.wait(1.0):
-                server.look()
-                runner.look()
-                overview.look()
-                watch.look()
+            with watch:
+                while not self.requests.come.wait(1.0):
+                    server.look()
+                    runner.look()
+                    overview.look()
         except InstallationError:
             runner.drain(self.requests)
             raise
