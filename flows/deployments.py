@@ -148,14 +148,17 @@ def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeploymen
         **more,
     )
     schema = made._parameter_openapi_schema
-    made._parameter_openapi_schema = _ClosedSchema(**schema.model_dump())
+    # Said, not left to its default: what is not set is not sent.
+    made._parameter_openapi_schema = _ClosedSchema(
+        **schema.model_dump(exclude_unset=True), additionalProperties=False
+    )
     return made
 
 
 class _ClosedSchema(ParameterSchema):
     """The parameters there are, and no others: the server refuses a run with unknown ones."""
 
-    additionalProperties: bool = False  # noqa: N815
+    additionalProperties: bool  # noqa: N815
 
 
 def serve(options: RunnerOptions) -> None:

@@ -25,6 +25,7 @@ from playwright.sync_api import BrowserContext, Page, sync_playwright
 
 from flows.serving.door import basic
 from tests.flows.conftest import write_block
+from tests.flows.test_delivered_modules import plant
 from tests.service.served import Served, served
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
@@ -113,7 +114,9 @@ def page_of_others() -> Iterator[int]:
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("attacked")
     write_block(folder / "root" / "block")
-    with served(folder) as running:
+    plant(folder / "root")
+    # Where a delivery lies, as with `aerocal serve` in its folder.
+    with served(folder, cwd=folder / "root") as running:
         yield running
 
 
@@ -283,3 +286,10 @@ def test_pull_steps_and_entry_points_of_the_server_are_not_carried_out(
     run = server.ended(server.start(MANUAL, {"project": "block"}), 240)
     assert (run["state_name"], list(tmp_path.iterdir())) == ("Completed", [evil])
     assert (server.folder / "root" / "block" / "results" / "report.html").is_file()
+
+
+def test_no_process_has_imported_a_module_of_a_delivery(server: Served) -> None:
+    """Server, page, runner and the run above, all started in its folder."""
+    assert server.runs()
+    assert (server.folder / "root" / "json.py").is_file()
+    assert list((server.folder / "traces").iterdir()) == []

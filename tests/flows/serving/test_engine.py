@@ -53,7 +53,7 @@ def test_every_deployment_refuses_unknown_parameters() -> None:
     made = deployments(RunnerOptions(has_inbox=True, recalibration_cron="0 6 * * 1", keep_days=9))
     assert len(made) == 7
     for one in made:
-        schema = one._parameter_openapi_schema.model_dump_for_openapi()
+        schema = one._parameter_openapi_schema.model_dump(exclude_unset=True)
         assert (schema["additionalProperties"], one.enforce_parameter_schema) == (False, True), one.name
 
 
