@@ -20,7 +20,7 @@ from prefect.client.orchestration import get_client  # noqa: E402
 from prefect.client.schemas.objects import FlowRun, State  # noqa: E402
 from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed  # noqa: E402
-from pydantic import Field  # noqa: E402
+from pydantic import AfterValidator, Field  # noqa: E402
 
 from flows.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
 from flows.clean_up import Act, clean_up_below  # noqa: E402
@@ -37,7 +37,7 @@ from flows.serving.calibrations import registry_of_runner  # noqa: E402
 from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
 from flows.serving.inbox import configured_inbox  # noqa: E402
 from flows.serving.results import configured_results  # noqa: E402
-from flows.serving.roots import configured_roots  # noqa: E402
+from flows.serving.roots import OUTPUT_PATTERN, configured_roots, output_name  # noqa: E402
 from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
@@ -59,7 +59,11 @@ Limit = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 CameraNames = Annotated[Sequence[str], Field(max_length=1000)]
 #: Name of the failed state in which a camera needs a calibration.
 RECALIBRATION_DUE = "RecalibrationDue"
-OutputParameter = Annotated[str, Field(pattern=r"^[^/\\]+$", max_length=100)]
+OutputParameter = Annotated[
+    str,
+    Field(min_length=1, max_length=100, json_schema_extra={"pattern": OUTPUT_PATTERN}),
+    AfterValidator(output_name),
+]
 #: The form as it is opened.
 AS_IN_PROJECT = RunForm()
 
@@ -268,3 +272,5 @@ STORIES: Sequence["Flow[..., State[None]]"] = (
     system_calibration,
     direct_georeferencing_check,
 )
+#: All that a runner carries out, whatever the server says.
+FLOWS: Sequence["Flow[..., State[None]]"] = (*STORIES, inbox, recalibration_due, clean_up)

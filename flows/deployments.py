@@ -5,6 +5,8 @@ Loads Prefect when imported, as the flows it serves do.
 
 import asyncio
 import logging
+import shlex
+import sys
 from collections.abc import Awaitable, Callable, Sequence
 from functools import wraps
 from typing import Any
@@ -12,15 +14,20 @@ from typing import Any
 import httpx
 
 from flows.deployed import STORIES, clean_up, inbox, recalibration_due
+from flows.prefect_settings import HEARTBEAT_S
 from flows.serving.deliveries import MANUAL, ON_DELIVERY
 from flows.serving.options import RunnerOptions
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
+from prefect import Flow  # isort: skip
+from prefect.client.schemas.objects import FlowRun  # isort: skip
 from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags  # isort: skip
 from prefect.deployments.runner import RunnerDeployment  # isort: skip
 from prefect.runner import Runner  # isort: skip
+from prefect.runner._starter_engine import EngineCommandStarter  # isort: skip
 from prefect.schedules import Cron  # isort: skip
 from prefect.types.entrypoint import EntrypointType  # isort: skip
+from prefect.utilities.callables import ParameterSchema  # isort: skip
 
 _log = logging.getLogger("aerocal")
 
@@ -40,7 +47,7 @@ _LOOK_S = 20.0
 
 
 class DrainingRunner(Runner):
-    """A runner that, asked to end, begins no further run and waits for those that run.
+    """A runner that carries out our flows only; asked to end, it begins no further run and waits.
 
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
     the event loop was doing. And while the server is away, this runner goes on asking: Prefect's own ends
@@ -50,6 +57,9 @@ class DrainingRunner(Runner):
     async def __aenter__(self) -> "DrainingRunner":
         """Begin, patient from now on."""
         await super().__aenter__()
+        vars(self._scheduled_run_poller)["_resolve_starter"] = self._starter
+        assert self._hook_runner is not None
+        self._hook_runner._resolve_flow = _flow_of_ours
         for asking, question in (
             (self._scheduled_run_poller, "_get_and_submit_flow_runs"),
             (self._cancelling_observer, "_check_for_cancelled_flow_runs"),
@@ -57,11 +67,26 @@ class DrainingRunner(Runner):
             vars(asking)[question] = _patient(getattr(asking, question))
         return self
 
+    def _starter(self, _run: FlowRun) -> EngineCommandStarter:
+        """What starts a run: our program, whatever pull steps and entry point the server has for it."""
+        return EngineCommandStarter(
+            command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),
+            tmp_dir=self._tmp_dir,
+            cwd=self._tmp_dir,
+            heartbeat_seconds=HEARTBEAT_S,
+            control_channel=self._control_channel,
+        )
+
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have begun."""
         _log.info("asked to end: finishing the runs that have begun, beginning no more")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
+
+
+async def _flow_of_ours(_run: FlowRun) -> Flow[..., Any]:
+    """Stands for the flow of any run when hooks are looked for; ours have none that a runner would call."""
+    return STORIES[0]
 
 
 def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
@@ -122,7 +147,18 @@ def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeploymen
         entrypoint_type=EntrypointType.MODULE_PATH,
         **more,
     )
+    schema = made._parameter_openapi_schema
+    # Said, not left to its default: what is not set is not sent.
+    made._parameter_openapi_schema = _ClosedSchema(
+        **schema.model_dump(exclude_unset=True), additionalProperties=False
+    )
     return made
+
+
+class _ClosedSchema(ParameterSchema):
+    """The parameters there are, and no others: the server refuses a run with unknown ones."""
+
+    additionalProperties: bool  # noqa: N815
 
 
 def serve(options: RunnerOptions) -> None:

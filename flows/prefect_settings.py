@@ -6,7 +6,6 @@ say; nothing is sent to anybody; results are not persisted (the stage store does
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import os
 import sys
@@ -16,6 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from flows.serving.door import basic
+from flows.serving.secret import bring_words_to
 from flows.serving.server_process import CLIENT_WORDS
 from flows.serving.state_file import find_server, state_folder
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
@@ -54,6 +55,8 @@ def prepare_prefect(server: str | None = None) -> None:
     # state is offered to it again and again (after 2, 4, 8, … s).
     os.environ.setdefault("PREFECT_CLIENT_MAX_RETRIES", "6")
     os.environ.setdefault("PREFECT_CLIENT_RETRY_EXTRA_CODES", "500")
+    # A log of a server that runs for months has dates.
+    os.environ.setdefault("PREFECT_LOGGING_FORMATTERS_STANDARD_DATEFMT", "%Y-%m-%d %H:%M:%S")
     # Our progress messages appear in the run's log on the dashboard.
     os.environ.setdefault("PREFECT_LOGGING_EXTRA_LOGGERS", "aerocal")
 
@@ -89,6 +92,7 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
     """
     address = server_address(option)
     if address is not None:
+        bring_words_to(address)
         require_server(address)
         return address
     found = None if option == "none" or os.environ.get("PREFECT_API_URL") == "none" else find_server()
@@ -99,6 +103,7 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
         remark(f"{where} is no longer running; this run is not reported to it.")
         return None
     try:
+        bring_words_to(found.server.url)
         require_server(found.server.url)
     except UnknownCallerError as error:
         remark(f"{where} asks for a password. {error.remedy} This run is not reported to it.")
@@ -152,5 +157,5 @@ def _with_password(address: str) -> urllib.request.Request:
     request = urllib.request.Request(address)
     words = os.environ.get(CLIENT_WORDS)
     if words:
-        request.add_header("Authorization", f"Basic {base64.b64encode(words.encode()).decode()}")
+        request.add_header("Authorization", basic(words))
     return request

@@ -21,7 +21,9 @@ LONGEST_TEXT = 4_096
 
 # C0 and C1 controls; line and paragraph separator; embeddings, overrides and isolates of the direction
 # (Unicode Standard Annex 9); surrogates without partner; two noncharacters that XML forbids.
-_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
+#: For a set of a regular expression.
+UNSEEN = r"\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff"
+_UNSEEN = re.compile(f"[{UNSEEN}]")
 _SHOWN = 40
 
 

@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from pathlib import Path
+
+# What lies in the folder of a delivery is data. This process may have been started with `python -m`, and
+# those it starts would look for modules there.
+if not sys.flags.safe_path and sys.path[0] in ("", str(Path.cwd())):
+    del sys.path[0]
+os.environ["PYTHONSAFEPATH"] = "1"
+
 from flows.command.interruption import end_on_signals
 
 

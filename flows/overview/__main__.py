@@ -21,7 +21,7 @@ def main() -> None:
     sources = configured_sources(sys.argv[3])
     # Thousands of runs take some seconds, once; the first visitor need not wait for all of them.
     threading.Thread(target=_read_ahead, args=(sources,), daemon=True).start()
-    app = application(sources, host)
+    app = application(sources)
     # Its own name and version are nobody's business.
     waitress.serve(app.server, host=host, port=port, threads=6, ident=None)
 

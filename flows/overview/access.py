@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import gzip
-import hmac
 from collections.abc import Sequence
 
+from dash.exceptions import DependencyException
 from flask import Flask, Request, Response, request
 
-#: Names under which a browser of this machine reaches a server that listens on loopback only.
-_LOOPBACK_NAMES = ["127.0.0.1", "localhost", "[::1]", "::1"]
+from flows.serving.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
+
 #: Answers above this size are compressed, bytes.
 _COMPRESSED_FROM = 10_000
+#: Most bytes of what is handed over at the entrance.
+_LONGEST_KEY = 4_096
 
 
 def page_policy(script_hashes: Sequence[str]) -> str:
@@ -51,29 +53,31 @@ DOCUMENT_POLICY = "; ".join(
 )
 
 
-def guard(server: Flask, words: str | None, policy: str, *, loopback: bool) -> None:
-    """Ask for the password, and send the headers that protect a browser.
+def guard(server: Flask, door: Door, policy: str) -> None:
+    """Let in who may come in, and send the headers that protect a browser.
 
     Parameters
     ----------
-    words : ``user:password``; None: nobody is asked.
     policy : Content-Security-Policy of whatever sets none itself.
-    loopback : whether it listens for this machine only; then pages of other names that lead here (a name
-        server may say so) are refused.
     """
-    if loopback:
-        server.config["TRUSTED_HOSTS"] = _LOOPBACK_NAMES
 
     @server.before_request
     def _ask() -> Response | None:
-        if words is None or _knows(request, words):
+        asked = _asked(request)
+        refusal = door.refusal(asked)
+        if refusal is not None:
+            return Response(refusal.sentence, refusal.status, mimetype="text/plain")
+        if asked.path == ENTRANCE:
+            return _entered(door, asked)
+        if door.knows(asked):
             return None
-        return Response(
-            "A user and a password are needed: those of the server.",
-            401,
-            {"WWW-Authenticate": 'Basic realm="aerocal", charset="UTF-8"'},
-            mimetype="text/plain",
-        )
+        if asked.is_for_a_page:
+            return Response(ENTRANCE_PAGE, 401, ENTRANCE_HEADERS)
+        return Response("Unauthorized", 401, mimetype="text/plain")
+
+    @server.errorhandler(DependencyException)
+    def _nothing(_error: DependencyException) -> Response:
+        return Response("There is nothing here.", 404, mimetype="text/plain")
 
     @server.after_request
     def _protect(response: Response) -> Response:
@@ -88,13 +92,17 @@ def guard(server: Flask, words: str | None, policy: str, *, loopback: bool) -> N
         return _compressed(response)
 
 
-def _knows(asked: Request, words: str) -> bool:
-    """Whether a request brings the password; takes as long for a nearly right one as for any other."""
-    given = asked.authorization
-    if given is None or given.type != "basic":
-        return False
-    brought = f"{given.username or ''}:{given.password or ''}"
-    return hmac.compare_digest(brought.encode(), words.encode())
+def _asked(asked: Request) -> Asked:
+    headers = tuple((name.lower(), value) for name, value in asked.headers.items())
+    return Asked(asked.method, asked.path, headers)
+
+
+def _entered(door: Door, asked: Asked) -> Response:
+    if asked.method != "POST":
+        return Response(ENTRANCE_PAGE, 200, ENTRANCE_HEADERS)
+    if door.opens(asked, request.get_data() if (request.content_length or 0) <= _LONGEST_KEY else b""):
+        return Response(status=204, headers={"Set-Cookie": door.cookie(asked), "Cache-Control": "no-store"})
+    return Response("That is not the key.", 403, mimetype="text/plain")
 
 
 def _compressed(response: Response) -> Response:

@@ -15,7 +15,6 @@ from flows.overview.project_grid import GRID, row_data
 from flows.overview.results import add_results
 from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
-from flows.serving.server_process import ServerAddress
 from tasks.errors import AerocalError
 from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
 from tasks.production.documents import documents_of
@@ -38,13 +37,8 @@ _PLOT: Any = {
 }
 
 
-def application(sources: Sources, host: str) -> Dash:
-    """The page.
-
-    Parameters
-    ----------
-    host : where it is going to listen.
-    """
+def application(sources: Sources) -> Dash:
+    """The page."""
     app = Dash(
         "aerocal-overview",
         assets_folder=str(Path(__file__).with_name("assets")),
@@ -64,8 +58,7 @@ def application(sources: Sources, host: str) -> Dash:
 
     app.server.add_url_rule("/health", view_func=_health)
     add_results(app.server, sources)
-    loopback = ServerAddress(host, 0).is_loopback
-    guard(app.server, sources.words, page_policy(app.csp_hashes()), loopback=loopback)
+    guard(app.server, sources.door, page_policy(app.csp_hashes()))
     return app
 
 

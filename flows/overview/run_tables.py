@@ -53,7 +53,9 @@ def _inbox_parts(inbox: InboxNews | None) -> list[Part]:
         ]
     if inbox.waiting:
         names = ", ".join(inbox.waiting[:_SHOWN])
-        parts.append(html.P(f"Deliveries that are not complete yet (no file DELIVERED): {names}."))
+        parts.append(
+            html.P(f"Deliveries that are not complete yet (no file DELIVERED, or still changing): {names}.")
+        )
     return parts
 
 

@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 
 from flows.overview.server_queue import ServerView, server_view
 from flows.serving.api import Api, configured_api
+from flows.serving.door import DOOR_VARIABLE, Door, door_from
 from flows.serving.inbox_news import InboxNews, read_inbox_news
 from flows.serving.roots import Roots, configured_roots
 from flows.serving.server_process import SERVER_WORDS
@@ -75,7 +76,7 @@ class Sources:
     dashboard : address of the server's own pages for browsers.
     roots : folders whose documents may be shown.
     api : of the server.
-    words : ``user:password`` that the page asks for; None: it does not ask.
+    door : who is let in.
     registry : address of the registry; None: there is none.
     state : folder of what ``aerocal serve`` keeps.
     """
@@ -84,7 +85,7 @@ class Sources:
     dashboard: str
     roots: Roots
     api: Api
-    words: str | None
+    door: Door
     registry: str | None
     state: Path
     board: Board = field(init=False)
@@ -138,14 +139,14 @@ def configured_sources(dashboard: str, environment: Mapping[str, str] = os.envir
         If it has named none.
     """
     records = configured_records(environment)
-    if records is None or "PREFECT_API_URL" not in environment:
+    if records is None or not all(environment.get(name) for name in ("PREFECT_API_URL", SERVER_WORDS)):
         raise InputError("The page belongs to a server.", "Start it with `aerocal serve`.")
     return Sources(
         records,
         dashboard,
         configured_roots(environment),
         configured_api(environment),
-        environment.get(SERVER_WORDS) or None,
+        door_from(environment[SERVER_WORDS], environment.get(DOOR_VARIABLE)),
         environment.get(REGISTRY_VARIABLE) or None,
         state_folder(),
     )

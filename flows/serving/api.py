@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import time
@@ -12,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from flows.serving.door import basic
 from flows.serving.server_process import CLIENT_WORDS
 from tasks.storage.installation import InstallationError
 
@@ -57,7 +57,7 @@ class Api:
     def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
         headers = {"Content-Type": "application/json"}
         if self.words is not None:
-            headers["Authorization"] = f"Basic {base64.b64encode(self.words.encode()).decode()}"
+            headers["Authorization"] = basic(self.words)
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(f"{self.url}{path}", data, headers, method=method)
         try:

@@ -61,14 +61,16 @@ class Child:
         holds: Sequence[Lifeline] = (),
     ) -> None:
         handed_on = (lifeline.reading, *(other.held for other in holds))
-        command = [sys.executable, "-m", __name__, str(lifeline.reading), module, *arguments]
+        # Neither the folder we were started in nor any other a delivery lies in holds our modules.
+        command = [sys.executable, "-P", "-m", __name__, str(lifeline.reading), module, *arguments]
         with _opened_log(log) as stream:
             self.process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
-                env=dict(environment),
+                env={**environment, "PYTHONSAFEPATH": "1"},
+                cwd=log.parent,
                 pass_fds=handed_on,
                 start_new_session=True,
             )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from flows.serving.api import Api
-from flows.serving.inbox import Delivery, read_inbox
+from flows.serving.inbox import STILL_S, Delivery, read_inbox
 from flows.serving.roots import Roots
 from tasks.plain_text import visible
 from tasks.production.records import Records, project_name
@@ -57,13 +58,14 @@ def schedule_deliveries(
     roots: Roots,
     story: StoryOfDeliveries,
     verified: set[str] | None = None,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> Scheduled:
     """Schedule a run for every complete delivery that has none.
 
     Parameters
     ----------
     records : remember what was done with a delivery, whatever becomes of the server's own records.
-    verified : as of `read_inbox`.
+    verified, is_over : as of `read_inbox`.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def schedule_deliveries(
     InstallationError
         If server or records cannot be asked.
     """
-    found = read_inbox(inbox, roots, verified)
+    found = read_inbox(inbox, roots, verified, still_s=STILL_S, is_over=is_over)
     outcomes = {delivery.folder.name: _schedule(api, records, delivery, story) for delivery in found.complete}
 
     def with_outcome(outcome: str) -> tuple[str, ...]:

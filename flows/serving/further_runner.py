@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,8 @@ from flows.serving.api import Api
 from flows.serving.child import Child, Lifeline
 from flows.serving.options import RunnerOptions
 from flows.serving.runner_process import RunnerPlace, start_runner
-from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS
+from flows.serving.secret import bring_words_to
+from flows.serving.server_process import CLIENT_WORDS
 from flows.serving.state_file import find_server, make_private
 from flows.serving.supervision import Requests, Say, Supervised, requests_to_end
 from tasks.errors import InputError
@@ -81,10 +82,11 @@ def run_further_runner(
     """
     make_private(state)
     Records.at(work.records).prepare()
+    bring_words_to(work.url, state)
     require_server(work.url)
     os.environ.setdefault("PREFECT_HOME", str(state / "prefect"))
     prepare_prefect()
-    api = Api(work.url, _words(os.environ))
+    api = Api(work.url, os.environ.get(CLIENT_WORDS))
     lifeline = Lifeline()
     with requests_to_end() as requests, _own_name(state) as name:
 
@@ -107,10 +109,6 @@ def run_further_runner(
 def _stay(runner: Supervised, requests: Requests) -> None:
     while not requests.come.wait(1.0):
         runner.look()
-
-
-def _words(environment: Mapping[str, str]) -> str | None:
-    return environment.get(CLIENT_WORDS) or environment.get(SERVER_WORDS)
 
 
 def _answers(url: str) -> bool:

@@ -11,20 +11,25 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from flows.serving.roots import Roots
 from tasks.errors import InputError
 from tasks.plain_text import trouble_in
-from tasks.storage.artifact import digest_of_file
 from tasks.storage.delivered_file import read_delivered, trouble_of
 
 #: Name of the marker file.
 MARKER = "DELIVERED"
 #: Set by ``aerocal serve``: the folder that deliveries are copied into.
 INBOX_VARIABLE = "AEROCAL_INBOX"
+
+#: A delivery is taken up once it has been still for so long, s.
+STILL_S = 5.0
+#: What is read of a listed file before it is asked whether the look is called off, bytes.
+_PIECE_BYTES = 4_000_000
 
 _LISTED = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
 
@@ -50,7 +55,7 @@ class Inbox:
     Attributes
     ----------
     complete : the deliveries that can be started, by folder.
-    waiting : folders without a marker file.
+    waiting : folders without a marker file, or that still change.
     refused : by folder, why a marked delivery is not started, a sentence.
     """
 
@@ -73,18 +78,33 @@ def configured_inbox(environment: Mapping[str, str] = os.environ) -> Path:
     return Path(text)
 
 
-def read_inbox(folder: Path, roots: Roots, verified: set[str] | None = None) -> Inbox:
+class CalledOffError(Exception):
+    """The look through the inbox was called off."""
+
+
+def read_inbox(
+    folder: Path,
+    roots: Roots,
+    verified: set[str] | None = None,
+    *,
+    still_s: float = 0.0,
+    is_over: Callable[[], bool] = lambda: False,
+) -> Inbox:
     """Look through an inbox.
 
     Parameters
     ----------
     verified : keys of deliveries whose listed files have been read before, so that nobody reads them again
         every few seconds; those found now are added.
+    still_s : a marked delivery that has changed within so many seconds waits, too.
+    is_over : whether the look is called off; asked while files are read.
 
     Raises
     ------
     InputError
         If it cannot be read.
+    CalledOffError
+        If it is called off.
     """
     try:
         folders = sorted(entry for entry in folder.iterdir() if entry.is_dir() and entry.name[0] != ".")
@@ -97,10 +117,13 @@ def read_inbox(folder: Path, roots: Roots, verified: set[str] | None = None) -> 
             if not os.path.lexists(one / MARKER):
                 waiting.append(one)
                 continue
+            if _has_just_changed(one, still_s):
+                waiting.append(one)
+                continue
             trouble = _trouble(one, roots)
             key = "" if trouble is not None else _key(one)
             if trouble is None and key not in verified:
-                trouble = _trouble_of_listed(one, roots)
+                trouble = _trouble_of_listed(one, roots, is_over)
             if trouble is None:
                 verified.add(key)
                 complete.append(Delivery(one.resolve(), key))
@@ -127,7 +150,7 @@ def _trouble(folder: Path, roots: Roots) -> str | None:
     return None
 
 
-def _trouble_of_listed(folder: Path, roots: Roots) -> str | None:
+def _trouble_of_listed(folder: Path, roots: Roots, is_over: Callable[[], bool]) -> str | None:
     """Why what the marker file lists is not complete; None: it is."""
     try:
         text = read_delivered((folder / MARKER).resolve(), "document").decode(errors="replace")
@@ -144,9 +167,30 @@ def _trouble_of_listed(folder: Path, roots: Roots) -> str | None:
             return f"{MARKER}, line {number}: the file lies outside the folders of this server."
         if not file.is_file():
             return f"{MARKER}, line {number}: {found.group(2)} is not there."
-        if digest_of_file(file) != digest:
+        too_much = trouble_of(file.resolve(), "table")
+        if too_much is not None:
+            return f"{MARKER}, line {number}: {too_much}"
+        if _digest(file, is_over) != digest:
             return f"{MARKER}, line {number}: {found.group(2)} has other bytes than delivered."
     return None
+
+
+def _digest(file: Path, is_over: Callable[[], bool]) -> str:
+    digest = hashlib.sha256()
+    with file.open("rb") as stream:
+        while piece := stream.read(_PIECE_BYTES):
+            if is_over():
+                raise CalledOffError
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def _has_just_changed(folder: Path, still_s: float) -> bool:
+    """Whether a file was written or renamed there just now; a clock that was put back stops nothing."""
+    if still_s == 0.0:
+        return False
+    newest = max((file.stat().st_ctime for file in _delivered(folder)), default=0.0)
+    return 0.0 <= time.time() - newest < still_s
 
 
 def _key(folder: Path) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import socket
 import zoneinfo
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -12,6 +14,7 @@ from urllib.parse import urlsplit
 
 from flows.serving.calibrations import registry_of_server
 from flows.serving.deliveries import StoryOfDeliveries
+from flows.serving.door import Door, door_of
 from flows.serving.results import results_of_server
 from flows.serving.roots import Roots, roots_of
 from flows.serving.server_process import ServerAddress
@@ -26,6 +29,8 @@ WEEKLY = "0 6 * * 1"
 
 
 _LAST_PORT = 65535
+#: Further names, separated by spaces, under which others reach this machine.
+HOSTS_VARIABLE = "AEROCAL_HOSTS"
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,11 @@ class ServeOptions:
     def records(self) -> str:
         """Address of the records of production, without a password."""
         return str(self.state / "records.sqlite") if self.database is None else self.database
+
+    def door(self, words: str) -> Door:
+        """Who is let in: who knows these words, and asks for this machine by one of its names."""
+        hosts = [self.address.host, socket.gethostname(), *os.environ.get(HOSTS_VARIABLE, "").split()]
+        return door_of(words, hosts, [self.address.public, self.overview.public])
 
 
 def options_for(

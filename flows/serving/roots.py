@@ -4,14 +4,33 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.plain_text import UNSEEN, quoted, trouble_in
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts: a JSON list of folders.
 ROOTS_VARIABLE = "AEROCAL_ROOTS"
+
+
+#: The same for a form: what `output_name` lets pass, but for its length.
+OUTPUT_PATTERN = rf"^(?!\.|\s*$)[^/\\{UNSEEN}]+$(?!\n)"
+
+
+def output_name(name: str) -> str:
+    """A name that a folder of results may have: one that everybody sees, and no hidden folder.
+
+    Raises
+    ------
+    ValueError
+        If it may not.
+    """
+    if trouble_in(name) is not None or re.search(OUTPUT_PATTERN, name) is None:
+        raise ValueError(f"{quoted(name)} is not the name of an output folder.")
+    return name
 
 
 @dataclass(frozen=True)
@@ -70,12 +89,14 @@ class Roots:
         InputError
             If it is no plain name, or a link that leads out of the folders.
         """
-        plain = name.strip() and name not in (".", "..") and PurePath(name).name == name and "\0" not in name
-        if not plain:
+        try:
+            output_name(name)
+        except ValueError as error:
             raise InputError(
-                f"'{name}' is not the name of an output folder.",
-                "Give one name without slashes; the folder is made beside the project file.",
-            )
+                str(error),
+                "Give one name without slashes and without a dot in front; the folder is made beside the "
+                "project file.",
+            ) from error
         folder = project_file.parent / name
         if not all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock")):
             raise InputError(

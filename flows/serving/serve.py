@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,12 +13,13 @@ from flows.prefect_settings import prepare_prefect
 from flows.serving.api import Api
 from flows.serving.child import Child, Lifeline
 from flows.serving.deliveries import MANUAL
+from flows.serving.door import DOOR_VARIABLE
 from flows.serving.notices import NoticeThread
 from flows.serving.options import ServeOptions
 from flows.serving.overview_process import OverviewProcess
 from flows.serving.runner_process import RunnerPlace, runner_environment, start_runner
+from flows.serving.secret import keep_link, words_of
 from flows.serving.server_process import (
-    CLIENT_WORDS,
     SERVER_WORDS,
     is_well,
     server_environment,
@@ -72,11 +74,11 @@ class _Serving:
 
     def __init__(self, options: ServeOptions, records: Records, requests: Requests, say: Say) -> None:
         self.options, self.records, self.requests, self.say = options, records, requests, say
+        self.door = options.door(words_of(options.address, options.state))
         self.environment = server_environment(
-            options.address, options.database, history_days=options.history_days
+            options.address, options.database, self.door, history_days=options.history_days
         )
-        self.words = os.environ.get(CLIENT_WORDS) or os.environ.get(SERVER_WORDS)
-        self.api = Api(options.address.api, self.words)
+        self.api = Api(options.address.api, self.door.words)
         self.place = RunnerPlace(
             options.roots,
             options.records,
@@ -119,7 +121,12 @@ class _Serving:
 
     def _overview(self) -> OverviewProcess:
         options, log = self.options, self.options.state / "logs" / "overview.log"
-        environment = runner_environment(self.api, self.place)
+        runner = runner_environment(self.api, self.place)
+        environment = {
+            **runner,
+            SERVER_WORDS: self.door.words,
+            DOOR_VARIABLE: self.door.as_variable(),
+        }
         return OverviewProcess(options.overview, options.address.dashboard, environment, log, self.say)
 
     def _server_has_ended(self, server: Supervised) -> None:
@@ -150,18 +157,26 @@ class _Serving:
         write_state(options.state, where)
         self.say(f"Dashboard: {options.address.dashboard}")
         self.say(f"Production page: {options.overview.dashboard}")
+        self._tell_link()
         self.say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
         self.say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
+
+    def _tell_link(self) -> None:
+        """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
+        link = f"{self.options.address.dashboard}{self.door.link}"
+        file = keep_link(self.options.state, link)
+        shown = link if sys.stdout.isatty() else f"it stands in {file}"
+        self.say(f"A browser is let in by this link, to be opened once: {shown}")
 
     def _stay(self, server: Supervised, runner: Supervised, overview: OverviewProcess) -> int:
         """Look after children and inbox until a request to end has come; then let the runner finish."""
         watch = Watch(self.options, self.api, self.records, self.say)
         try:
-            while not self.requests.come.wait(1.0):
-                server.look()
-                runner.look()
-                overview.look()
-                watch.look()
+            with watch:
+                while not self.requests.come.wait(1.0):
+                    server.look()
+                    runner.look()
+                    overview.look()
         except InstallationError:
             runner.drain(self.requests)
             raise

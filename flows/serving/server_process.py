@@ -12,8 +12,10 @@ import urllib.request
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from flows.serving.child import Child, Lifeline
+from flows.serving.door import DOOR_VARIABLE, Door
 from tasks.storage.installation import InstallationError
 
 #: Prefect's own variable of the words (``user:password``) a server asks for.
@@ -101,6 +103,7 @@ def free_port(host: str) -> int:
 def server_environment(
     address: ServerAddress,
     database: str | None,
+    door: Door,
     environment: Mapping[str, str] = os.environ,
     *,
     history_days: int = 365,
@@ -110,24 +113,22 @@ def server_environment(
     Parameters
     ----------
     database : ``postgresql://…``, or None for Prefect's SQLite file in our folder.
+    door : who is let in.
     history_days : how long runs that have ended are remembered, with their logs and artifacts. Which
         deliveries have been done is remembered elsewhere (`tasks.production.records`).
 
     Raises
     ------
     InstallationError
-        If others could reach the server and it would not ask who they are, or the database is not understood.
+        If the database is not understood.
     """
-    if not address.is_loopback and not environment.get(SERVER_WORDS):
-        raise InstallationError(
-            f"With --host {address.host} others could start runs and read results without being asked.",
-            f"Set {SERVER_WORDS}=user:password in the environment (and {CLIENT_WORDS} where runs are "
-            "reported from), or stay with 127.0.0.1.",
-        )
     settings = {
         "PREFECT_SERVER_API_HOST": address.host,
         "PREFECT_SERVER_API_PORT": str(address.port),
-        "PREFECT_SERVER_UI_API_URL": f"{address.dashboard}/api",
+        SERVER_WORDS: door.words,
+        DOOR_VARIABLE: door.as_variable(),
+        # That of the page itself, so that every name of this machine will do.
+        "PREFECT_SERVER_UI_API_URL": f"{urlsplit(address.dashboard).path.rstrip('/')}/api",
         # Pages of other origins may not start runs through the browser of somebody who is here.
         "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.dashboard,
         "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",

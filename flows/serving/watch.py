@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 from flows.serving.api import Api
 from flows.serving.deliveries import schedule_deliveries
 from flows.serving.heartbeats import watch_heartbeats
+from flows.serving.inbox import CalledOffError
 from flows.serving.inbox_news import forget_inbox_news, keep_inbox_news
 from flows.serving.options import ServeOptions
 from flows.serving.reconciliation import reconcile
@@ -14,6 +16,9 @@ from flows.serving.resumption import begin_again
 from flows.serving.supervision import Say
 from tasks.errors import AerocalError
 from tasks.production.records import Records
+
+#: What a look in work is given to end, s.
+_END_S = 5.0
 
 
 class Watch:
@@ -30,6 +35,30 @@ class Watch:
         self._verified: set[str] = set()
         self._said: set[str] = set()
         self._next = time.monotonic()
+        self._over = threading.Event()
+        # Not in the way of an end: what it has begun may take as long as a delivery is large.
+        self._thread = threading.Thread(target=self._look_again_and_again, daemon=True)
+
+    def __enter__(self) -> Watch:
+        """Look from now on, beside everything else."""
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Look no more."""
+        self._over.set()
+        self._thread.join(_END_S)
+
+    def _look_again_and_again(self) -> None:
+        while not self._over.wait(1.0):
+            try:
+                self.look()
+            except CalledOffError:
+                return
+            # One defect must not end all looks.
+            except Exception as error:
+                self.say(f"A look after inbox and runs broke off: {type(error).__name__}: {error}")
+                self._next = time.monotonic() + self.options.watch_s
 
     def look(self) -> None:
         """Look if it is time; say what cannot be done, once."""
@@ -57,7 +86,9 @@ class Watch:
             return []
         roots, story = self.options.roots, self.options.runner.story
         inbox = self.options.inbox
-        found = schedule_deliveries(self.api, self.records, inbox, roots, story, self._verified)
+        found = schedule_deliveries(
+            self.api, self.records, inbox, roots, story, self._verified, self._over.is_set
+        )
         for name in found.begun:
             self.say(f"Delivery {name}: a run is scheduled.")
         keep_inbox_news(self.options.state, found.waiting, found.refused)

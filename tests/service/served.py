@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flows.serving.api import Api
+from flows.serving.secret import kept_words
 from flows.serving.server_process import SERVER_WORDS, free_port
 from tasks.production.records import Records
 
@@ -41,14 +42,26 @@ class Served:
     ----------
     folder : holds root/, inbox/, state/ and what it printed.
     port, overview : of the server, and of the production page.
-    words : what the server asks for; None: it does not.
+    given : what it was told to ask for; None: it has made a secret of its own.
     """
 
     folder: Path
     process: subprocess.Popen[bytes]
     port: int
     overview: int
-    words: str | None = None
+    given: str | None = None
+
+    @property
+    def words(self) -> str:
+        """What it asks for."""
+        words = self.given or kept_words(self.folder / "state")
+        assert words is not None, "it has made no secret"
+        return words
+
+    @property
+    def link(self) -> str:
+        """What lets a browser in."""
+        return (self.folder / "state" / "link").read_text().strip()
 
     @property
     def api(self) -> Api:
@@ -73,10 +86,10 @@ class Served:
     def printed(self) -> str:
         return (self.folder / "printed").read_text()
 
-    def start(self, deployment: str, parameters: Mapping[str, Any]) -> str:
+    def start(self, deployment: str, parameters: Mapping[str, Any], **more: Any) -> str:
         """Start a run by hand; its id."""
         found = self.api.get(f"/deployments/name/{deployment}")
-        run = self.api.post(f"/deployments/{found['id']}/create_flow_run", {"parameters": parameters})
+        run = self.api.post(f"/deployments/{found['id']}/create_flow_run", {"parameters": parameters, **more})
         return str(run["id"])
 
     def run(self, identity: str) -> Any:
@@ -123,7 +136,7 @@ def engines_of(group: int) -> list[int]:
     """The processes of a group that carry out runs."""
     listed = subprocess.run(["ps", "-eo", "pid,pgid,args"], capture_output=True, text=True, check=True).stdout
     parts = [line.split(None, 2) for line in listed.splitlines()[1:]]
-    return [int(pid) for pid, of, args in parts if int(of) == group and "prefect.engine" in args]
+    return [int(pid) for pid, of, args in parts if int(of) == group and "flows.serving.engine" in args]
 
 
 @contextmanager
@@ -144,10 +157,10 @@ def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[b
 
 
 @contextmanager
-def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
+def served(folder: Path, *options: str, cwd: Path | None = None, **variables: str) -> Iterator[Served]:
     """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards.
 
-    Its environment has these variables besides.
+    Its environment has these variables besides; it is started in the folder cwd.
     """
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -162,6 +175,7 @@ def served(folder: Path, *options: str, **variables: str) -> Iterator[Served]:
             stdout=printed,
             stderr=printed,
             env={**environment(folder), **variables},
+            cwd=cwd,
         )
     server = Served(folder, process, port, overview, variables.get(SERVER_WORDS))
     groups: set[int] = set()

@@ -92,8 +92,13 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def seen(browser: Browser, tmp_path: Path) -> Iterator[Seen]:
-    page = browser.new_page(viewport={"width": 1500, "height": 1000})
+def seen(server: Served, browser: Browser, tmp_path: Path) -> Iterator[Seen]:
+    context = browser.new_context(viewport={"width": 1500, "height": 1000})
+    door = context.new_page()
+    door.goto(server.link)
+    door.wait_for_url(f"http://127.0.0.1:{server.port}/v2/**")
+    door.close()
+    page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
     folder = Path(os.environ.get("AEROCAL_SCREENSHOTS") or tmp_path)
@@ -102,7 +107,7 @@ def seen(browser: Browser, tmp_path: Path) -> Iterator[Seen]:
     page.on("pageerror", lambda error: seen.complaints.append(str(error)))
     page.on("console", lambda said: seen.complaints.append(said.text) if said.type == "error" else None)
     yield seen
-    page.close()
+    context.close()
 
 
 def test_a_run_is_started_with_the_form_and_followed_to_its_report(server: Served, seen: Seen) -> None:

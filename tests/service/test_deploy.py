@@ -18,7 +18,15 @@ from typing import Any
 import pytest
 
 from flows.serving.api import Api
-from flows.serving.server_process import SERVER_WORDS, ServerAddress, free_port, is_well, server_environment
+from flows.serving.door import door_of
+from flows.serving.server_process import (
+    CLIENT_WORDS,
+    SERVER_WORDS,
+    ServerAddress,
+    free_port,
+    is_well,
+    server_environment,
+)
 from tasks.production.records import Records
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose
 from tests.flows.conftest import write_block
@@ -51,18 +59,19 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
     address = ServerAddress("127.0.0.1", free_port("127.0.0.1"))
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)
+    door = door_of("ann:words", [address.host], [])
     server = [sys.executable, "-m", "flows.serving.server", "server", "start"]
     server += ["--host", address.host, "--port", str(address.port)]
-    ours = {**base, "PREFECT_API_URL": address.api}
+    ours = {**base, "PREFECT_API_URL": address.api, CLIENT_WORDS: door.words}
     confined = {"AEROCAL_ROOTS": f'["{tmp_path / "root"}"]', "AEROCAL_RECORDS": str(tmp_path / "r.sqlite")}
     worker = ["prefect", "worker", "start", "--pool", "aerocal"]
-    with running(server, tmp_path / "server.log", env=server_environment(address, None, base)):
+    with running(server, tmp_path / "server.log", env=server_environment(address, None, door, base)):
         for _ in range(2):
             done = subprocess.run(
                 [DEPLOY / "init.sh"], env=ours, capture_output=True, text=True, check=False, timeout=300
             )
             assert done.returncode == 0, done.stdout + done.stderr
-        api = Api(address.api)
+        api = Api(address.api, door.words)
         names = {one["name"] for one in api.post("/deployments/filter", {})}
         assert names == {"manual", "on-delivery", "nightly", "recalibration-due", "clean-up"}
         assert len(api.post("/deployments/filter", {})) == 7

@@ -7,11 +7,12 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 from playwright.sync_api import sync_playwright
 
+from flows.serving.door import basic
 from flows.serving.server_process import free_port
 from tests.flows.conftest import write_block
 from tests.service.served import Served, served, until
@@ -52,18 +53,24 @@ def test_a_failed_gate_is_told_and_shown(server: Served, receiver: WebReceiver) 
     assert (notice["run"], notice["kind"], notice["project"]) == (run, "gate", "block")
     assert len(receiver.asked) == 2, "the first answer was 500"
     made = artifacts(server, run)
+
+    def known(address: str) -> Request:
+        return Request(address, headers={"Authorization": basic(server.words)})
+
     assert set(made) == {"verdict", "check-points", "map", "report"}
     assert made["verdict"]["data"].startswith("**🔴 GateFailed: ")
     assert notice["links"]["report"] in made["report"]["data"]
-    with urlopen(made["map"]["data"]) as answer:
+    with urlopen(known(made["map"]["data"])) as answer:
         assert answer.headers["Content-Type"].startswith("image/svg+xml")
         assert b"<svg " in answer.read()
-    with urlopen(notice["links"]["report"]) as answer:
+    with urlopen(known(notice["links"]["report"])) as answer:
         assert answer.status == 200
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
         page = browser.new_page()
+        page.goto(server.link)
+        page.wait_for_url("**/v2/**")
         page.goto(f"{server.api.url.removesuffix('/api')}/v2/artifacts/artifact/{made['map']['id']}")
         page.wait_for_function("document.querySelector('img[alt=artifact-image]')?.naturalWidth > 0")
         browser.close()

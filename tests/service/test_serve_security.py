@@ -19,6 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from flows.serving.door import basic
 from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, free_port
 from tasks.storage.installation import InstallationError
 from tests.flows.conftest import write_block
@@ -32,6 +33,8 @@ WRONG = (None, "", "clerk:", "clerk:wrong", f"{WORDS}x", SECRET)
 #: What says nothing but that a server is there.
 OPEN = {"/api/health", "/api/ready"}
 MANUAL = "aerial-triangulation/manual"
+#: Names that no folder of results has: not seen as they are, hidden, or ours.
+OUTPUTS = ("a\nb", "results\n", "\x1b[2J", "a\u202eb", "a\u2066b", ".git", ".store", "..", " ", "")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +59,7 @@ def asked(address: str, method: str = "GET", words: str | None = None) -> int:
     request = urllib.request.Request(address, None if method == "GET" else b"{}", method=method)
     request.add_header("Content-Type", "application/json")
     if words is not None:
-        request.add_header("Authorization", f"Basic {base64.b64encode(words.encode()).decode()}")
+        request.add_header("Authorization", basic(words))
     try:
         with urllib.request.urlopen(request, timeout=30) as answer:
             return int(answer.status)
@@ -78,7 +81,8 @@ def test_without_words_it_does_not_start(tmp_path: Path) -> None:
 
 def test_every_call_of_the_api_is_refused_without_the_right_words(server: Served) -> None:
     base = f"http://127.0.0.1:{server.port}"
-    with urllib.request.urlopen(f"{base}/openapi.json", timeout=60) as answer:
+    described = urllib.request.Request(f"{base}/openapi.json", headers={"Authorization": basic(WORDS)})
+    with urllib.request.urlopen(described, timeout=60) as answer:
         paths = json.load(answer)["paths"]
     calls = [
         (method.upper(), path if path.startswith("/api") else f"/api{path}")
@@ -150,20 +154,21 @@ def test_a_run_by_form_is_confined_to_the_folders(server: Served) -> None:
     for parameters in (
         {"project": "block", "output": "../x"},
         {"project": "block", "settings": {"inputs.exposures.file": "/etc/passwd"}},
+        {"project": "block", "data": str(outside)},
+        *({"project": "block", "output": name} for name in OUTPUTS),
     ):
         with pytest.raises(InstallationError, match=r"refused.*\((409|422)\)"):
             server.start(MANUAL, parameters)
     runs = [
-        server.start(MANUAL, parameters)
+        server.start(MANUAL, parameters, enforce_parameter_schema=False)
         for parameters in (
             {"project": str(outside)},
             {"project": "block", "data": str(outside), "output": "x"},
+            {"project": "block", "output": ".git"},
         )
     ]
-    # A parameter that a story does not have is found out when the run begins; it reads nothing either.
-    refused, unknown = (server.ended(run) for run in runs)
-    assert refused["state_name"] == "InputError"
-    assert unknown["state_type"] in ("FAILED", "CRASHED"), unknown["state"]
+    # A parameter that a story does not have is refused even if the form was told not to look.
+    assert [server.ended(run)["state_name"] for run in runs] == ["InputError"] * 3
     assert not (server.folder / "root" / "block" / "x").exists()
     assert not (outside / "results").exists()
 

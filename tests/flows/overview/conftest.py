@@ -11,10 +11,12 @@ from flask.testing import FlaskClient
 from flows.overview.application import application
 from flows.overview.sources import Sources
 from flows.serving.api import Api
+from flows.serving.door import basic, door_of
 from flows.serving.roots import Roots
 from tasks.production.records import Records
 
 DASHBOARD = "http://127.0.0.1:4200"
+DOOR = door_of("ann:secret", ["office"], [None])
 
 
 @pytest.fixture
@@ -27,14 +29,18 @@ def sources(records: Records, tmp_path: Path) -> Sources:
     """Sources whose server does not answer: nobody listens on port 9 of this machine."""
     (tmp_path / "root").mkdir()
     roots = Roots(((tmp_path / "root").resolve(),))
-    return Sources(records, DASHBOARD, roots, Api("http://127.0.0.1:9/api"), None, None, tmp_path / "state")
+    api = Api("http://127.0.0.1:9/api")
+    return Sources(records, DASHBOARD, roots, api, DOOR, None, tmp_path / "state")
 
 
 @pytest.fixture
 def browse() -> Callable[..., FlaskClient]:
-    """What asks a page over sources, listening at a host."""
+    """What asks a page over sources, with the words or other ones; None: without any."""
 
-    def made(sources: Sources, host: str = "127.0.0.1") -> FlaskClient:
-        return application(sources, host).server.test_client()
+    def made(sources: Sources, words: str | None = DOOR.words) -> FlaskClient:
+        client = application(sources).server.test_client()
+        if words is not None:
+            client.environ_base["HTTP_AUTHORIZATION"] = basic(words)
+        return client
 
     return made

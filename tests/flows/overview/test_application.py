@@ -6,7 +6,6 @@ import base64
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +98,7 @@ def test_every_script_that_stands_in_the_page_is_allowed_by_its_digest(
 
 def test_who_has_no_password_sees_nothing(sources: Sources, browse: Browse, records: Records) -> None:
     one = publish(records, sources.roots.folders[0] / "block" / "results")
-    client = browse(replace(sources, words="ann:secret"), "0.0.0.0")
+    client = browse(sources, None)
     pages = ("/", "/_dash-layout", f"/results/{one.id}/report.html", "/assets/grid.js", "/health")
     for headers in ({}, basic("ann:wrong"), basic("ann:"), basic(""), {"Authorization": "Bearer x"}):
         for page in pages:
@@ -112,9 +111,23 @@ def test_who_has_no_password_sees_nothing(sources: Sources, browse: Browse, reco
 
 def test_a_page_for_this_machine_is_not_found_under_another_name(sources: Sources, browse: Browse) -> None:
     client = browse(sources)
-    assert client.get("/health", headers={"Host": "localhost:4201"}).status_code == 200
-    assert client.get("/health", headers={"Host": "evil.example:4201"}).status_code == 400
-    assert browse(sources, "0.0.0.0").get("/health", headers={"Host": "office:4201"}).status_code == 200
+    for host in ("localhost:4201", "127.0.0.1:4201", "[::1]:4201", "office:4201", "OFFICE."):
+        assert client.get("/health", headers={"Host": host}).status_code == 200, host
+    for host in ("evil.example:4201", "localhost.evil.example", "127.0.0.1.nip.example", ""):
+        assert client.get("/health", headers={"Host": host}).status_code == 400, host
+
+
+def test_the_link_makes_a_browser_known_to_this_page(sources: Sources, browse: Browse) -> None:
+    client = browse(sources, None)
+    page = client.get("/", headers={"Accept": "text/html"})
+    assert page.status_code == 401
+    assert b"not known yet" in page.data
+    assert client.post("/enter", json={"key": "wrong"}).status_code == 403
+    assert client.post("/enter", json={"key": sources.door.key}).status_code == 204
+    assert client.get("/").status_code == 200
+    foreign = client.get("/_dash-layout", headers={"Origin": "http://evil.example"})
+    assert foreign.status_code == 403
+    assert client.post("/_dash-update-component", data="{}").status_code == 415
 
 
 def test_a_report_is_shown_without_scripts_and_apart_from_the_page(
@@ -237,7 +250,7 @@ def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> 
     keep_inbox_news(sources.state, ("block-9",), ("block-8 is not started. It has no project.toml.",))
     told = texts(refreshed(browse(sources), {"board": "", "number": 0})["queue"]["children"])
     assert "block-8 is not started. It has no project.toml." in told
-    assert "not complete yet (no file DELIVERED): block-9" in told
+    assert "not complete yet (no file DELIVERED, or still changing): block-9" in told
 
 
 def test_records_that_cannot_be_read_are_said_and_the_page_stays(
@@ -277,4 +290,7 @@ def test_the_page_belongs_to_a_server(tmp_path: Path) -> None:
         "PREFECT_SERVER_API_AUTH_STRING": "ann:secret",
     }
     found = configured_sources("http://127.0.0.1:4200", environment)
-    assert (found.words, found.registry, found.roots.folders) == ("ann:secret", None, (tmp_path.resolve(),))
+    assert (found.door.words, found.registry) == ("ann:secret", None)
+    assert found.roots.folders == (tmp_path.resolve(),)
+    with pytest.raises(InputError, match="belongs to a server"):
+        configured_sources("http://127.0.0.1:4200", {**environment, "PREFECT_SERVER_API_AUTH_STRING": ""})

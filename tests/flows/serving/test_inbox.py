@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
 
-from flows.serving.inbox import MARKER, Inbox, read_inbox
+from flows.serving.inbox import MARKER, CalledOffError, Inbox, read_inbox
 from flows.serving.roots import roots_of
 from tasks.errors import InputError
 
@@ -158,3 +159,47 @@ def test_one_bad_delivery_never_stands_in_the_way_of_another(inbox: Path) -> Non
     assert [one.folder.name for one in found.complete] == ["block-1"]
     assert [folder.name for folder in found.waiting] == ["block-2"]
     assert len(found.refused) == len(made) + 1
+
+
+def test_a_marked_delivery_that_still_changes_waits_until_it_is_still(inbox: Path) -> None:
+    roots, block = roots_of([inbox]), inbox / "block-1"
+    (block / MARKER).touch()
+    for content in ("a", "b"):
+        (block / "more.csv").write_text(content)
+        found = read_inbox(inbox, roots, still_s=0.5)
+        assert not found.complete
+        assert block in found.waiting
+    until = time.monotonic() + 10.0
+    while not (found := read_inbox(inbox, roots, still_s=0.5)).complete:
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    assert [one.folder.name for one in found.complete] == ["block-1"]
+    assert not found.refused
+
+
+def test_a_listed_file_of_300_gb_is_refused_unread(inbox: Path) -> None:
+    block = inbox / "block-1"
+    with (block / "points.csv").open("wb") as stream:
+        stream.truncate(300 * 10**9)
+    (block / MARKER).write_text(f"{'0' * 64}  points.csv\n")
+    begun = time.monotonic()
+    refused = read(inbox).refused[block]
+    assert "line 1" in refused
+    assert "300,000 MB, more than the 4,000 MB" in refused
+    assert time.monotonic() - begun < 5.0
+
+
+def test_a_look_that_is_called_off_ends_before_a_large_file_is_read(inbox: Path) -> None:
+    block = inbox / "block-1"
+    with (block / "points.csv").open("wb") as stream:
+        stream.truncate(3 * 10**9)
+    (block / MARKER).write_text(f"{'0' * 64}  points.csv\n")
+    asked: list[int] = []
+
+    def is_over() -> bool:
+        asked.append(1)
+        return len(asked) == 3
+
+    with pytest.raises(CalledOffError):
+        read_inbox(inbox, roots_of([inbox]), is_over=is_over)
+    assert len(asked) == 3

@@ -11,12 +11,15 @@ from typing import Any
 
 import pytest
 
+from flows.serving.door import door_of
 from flows.serving.options import RunnerOptions, ServeOptions, options_for, options_from
+from flows.serving.secret import kept_words, words_of
 from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
 from tasks.errors import InputError
 from tasks.storage.installation import InstallationError
 
 LOCAL = ServerAddress("127.0.0.1", 4200)
+DOOR = door_of("aerocal:secret", ["127.0.0.1"], [])
 
 
 def options(folder: Path, **changed: Any) -> ServeOptions:
@@ -105,7 +108,7 @@ def test_the_server_forgets_runs_after_the_days_it_was_told(tmp_path: Path) -> N
     given = options(tmp_path, history_days=100, keep_days=30)
     assert (given.history_days, given.runner.keep_days) == (100, 30)
     assert options_from(given.runner.as_text()).keep_days == 30
-    made = server_environment(LOCAL, None, {}, history_days=given.history_days)
+    made = server_environment(LOCAL, None, DOOR, {}, history_days=given.history_days)
     assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD"] == "8640000"
     assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED"] == "events,flow_runs"
 
@@ -126,33 +129,52 @@ def test_a_password_has_no_place_in_the_address_of_the_database(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
-def test_a_server_that_others_reach_must_ask_who_they_are(host: str) -> None:
-    with pytest.raises(InstallationError, match=SERVER_WORDS):
-        server_environment(ServerAddress(host, 4200), None, {})
-    with pytest.raises(InstallationError, match=SERVER_WORDS):
-        server_environment(ServerAddress(host, 4200), None, {CLIENT_WORDS: "user:words"})
-    made = server_environment(ServerAddress(host, 4200), None, {SERVER_WORDS: "user:words"})
-    assert made["PREFECT_SERVER_API_HOST"] == host
+def test_a_server_that_others_reach_is_told_what_they_must_say(host: str, tmp_path: Path) -> None:
+    address = ServerAddress(host, 4200)
+    for environment in ({}, {CLIENT_WORDS: "user:words"}):
+        with pytest.raises(InstallationError, match=SERVER_WORDS):
+            words_of(address, tmp_path, environment)
+    assert words_of(address, tmp_path, {SERVER_WORDS: "user:words"}) == "user:words"
+    made = server_environment(address, None, DOOR, {})
+    assert (made["PREFECT_SERVER_API_HOST"], made[SERVER_WORDS]) == (host, DOOR.words)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.3.2.1", "::1", "localhost"])
-def test_nobody_else_reaches_loopback(host: str) -> None:
-    made = server_environment(ServerAddress(host, 4200), None, {"PREFECT_API_URL": "http://elsewhere/api"})
+def test_on_loopback_a_secret_is_made_once_for_this_user_only(host: str, tmp_path: Path) -> None:
+    address = ServerAddress(host, 4200)
+    words = words_of(address, tmp_path, {})
+    assert len(words) > 40
+    assert words_of(address, tmp_path, {}) == words == kept_words(tmp_path)
+    (file,) = tmp_path.iterdir()
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert words_of(address, tmp_path, {SERVER_WORDS: "user:words"}) == "user:words"
+    assert words not in file.parent.name
+    made = server_environment(address, None, DOOR, {"PREFECT_API_URL": "http://elsewhere/api"})
     assert "PREFECT_API_URL" not in made
     assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == ServerAddress(host, 4200).base
 
 
+def test_a_secret_that_others_can_read_is_none(tmp_path: Path) -> None:
+    words_of(LOCAL, tmp_path, {})
+    (tmp_path / "secret").chmod(0o640)
+    with pytest.raises(InstallationError, match="Others can read"):
+        words_of(LOCAL, tmp_path, {})
+    (tmp_path / "secret").unlink()
+    (tmp_path / "secret").symlink_to("/etc/hostname")
+    with pytest.raises(InstallationError, match="Remove it"):
+        words_of(LOCAL, tmp_path, {})
+
+
 def test_browsers_are_told_an_address_they_can_open(tmp_path: Path) -> None:
-    words = {SERVER_WORDS: "user:words"}
     given = options(tmp_path, host="0.0.0.0", public_url="https://aerocal.example.org/").address
-    made = server_environment(given, None, words)
-    assert made["PREFECT_SERVER_UI_API_URL"] == "https://aerocal.example.org/api"
+    made = server_environment(given, None, DOOR, {})
+    assert made["PREFECT_SERVER_UI_API_URL"] == "/api"
     assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == "https://aerocal.example.org"
     assert given.api == "http://0.0.0.0:4200/api"
     page = options(tmp_path, host="0.0.0.0", public_overview_url="https://production.example.org/").overview
     assert (page.dashboard, page.host) == ("https://production.example.org", "0.0.0.0")
-    everywhere = server_environment(ServerAddress("0.0.0.0", 4200), None, words)
-    assert everywhere["PREFECT_SERVER_UI_API_URL"] == f"http://{socket.gethostname()}:4200/api"
+    assert ServerAddress("0.0.0.0", 4200).dashboard == f"http://{socket.gethostname()}:4200"
     for text in ("aerocal.example.org", "ftp://example.org", "https://", "javascript:alert(1)"):
         with pytest.raises(InputError, match="--public-url"):
             options(tmp_path, public_url=text)
@@ -161,16 +183,16 @@ def test_browsers_are_told_an_address_they_can_open(tmp_path: Path) -> None:
 
 
 def test_the_dashboard_is_told_where_the_server_is() -> None:
-    assert server_environment(LOCAL, None, {})["PREFECT_SERVER_UI_API_URL"] == "http://127.0.0.1:4200/api"
+    assert server_environment(LOCAL, None, DOOR, {})["PREFECT_SERVER_UI_API_URL"] == "/api"
     assert ServerAddress("::1", 1).api == "http://[::1]:1/api"
 
 
 def test_the_database_is_postgresql_or_ours() -> None:
     for given in ("postgresql://me@host/db", "postgres://me@host/db", "postgresql+asyncpg://me@host/db"):
-        made = server_environment(LOCAL, given, {})
+        made = server_environment(LOCAL, given, DOOR, {})
         assert made["PREFECT_SERVER_DATABASE_CONNECTION_URL"] == "postgresql+asyncpg://me@host/db"
     with pytest.raises(InstallationError) as refused:
-        server_environment(LOCAL, "mysql://me:words@host/db", {})
+        server_environment(LOCAL, "mysql://me:words@host/db", DOOR, {})
     assert "words" not in str(refused.value)
 
 

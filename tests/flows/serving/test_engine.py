@@ -1,0 +1,71 @@
+"""What the program of a run takes, before anything begins; and what it says."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from flows.serving.engine import foreseen, trouble_in
+
+pytestmark = pytest.mark.prefect
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        (
+            {"project": "block", "evil": 1, "x\x1b": 2},
+            r"There is no parameter evil, x\u001b. There are: project,",
+        ),
+        ({}, "project"),
+        ({"project": 3}, "project"),
+        ({"project": "block", "settings": {"inputs.control.file": "/etc/passwd"}}, "inputs.control.file"),
+        *(
+            ({"project": "block", "output": name}, "is not the name of an output folder")
+            for name in (".git", ".store", "a/b", "a\nb", "results\n", "a\u202eb", "..", "\t")
+        ),
+    ],
+)
+def test_parameters_that_a_story_does_not_take_are_refused_in_one_line(
+    parameters: dict[str, object], said: str
+) -> None:
+    from flows.deployed import aerial_triangulation
+
+    trouble = trouble_in(aerial_triangulation, parameters)
+    assert trouble is not None
+    assert said in trouble
+    assert trouble.isprintable()
+
+
+@pytest.mark.parametrize("output", ["results", "a b", "Ergebnisse-für-Ä", "2026.11", "ſ…"])
+def test_parameters_that_it_takes_are_not(output: str) -> None:
+    from flows.deployed import aerial_triangulation, clean_up
+
+    assert trouble_in(aerial_triangulation, {"project": "block", "output": output}) is None
+    assert trouble_in(clean_up, {"keep_days": 3}) is None
+
+
+def test_every_deployment_refuses_unknown_parameters() -> None:
+    from flows.deployments import deployments
+    from flows.serving.options import RunnerOptions
+
+    made = deployments(RunnerOptions(has_inbox=True, recalibration_cron="0 6 * * 1", keep_days=9))
+    assert len(made) == 7
+    for one in made:
+        schema = one._parameter_openapi_schema.model_dump(exclude_unset=True)
+        assert (schema["additionalProperties"], one.enforce_parameter_schema) == (False, True), one.name
+
+
+@pytest.mark.parametrize(
+    ("message", "level"),
+    [
+        ("Finished in state InputError('control.csv has no rows')", logging.WARNING),
+        ("Finished in state Failed('A defect')", logging.ERROR),
+        ("Task run encountered an exception", logging.ERROR),
+    ],
+)
+def test_only_what_is_foreseen_is_no_error(message: str, level: int) -> None:
+    record = logging.LogRecord("prefect.task_runs", logging.ERROR, "", 1, message, None, None)
+    assert foreseen(record)
+    assert record.levelno == level
