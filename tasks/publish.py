@@ -26,6 +26,7 @@ PUBLISHED = (
     "cameras",
     "image_points",
     "exposures",
+    "cameras",
     "control_points",
     "exterior_orientations",
     "object_points",

@@ -73,6 +73,7 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
     row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
     reduced_by = camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
     row |= {f"reduced_by_{axis}_m": value for axis, value in zip("xyz", reduced_by, strict=True)}
+    row |= {name: getattr(camera.identity, name) for name in ("body", "lens", "imu", "mount", "product")}
     names = ("roll", "pitch", "yaw")
     return row | {f"boresight_{axis}_deg": v for axis, v in zip(names, camera.boresight_deg, strict=True)}
 

@@ -15,6 +15,7 @@ import pytest
 from flows.aerial_triangulation import aerial_triangulation
 from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.project_run import RunOutcome, RunRequest, carry_out
+from tasks.errors import InputError
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 from tests.command_line import aerocal
@@ -136,6 +137,15 @@ def test_differences_of_another_flight_are_what_its_sigmas_and_the_calibration_p
     # 2340 m and 5.2 µm at 80 mm.
     assert chosen["gsd_m"].median() == pytest.approx(0.152, rel=0.02)
     assert other_flight.is_file()
+
+
+def test_a_calibration_of_another_camera_is_refused(calibrated: Path, other_flight: Path) -> None:
+    out = other_flight.parent / "refused"
+    named = f"direct_georeferencing.calibration={calibrated}"
+    outcome = run(other_flight, out, named, 'cameras.UCE-80.identity.body="UC-E-2"')
+    assert isinstance(outcome.error, InputError)
+    assert "of another camera (no numbers there, body UC-E-2 here)" in str(outcome.error)
+    assert not (out / "direct_georeferencing.parquet").exists()
 
 
 def test_y_parallaxes_are_what_gnss_and_ins_predict(check: Checked) -> None:
