@@ -24,13 +24,18 @@ from tasks.importing.exposure_angles import (
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.source_rows import Places, refuse_sigmas
+from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.storage.notes import Notes
 
 # A datum change worse than this may show in the result and is said.
 _NOTABLE_ACCURACY_M = 0.05
+# From a thousandth of a second of arc to half a turn.
+_ANGLES = {
+    unit: SigmaRange(turn * 1e-9, 0.5 * turn, unit)
+    for unit, turn in (("deg", 360.0), ("gon", 400.0), ("rad", 2.0 * np.pi))
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +101,8 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
-    refuse_sigmas(places, np.hstack([records.sigma_position, records.sigma_angles]), records.image)
+    refuse_sigmas(places, records.sigma_position, records.image, METRES)
+    refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
     refuse_outside_area(frame, records.position, places, records.image, "exposure")
     position = transfer.positions(records.position)
     refuse_without_image((frame, project), records.position, position, places, records.image)
@@ -116,7 +122,15 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         turned_sigmas(transfer, sigma, records.position, position),
         angles,
         source.position,
-        tuple(problem for problem in problems if problem is not None),
+        (
+            *(problem for problem in problems if problem is not None),
+            *about_missing_sigmas(
+                records.file,
+                np.hstack([records.sigma_position, records.sigma_angles]),
+                np.hstack([np.isfinite(records.position), np.isfinite(records.angles)]),
+                "sigma.position_m and sigma.attitude_deg",
+            ),
+        ),
     )
 
 

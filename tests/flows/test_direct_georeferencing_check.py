@@ -15,7 +15,6 @@ import pytest
 from flows.aerial_triangulation import aerial_triangulation
 from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.project_run import RunOutcome, RunRequest, carry_out
-from tasks.errors import InputError
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 from tests.command_line import aerocal
@@ -143,7 +142,6 @@ def test_a_calibration_of_another_camera_is_refused(calibrated: Path, other_flig
     out = other_flight.parent / "refused"
     named = f"direct_georeferencing.calibration={calibrated}"
     outcome = run(other_flight, out, named, 'cameras.UCE-80.identity.body="UC-E-2"')
-    assert isinstance(outcome.error, InputError)
     assert "of another camera (no numbers there, body UC-E-2 here)" in str(outcome.error)
     assert not (out / "direct_georeferencing.parquet").exists()
 
