@@ -12,6 +12,7 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
+from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.errors import InputError
 from tasks.formats.records import ControlRecords
@@ -86,6 +87,8 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     refuse_outside_area(frame, records.position, places, records.point, "control point")
     position = _positions(records, transfer, places)
     refuse_without_image((frame, project), records.position, position, places, records.point)
+    refuse_damaged_geoid(frame, records.position)
+    refuse_damaged_geoid(project, position)
     sigma = np.where(np.isnan(records.sigma), source.sigma_m, records.sigma)
     sigma = turned_sigmas(transfer, sigma, np.nan_to_num(records.position), np.nan_to_num(position))
     sigma = np.where(np.isfinite(position), np.where(sigma == 0.0, FIXED_M, sigma), np.nan)

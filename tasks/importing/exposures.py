@@ -13,6 +13,7 @@ from adjust.arrays import Floats
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
+from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import EXPOSURE_FORMATS
@@ -106,6 +107,8 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     refuse_outside_area(frame, records.position, places, records.image, "exposure")
     position = transfer.positions(records.position)
     refuse_without_image((frame, project), records.position, position, places, records.image)
+    refuse_damaged_geoid(frame, records.position)
+    refuse_damaged_geoid(project, position)
     angles = convert_angles(
         records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
     )
