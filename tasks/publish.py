@@ -26,7 +26,6 @@ PUBLISHED = (
     "cameras",
     "image_points",
     "exposures",
-    "cameras",
     "control_points",
     "exterior_orientations",
     "object_points",
