@@ -17,6 +17,7 @@ from tasks.accuracy.statement import AccuracyClass, CheckPointDifferences, state
 from tasks.coordinates.crs import MapFrame
 from tasks.first_run import announce_compilation
 from tasks.georeferencing.applied_parameters import applied_parameters
+from tasks.georeferencing.calibrated_identity import refuse_other_cameras
 from tasks.georeferencing.calibration import (
     NO_CALIBRATION,
     Calibration,
@@ -85,6 +86,8 @@ def check_georeferencing(
     if registered:
         calibration = calibration_of_registered(registered, surveyed, map_frame.name)
     elif direct.calibration.is_of_results:
+        given = read_table(cameras)
+        refuse_other_cameras(direct.calibration, given[given["camera"].isin(read_table(exposures)["camera"])])
         calibration = calibration_of_results(direct.calibration)
     elif parameters is not None and correlations is not None and control_residuals is not None:
         own = _OwnAdjustment(parameters, correlations, control_residuals)

@@ -37,6 +37,11 @@ def trouble_in(text: str, longest: int = LONGEST_NAME) -> str | None:
     return f"The name {quoted(text)} has a character that cannot be seen (U+{ord(unseen.group()):04X})."
 
 
+def is_blank(text: str) -> bool:
+    """Whether a name or a reason says nothing: it has no character that can be seen."""
+    return not any(character.isprintable() and not character.isspace() for character in text)
+
+
 def trouble_in_tables(value: object, place: Place = ()) -> tuple[Place, str] | None:
     """The first key or text of nested tables and lists nobody can read: where it is, and what is wrong."""
     if isinstance(value, str):

@@ -51,6 +51,8 @@ class PostgresqlServer:
             connection.cursor().execute("DROP SCHEMA public CASCADE")
             connection.cursor().execute("CREATE SCHEMA public")
             connection.commit()
+        # Whoever empties a registry says so to those who have seen it.
+        shutil.rmtree(Path(os.environ["AEROCAL_STATE"]) / "registries", ignore_errors=True)
         return self.url()
 
 

@@ -58,15 +58,25 @@ def add(
     ],
     person: Person = None,
     note: Note = "",
+    code: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--code",
+            metavar="CODE",
+            help="Verification code on the certificate, 16 digits or all; needed for a file without its "
+            "folder of results. Repeatable.",
+        ),
+    ] = None,
     address: Address = None,
 ) -> None:
     """Add a calibration, or all of a folder, as the next version of its camera, as a draft.
 
-    The camera is known by body, lens and product (cameras.NAME.identity), else by its name.
+    The camera is known by body, lens and product (cameras.NAME.identity), else by its name. The file must be
+    the one that the manifest and the certificate beside it speak of.
     """
     from flows.command.registry_actions import add_calibrations
 
-    end_with(lambda: add_calibrations(source, person, note, address))
+    end_with(lambda: add_calibrations(source, person, note, code or [], address))
 
 
 @registry.command("list")

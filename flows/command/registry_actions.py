@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import sys
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
@@ -28,9 +29,11 @@ def opened(address: str | None) -> Registry:
     return Registry.at(registry_address(address))
 
 
-def add_calibrations(source: Path, person: str | None, note: str, address: str | None) -> int:
+def add_calibrations(
+    source: Path, person: str | None, note: str, codes: Sequence[str], address: str | None
+) -> int:
     """Add the records of a file or folder and say what each became."""
-    records, signature = read_calibrations(source), Signature(_person(person), note)
+    records, signature = read_calibrations(source, codes), Signature(_person(person), note)
     found = opened(address)
     for sealed in records:
         _say_added(found.add(sealed, signature))
@@ -160,7 +163,7 @@ def _person(option: str | None) -> str:
     InputError
         If the account has no name.
     """
-    if option is not None and option.strip():
+    if option is not None:
         return option.strip()
     try:
         return getpass.getuser()

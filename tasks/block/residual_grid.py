@@ -7,7 +7,6 @@ coordinates until the cross-validation refuses; the last adjustment is a complet
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,6 +37,7 @@ from adjust.solve.normal_equations import Observations
 from tasks.block.residual_grid_file import read_corrections
 from tasks.errors import InputError, NotComputableError
 from tasks.settings.residual_grid import ResidualGridSettings
+from tasks.storage.json_text import from_json
 
 _log = logging.getLogger("aerocal")
 _MM = 1e-3
@@ -172,7 +172,7 @@ def _seams(camera: FrameCamera, cameras: pd.DataFrame) -> Seams:
     tiles, turn_deg = row["tiles"].item(), int(row["calibration_axes_deg"].item())
     if not isinstance(tiles, str):
         return Seams()
-    layout, turned = json.loads(tiles), calibration_from_image(turn_deg)
+    layout, turned = from_json(tiles), calibration_from_image(turn_deg)
     found: list[tuple[float, ...]] = [(), ()]
     for axis, name in enumerate(("seams_x_mm", "seams_y_mm")):
         # A calibration axis is an image axis or its opposite.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +22,7 @@ from adjust.parameters import SystemParameters, additional_family
 from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.storage.json_text import from_json
 
 _MM = 1e-3
 _UM = 1e-6
@@ -89,7 +89,7 @@ def block_self_calibration(
         If a camera brings a parameter that is not known.
     """
     cameras = cameras.set_index("camera").loc[list(given.mountings.names)].reset_index()
-    known = [json.loads(str(text)) for text in cameras["additional_parameters"]]
+    known = [from_json(str(text)) for text in cameras["additional_parameters"]]
     if settings.parameters == NOTHING and not any(known):
         return None
     of_camera = [
@@ -179,7 +179,7 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
     layout = camera["tiles"]
     if not isinstance(layout, str):
         return format_in_calibration_axes(half, turn)
-    given = json.loads(layout)
+    given = from_json(layout)
     tiles = Tiles(
         tuple(seam * _MM for seam in given["seams_x_mm"]),
         tuple(seam * _MM for seam in given["seams_y_mm"]),

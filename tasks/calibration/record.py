@@ -11,7 +11,7 @@ from datetime import date
 from typing import Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from adjust.arrays import Floats
 from tasks.settings.cameras import CameraIdentity
@@ -155,6 +155,32 @@ class CalibrationRecord(RecordModel):
     remarks: tuple[str, ...] = ()
     inputs: dict[str, str]
     software: dict[str, str]
+
+    @field_validator("version", mode="before")
+    @classmethod
+    def _number(cls, value: object) -> object:
+        # In Python true is 1.
+        if isinstance(value, bool):
+            raise ValueError("a version is a number")
+        return value
+
+    @model_validator(mode="after")
+    def _of_one_opinion(self) -> CalibrationRecord:
+        # As `tasks.calibration.verdicts.FlightVerdict` forms it: what is edited at one place only shows.
+        verdict = "refused" if self.reasons else "restricted" if self.restrictions else "accepted"
+        if self.verdict != verdict:
+            raise ValueError(
+                f"the verdict is '{self.verdict}', and its {len(self.reasons)} reasons and "
+                f"{len(self.restrictions)} restrictions give '{verdict}'"
+            )
+        undetermined = [item for item in self.parameters if item.verdict in ("weak", "not_determinable")]
+        if undetermined and verdict != "refused":
+            item = undetermined[0]
+            raise ValueError(
+                f"the verdict is '{verdict}', and {item.parameter} of {item.entity} is "
+                f"{item.verdict.replace('_', ' ')}, which refuses a calibration"
+            )
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> CalibrationRecord:

@@ -16,6 +16,7 @@ from tasks.report.material import Material, read_material
 from tasks.settings.certificate import CertificateSettings
 from tasks.settings.project import Project, ProjectSource
 from tasks.storage.artifact import Artifact, verified
+from tasks.storage.json_text import from_json
 from tasks.tables.parquet import read_table
 
 _OF_STRIPS = {c for name in (GNSS_STRIP_BIAS, GNSS_DRIFT) for c in FAMILIES[name].components}
@@ -85,7 +86,7 @@ def read_certificate_material(
     noted = [outputs for outputs in stages if "notes" in outputs]
     tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
     return CertificateMaterial(
-        CalibrationRecord.model_validate_json(verified(record).read_text(encoding="utf-8")),
+        CalibrationRecord.model_validate(from_json(verified(record).read_text(encoding="utf-8"))),
         read_material(noted, project),
         read_check(noted, project) if tables.keys() >= set(_OF_CHECKS) else None,
         read_table(tables["exposures"]),

@@ -6,17 +6,23 @@
 | ``pixel_size`` | side of a pixel, m |
 | ``focal/pt3d/x, y`` | principal point, px from the top left corner, y downwards |
 | ``focal/pt3d/z`` | principal distance, px |
+| ``objectif`` | the lens; where it is a length (``123.9mm``), the principal distance must be near it |
 """
 
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord
 from tasks.formats.text_table import read_bytes
+
+_LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*mm", re.IGNORECASE)
+# A lens is called by its nominal focal length, which the calibrated one keeps to some percent.
+_LENS_TOLERANCE = 0.05
 
 
 def read_ign_camera(path: Path) -> CameraRecord:
@@ -39,14 +45,15 @@ def read_ign_camera(path: Path) -> CameraRecord:
             line=error.position[0],
         ) from error
     frame = "usefull-frame/rect"
-    columns, rows = (_positive(root, f"{frame}/{name}", path) for name in "wh")
+    columns, rows = (_whole(root, f"{frame}/{name}", path) for name in "wh")
     pixel_m = _positive(root, "pixel_size", path)
     x, y = (_number(root, f"focal/pt3d/{name}", path) for name in "xy")
     focal = _positive(root, "focal/pt3d/z", path)
     pixel_mm = pixel_m * 1e3
+    _refuse_other_lens(root, focal * pixel_mm, path)
     return CameraRecord(
-        columns=round(columns),
-        rows=round(rows),
+        columns=columns,
+        rows=rows,
         pixel_um=round(pixel_m * 1e6, 9),
         focal_length_mm=round(focal * pixel_mm, 12),
         principal_point_mm=(
@@ -78,8 +85,41 @@ def _plain_text(path: Path) -> str:
     return text.strip()
 
 
+def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -> None:
+    """A wrong size of the pixel changes the principal distance, and nothing that is measured shows it."""
+    stated = _LENGTH.fullmatch((root.findtext("objectif") or "").strip())
+    if stated is None:
+        return
+    lens_mm = float(stated.group(1))
+    if abs(focal_mm / lens_mm - 1.0) > _LENS_TOLERANCE:
+        raise InputError(
+            f"The principal distance of {focal_mm:.6g} mm (<focal> times <pixel_size>) is not that of the "
+            f"lens, {lens_mm:g} mm (<objectif>).",
+            "Correct <pixel_size>, which is in metres, or <focal>, which is in pixels.",
+            file=path,
+        )
+
+
+def _whole(root: ElementTree.Element, name: str, path: Path) -> int:
+    value = _positive(root, name, path)
+    if not value.is_integer():
+        raise InputError(
+            f"The value {value:g} of <{name}> is not a whole number of pixels.",
+            "Deliver the camera file again.",
+            file=path,
+        )
+    return int(value)
+
+
 def _number(root: ElementTree.Element, name: str, path: Path) -> float:
-    element = root.find(name)
+    found = root.findall(name)
+    if len(found) > 1:
+        raise InputError(
+            f"The camera file has {len(found)} elements <{name}>, and only one of them can be meant.",
+            "Deliver it with one.",
+            file=path,
+        )
+    element = found[0] if found else None
     text = (element.text or "").strip() if element is not None else ""
     try:
         value = float(text)

@@ -29,6 +29,8 @@ _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
 # Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
 _LONGEST_LINE = 100_000
+# Bytes that are looked at together.
+_PIECE = 16_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,6 +215,8 @@ def read_table_text(
             "The file has no rows.", "Deliver it again, or take it out of the project file.", file=file
         )
     _refuse_remainder(frame, line, file, len(names))
+    if separator == "comma":
+        _refuse_short_rows(content, file, len(names), first_line)
     return TextTable(file, line, frame)
 
 
@@ -240,6 +244,34 @@ def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], file: Path, 
             file=file,
             line=int(line[np.argmax(surplus)]),
         )
+
+
+def _refuse_short_rows(content: bytes, file: Path, expected: int, first_line: int) -> None:
+    """Refuse rows with fewer commas than columns: a file that was cut off inside a row ends with one.
+
+    An empty field keeps its comma, so this is no question of what is given. With blanks between the columns
+    every one of them has to be there.
+    """
+    begin, line = 0, first_line
+    while begin < len(content):
+        # Piece by piece, for a file may have gigabytes.
+        end = content.find(b"\n", min(begin + _PIECE, len(content) - 1)) + 1 or len(content)
+        piece = np.frombuffer(content, dtype=np.uint8, count=end - begin, offset=begin)
+        ends = np.flatnonzero(piece == ord("\n"))
+        ends = ends if len(ends) and ends[-1] == len(piece) - 1 else np.append(ends, len(piece))
+        commas = np.diff(np.searchsorted(np.flatnonzero(piece == ord(",")), ends), prepend=0)
+        for row in np.flatnonzero(commas < expected - 1).tolist():
+            text = piece[ends[row - 1] + 1 if row else 0 : ends[row]].tobytes()
+            # A field in quotation marks may hold line ends.
+            if text.strip() and b'"' not in text:
+                found = int(commas[row]) + 1
+                raise InputError(
+                    f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
+                    "The file may have been cut off here: deliver it again. An empty field keeps its comma.",
+                    file=file,
+                    line=line + row,
+                )
+        begin, line = end, line + len(ends)
 
 
 def _malformed(message: str, file: Path, expected: int, first_line: int) -> InputError:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from tasks.calibration.record import CalibrationRecord
 from tasks.georeferencing.calibration import Calibration, SurveyedControl
-from tasks.storage.json_text import JSON
+from tasks.storage.json_text import JSON, from_json
 from tasks.tables.covariance import Key
 
 
@@ -52,7 +52,7 @@ class RegisteredCalibration:
     @property
     def record(self) -> CalibrationRecord:
         """The record."""
-        return CalibrationRecord.model_validate_json(self.content)
+        return CalibrationRecord.model_validate(from_json(self.content))
 
 
 def calibration_of_registered(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -26,6 +25,7 @@ from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.handover.rigorous import OrientedImages
 from tasks.importing.cameras import frame_cameras
 from tasks.settings.project import ProjectSettings
+from tasks.storage.json_text import from_json
 from tasks.storage.manifest import read_manifest
 from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
@@ -139,7 +139,7 @@ def _camera_rows(folder: Path) -> list[dict[object, object]]:
 
 
 def _camera(row: dict[object, object]) -> CalibratedCamera:
-    known = json.loads(str(row["additional_parameters"]))
+    known = from_json(str(row["additional_parameters"]))
     turn = int(str(row["calibration_axes_deg"]))
     frame = next(iter(frame_cameras(pd.DataFrame([row])).values()))
     additional = additional_parameters_of(

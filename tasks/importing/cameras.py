@@ -10,6 +10,7 @@ from typing import cast
 import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
+from tasks.errors import InputError
 from tasks.formats.records import CameraRecord
 from tasks.formats.register import CAMERA_FORMATS
 from tasks.settings.cameras import REGISTRY, CameraInput
@@ -18,6 +19,9 @@ from tasks.tables.schemas import CAMERAS
 
 _MM = 1e-3
 _UM = 1e-6
+# From the smallest detectors to coarsely scanned film, and the longest side of an aerial film.
+_PIXELS_UM = (0.3, 300.0)
+_LONGEST_MM = 600.0
 
 
 def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
@@ -43,14 +47,33 @@ def camera_record(camera: CameraInput) -> CameraRecord:
         If the camera file cannot be read.
     """
     if camera.file is not None and camera.format is not None:
-        return CAMERA_FORMATS[camera.format](camera.file)
+        read = CAMERA_FORMATS[camera.format](camera.file)
+        _refuse_impossible(read, camera.file)
+        return read
     # The settings have made sure that all values are there when there is no file.
-    return CameraRecord(
+    given = CameraRecord(
         columns=cast(int, camera.columns),
         rows=cast(int, camera.rows),
         pixel_um=cast(float, camera.pixel_um),
         focal_length_mm=cast(float, camera.focal_length_mm),
         principal_point_mm=cast(tuple[float, float], camera.principal_point_mm),
+    )
+    _refuse_impossible(given, None)
+    return given
+
+
+def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
+    """Refuse pixels and images of a size that no camera has: a unit was taken for another one."""
+    longest_mm = max(camera.columns, camera.rows) * camera.pixel_um * 1e-3
+    low, high = _PIXELS_UM
+    if low <= camera.pixel_um <= high and longest_mm <= _LONGEST_MM:
+        return
+    raise InputError(
+        f"Pixels of {camera.pixel_um:g} µm make an image of {longest_mm:.6g} mm, with a focal length of "
+        f"{camera.focal_length_mm:.6g} mm: pixels have {low:g} to {high:g} µm, and images up to "
+        f"{_LONGEST_MM:g} mm.",
+        "Correct the size of the pixel or its unit: pixel_um is in µm, <pixel_size> of a camera file in m.",
+        file=file,
     )
 
 
@@ -73,6 +96,7 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
     row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
     reduced_by = camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
     row |= {f"reduced_by_{axis}_m": value for axis, value in zip("xyz", reduced_by, strict=True)}
+    row |= {name: getattr(camera.identity, name) for name in ("body", "lens", "imu", "mount", "product")}
     names = ("roll", "pitch", "yaw")
     return row | {f"boresight_{axis}_deg": v for axis, v in zip(names, camera.boresight_deg, strict=True)}
 

@@ -12,13 +12,14 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
+from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.errors import InputError
 from tasks.formats.records import ControlRecords
 from tasks.formats.register import CONTROL_FORMATS
 from tasks.importing.exposures import turned_sigmas
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.source_rows import Places, refuse_sigmas
+from tasks.importing.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ControlInput
 from tasks.storage.notes import Notes
@@ -62,7 +63,15 @@ def control_columns(
     columns |= dict(zip(("x_m", "y_m", "z_m"), np.concatenate([e.position for e in inputs]).T, strict=True))
     names = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
     columns |= dict(zip(names, np.concatenate([e.sigma for e in inputs]).T, strict=True))
-    remarks = (*(remark for r in records for remark in r.remarks), *about_extra(records))
+    remarks = (
+        *(remark for r in records for remark in r.remarks),
+        *(
+            remark
+            for r in records
+            for remark in about_missing_sigmas(r.file, r.sigma, np.isfinite(r.position), "sigma_m")
+        ),
+        *about_extra(records),
+    )
     notes = Notes(remarks, {"counts": {name: role.count(name) for name in _ROLES}})
     return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
 
@@ -73,11 +82,13 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     frame = MapFrame.of(source.crs, source.heights)
     transfer = Transfer.between(frame, project)
     # Zero is no slip here: the point is fixed.
-    refuse_sigmas(places, np.where(records.sigma == 0.0, np.nan, records.sigma), records.point)
+    refuse_sigmas(places, np.where(records.sigma == 0.0, np.nan, records.sigma), records.point, METRES)
     _refuse_unknown_position(records, places)
     refuse_outside_area(frame, records.position, places, records.point, "control point")
     position = _positions(records, transfer, places)
     refuse_without_image((frame, project), records.position, position, places, records.point)
+    refuse_damaged_geoid(frame, records.position)
+    refuse_damaged_geoid(project, position)
     sigma = np.where(np.isnan(records.sigma), source.sigma_m, records.sigma)
     sigma = turned_sigmas(transfer, sigma, np.nan_to_num(records.position), np.nan_to_num(position))
     sigma = np.where(np.isfinite(position), np.where(sigma == 0.0, FIXED_M, sigma), np.nan)

@@ -13,6 +13,7 @@ from adjust.arrays import Floats
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
+from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import EXPOSURE_FORMATS
@@ -24,13 +25,18 @@ from tasks.importing.exposure_angles import (
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.source_rows import Places, refuse_sigmas
+from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.storage.notes import Notes
 
 # A datum change worse than this may show in the result and is said.
 _NOTABLE_ACCURACY_M = 0.05
+# From a thousandth of a second of arc to half a turn.
+_ANGLES = {
+    unit: SigmaRange(turn * 1e-9, 0.5 * turn, unit)
+    for unit, turn in (("deg", 360.0), ("gon", 400.0), ("rad", 2.0 * np.pi))
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,10 +102,13 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
-    refuse_sigmas(places, np.hstack([records.sigma_position, records.sigma_angles]), records.image)
+    refuse_sigmas(places, records.sigma_position, records.image, METRES)
+    refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
     refuse_outside_area(frame, records.position, places, records.image, "exposure")
     position = transfer.positions(records.position)
     refuse_without_image((frame, project), records.position, position, places, records.image)
+    refuse_damaged_geoid(frame, records.position)
+    refuse_damaged_geoid(project, position)
     angles = convert_angles(
         records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
     )
@@ -116,7 +125,15 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         turned_sigmas(transfer, sigma, records.position, position),
         angles,
         source.position,
-        tuple(problem for problem in problems if problem is not None),
+        (
+            *(problem for problem in problems if problem is not None),
+            *about_missing_sigmas(
+                records.file,
+                np.hstack([records.sigma_position, records.sigma_angles]),
+                np.hstack([np.isfinite(records.position), np.isfinite(records.angles)]),
+                "sigma.position_m and sigma.attitude_deg",
+            ),
+        ),
     )
 
 

@@ -16,18 +16,24 @@ from numpy.typing import NDArray
 
 from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
+from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.importing.cameras import frame_cameras
+from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.image_point_units import in_millimetres, refuse_wrong_unit
-from tasks.importing.source_rows import Places, refuse_sigmas
+from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
 from tasks.storage.notes import Notes
 
 Codes = NDArray[np.int64]
 _EXAMPLES = 3
+# No measurement is better than a thousandth of a pixel, and worse than ten thousand says nothing.
+# Surveyed points that orient a single image.
+_RESECTION = 3
+_SIGMAS = SigmaRange(1e-3, 1e4, "px")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,12 +73,15 @@ def usable_image_points(
     exposure = np.concatenate([entry.exposure for entry in inputs])
     points = len(point.dictionary)
     places.refuse_duplicates(exposure * points + point_code, "image point", [point, image])
+    xy_mm = np.concatenate([entry.xy_mm for entry in inputs])
+    refuse_copied_images(places, exposure, point_code, xy_mm, exposures["image"].tolist())
     rays = np.bincount(point_code, minlength=points)
     single = rays == 1
     if surveyed is not None:
         single &= ~np.isin(np.array(point.dictionary.to_pylist(), dtype=object), list(surveyed))
     kept = np.flatnonzero(~single[point_code])
-    xy = np.concatenate([entry.xy_mm for entry in inputs])[kept]
+    _refuse_nothing_to_intersect(records, exposure[kept], rays)
+    xy = xy_mm[kept]
     sigma = np.concatenate([entry.sigma_mm for entry in inputs])[kept]
     taken = pa.array(kept)
     columns = {
@@ -94,7 +103,6 @@ def _converted(
 ) -> _Converted:
     records = IMAGE_POINT_FORMATS[source.format](source.file)
     places = Places.of_files([source.file], [records.line])
-    refuse_sigmas(places, records.sigma, records.point)
     exposure = _exposure_of_rows(records, exposures, places)
     names = list(cameras)
     camera = pd.Index(names).get_indexer(pd.Index(exposures["camera"]))[exposure].astype(np.int64)
@@ -102,10 +110,26 @@ def _converted(
     suspicion = refuse_wrong_unit(records, source.unit, models, camera, places)
     pixel_mm = np.array([model.pixel_size * 1e3 for model in models])[camera][:, None]
     scale = pixel_mm if source.unit == "px" else np.array(1.0 if source.unit == "mm" else 1e-3)
+    refuse_sigmas(places, records.sigma * scale / pixel_mm, records.point, _SIGMAS)
     default = IMAGE_POINT_SIGMA_PX * pixel_mm if source.sigma is None else np.array(source.sigma) * scale
     sigma = np.where(np.isnan(records.sigma), default, records.sigma * scale)
     xy = in_millimetres(records.xy, source.unit, models, camera)
-    return _Converted(records, exposure, xy, sigma, () if suspicion is None else (suspicion,))
+    remarks = about_missing_sigmas(records.file, records.sigma, np.isfinite(records.xy), "sigma")
+    return _Converted(records, exposure, xy, sigma, (*([suspicion] if suspicion else []), *remarks))
+
+
+def _refuse_nothing_to_intersect(
+    records: Sequence[ImagePointRecords], exposure: Codes, rays: NDArray[np.int64]
+) -> None:
+    """Raise if no point is seen in two images and no image sees enough surveyed points to be resected."""
+    most = int(np.bincount(exposure).max()) if len(exposure) else 0
+    if rays.max() < 2 and most < _RESECTION:
+        raise InputError(
+            f"No point is measured in two images ({int(rays.sum()):,} image points in all): they determine "
+            "neither points nor orientations.",
+            "Deliver the image points of all images, with the same name for the same point.",
+            file=records[0].file,
+        )
 
 
 def _exposure_of_rows(records: ImagePointRecords, exposures: pd.DataFrame, places: Places) -> Codes:

@@ -74,21 +74,63 @@ class Places:
         )
 
 
-def refuse_sigmas(places: Places, sigma: NDArray[np.float64], row_names: Sequence[str]) -> None:
-    """Raise if a given standard deviation (n, k) is zero or negative; NaN is not given.
+@dataclass(frozen=True, slots=True)
+class SigmaRange:
+    """Standard deviations that a quantity can have, in the unit of the file.
+
+    Attributes
+    ----------
+    lowest, highest : what no measurement falls short of, and what says nothing any more.
+    unit : of both, for messages.
+    """
+
+    lowest: float
+    highest: float
+    unit: str
+
+
+#: Of coordinates on the ground: a micrometre, and further than any point is from another.
+METRES = SigmaRange(1e-6, 1e5, "m")
+
+
+def refuse_sigmas(
+    places: Places, sigma: NDArray[np.float64], row_names: Sequence[str], allowed: SigmaRange
+) -> None:
+    """Raise if a given standard deviation (n, k) is not positive or beyond all there is; NaN is not given.
 
     Raises
     ------
     InputError
         Naming the row.
     """
-    bad = np.asarray(sigma <= 0.0).any(axis=1)
+    bad = (sigma < allowed.lowest) | (sigma > allowed.highest)
     if bad.any():
-        row = int(np.argmax(bad))
-        value = float(np.nanmin(sigma[row]))
+        row = int(np.argmax(bad.any(axis=1)))
+        value = float(sigma[row, np.argmax(bad[row])])
+        beyond = f": {allowed.lowest:g} to {allowed.highest:g} {allowed.unit} are possible"
         raise places.error(
             row,
-            f"The standard deviation {value:g} cannot be.",
-            "Give a positive one, or leave the field empty: the input's then holds.",
+            f"The standard deviation {value:g} cannot be{beyond if value > 0.0 else ''}.",
+            "Give a positive one in the unit of the file, or leave the field empty: the input's then holds.",
             str(row_names[row]),
         )
+
+
+def about_missing_sigmas(
+    file: Path, sigma: NDArray[np.float64], known: NDArray[np.bool_], default: str
+) -> tuple[str, ...]:
+    """A sentence if some rows give standard deviations and others leave them to the input.
+
+    Parameters
+    ----------
+    sigma : (n, k) as given, NaN where not.
+    known : (n, k) whether there is a quantity at all.
+    default : what holds for the others, in words.
+    """
+    without = (np.isnan(sigma) & known).any(axis=1)
+    if not without.any() or not np.isfinite(sigma).any():
+        return ()
+    return (
+        f"{file.name}: {int(without.sum()):,} of {len(sigma):,} rows leave a standard deviation empty that "
+        f"others give; {default} of the project file hold for them. Fill them in if that is not meant.",
+    )

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import visible
-from tasks.storage.json_text import JSON, finite, json_text
+from tasks.storage.json_text import JSON, finite, from_json, json_text
 
 #: What a notice is about: a failed gate, a run without result, a calibration that is due, a run that is done.
 NoticeKind: TypeAlias = Literal["gate", "failure", "recalibration", "success"]
@@ -116,12 +116,12 @@ class Notice:
         return json_text(self._content())
 
     def _content(self) -> dict[str, JSON]:
-        return cast(dict[str, JSON], finite(cast(JSON, json.loads(json.dumps(asdict(self))))))
+        return cast(dict[str, JSON], finite(from_json(json.dumps(asdict(self)))))
 
 
 def notice_from(text: str) -> Notice:
     """What `Notice.to_text` has written."""
-    content = json.loads(text)
+    content = from_json(text)
     lists = {name: tuple(content[name]) for name in ("problems", "gates")}
     return Notice(**{**content, **lists})
 

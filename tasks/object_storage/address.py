@@ -80,6 +80,8 @@ def output_place(text: str) -> Path | ObjectAddress:
     InputError
         If it looks like an address of a kind that is not known.
     """
+    if not text.strip():
+        raise InputError("The output folder is blank.", "Name one, or leave the option out.", entity="--out")
     if re.match(r"s3:/", text, re.IGNORECASE):
         return address_of(text)
     scheme = re.match(r"([a-z][a-z0-9+.-]+)://", text, re.IGNORECASE)

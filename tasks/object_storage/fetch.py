@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.published_manifest import PublishedEntry
@@ -16,6 +14,7 @@ from tasks.object_storage.workspace import ObjectWorkspace
 from tasks.publish import remove_outdated
 from tasks.storage.artifact import digest_of_file
 from tasks.storage.installation import InstallationError, writing_into
+from tasks.storage.json_text import from_json
 from tasks.storage.manifest import read_manifest, write_manifest
 from tasks.storage.run_lock import run_lock
 from tasks.summary import SUMMARY, Summary, write_summary
@@ -105,6 +104,6 @@ def _files(entries: Sequence[PublishedEntry]) -> tuple[str, ...]:
 
 def _summary_from(content: bytes) -> Summary | None:
     try:
-        return Summary.model_validate_json(content)
-    except ValidationError:
+        return Summary.model_validate(from_json(content))
+    except ValueError:
         return None

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pydantic import ValidationError, computed_field
+from pydantic import computed_field
 
 from tasks.object_storage.stage_listing import Digest, PlainName, object_of
+from tasks.storage.json_text import from_json
 from tasks.storage.manifest import Manifest, ManifestEntry
 from tasks.summary import Summary
 
@@ -51,6 +52,6 @@ class PublishedManifest(Manifest):
 def published_manifest_from(content: bytes) -> PublishedManifest | None:
     """Read a manifest; None if it is none."""
     try:
-        return PublishedManifest.model_validate_json(content)
-    except ValidationError:
+        return PublishedManifest.model_validate(from_json(content))
+    except ValueError:
         return None

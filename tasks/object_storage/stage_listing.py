@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from tasks.object_storage.storage import StoredObject
+from tasks.storage.json_text import from_json
 from tasks.storage.stage_key import StageKey
 
 STORE = ".store"
@@ -80,8 +81,8 @@ class StageListing(BaseModel):
 def stage_listing_from(content: bytes, key: StageKey) -> StageListing | None:
     """Read the list of files of a stage output; None if it is none, or that of another one."""
     try:
-        listing = StageListing.model_validate_json(content)
-    except ValidationError:
+        listing = StageListing.model_validate(from_json(content))
+    except ValueError:
         return None
     return listing if (listing.stage, listing.key) == (key.stage, key.digest) else None
 

@@ -28,7 +28,7 @@ from tasks.object_storage.stage_listing import (
     stage_listing_from,
 )
 from tasks.object_storage.storage import ObjectStorage
-from tasks.storage.json_text import JSON, json_text
+from tasks.storage.json_text import JSON, from_json, json_text
 from tasks.storage.manifest import MANIFEST
 from tasks.storage.stage_key import StageKey
 from tasks.summary import SUMMARY
@@ -112,4 +112,4 @@ class ObjectWorkspace:
 
 def _listing(folder: Path) -> StageListing:
     """The files of a finished output of this machine."""
-    return StageListing.model_validate_json((folder / STAGE_FILE).read_bytes())
+    return StageListing.model_validate(from_json((folder / STAGE_FILE).read_bytes()))

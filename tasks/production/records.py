@@ -6,7 +6,6 @@ A run that is decided is never changed again, except that it may begin once more
 
 from __future__ import annotations
 
-import json
 import os
 import socket
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -28,7 +27,7 @@ from tasks.production.run_record import DECIDED, ENDED, PUBLISHING, SWEEP, RunRe
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
-from tasks.storage.json_text import JSON, finite, json_text
+from tasks.storage.json_text import JSON, finite, from_json, json_text
 
 #: What messages call them.
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
@@ -362,8 +361,8 @@ def _as_record(row: Row[Any]) -> RunRecord:
     content = dict(row._mapping)
     for name in _TIMES:
         content[name] = None if content[name] is None else datetime.fromisoformat(content[name])
-    content["stages"] = tuple(StageTime(**stage) for stage in json.loads(content["stages"]))
-    content["summary"] = None if content["summary"] is None else json.loads(content["summary"])
+    content["stages"] = tuple(StageTime(**stage) for stage in from_json(content["stages"]))
+    content["summary"] = None if content["summary"] is None else from_json(content["summary"])
     return RunRecord(**content)
 
 

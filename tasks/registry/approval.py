@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from tasks.errors import InputError
+from tasks.plain_text import is_blank
 from tasks.registry.compatibility import Compatibility, compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Event, Validity
@@ -79,6 +80,8 @@ def require_approvable(
         )
     if validity.end is not None and validity.end < validity.start:
         raise InputError(f"The validity ends on {validity.end}, before it begins.", "Correct --from or --to.")
+    if although and is_blank(although):
+        raise InputError("The reason is blank.", "Say it: --although REASON.", entity="--although")
     if chosen.record.verdict == "refused" and not although:
         reasons = " ".join(chosen.record.reasons) or "It states no reason."
         raise InputError(

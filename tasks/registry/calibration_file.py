@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,8 +13,9 @@ from pydantic import ValidationError
 from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
 from tasks.plain_text import trouble_in_tables
+from tasks.registry.vouched import require_vouched
 from tasks.storage.delivered_file import read_delivered
-from tasks.storage.json_text import JSON, json_text
+from tasks.storage.json_text import JSON, from_json, json_text
 
 # One camera alone has the short name.
 _FILES = ("calibration.json", "calibration_*.json")
@@ -51,29 +52,41 @@ class SealedRecord:
         ValidationError
             If the content is none.
         """
-        return CalibrationRecord.model_validate_json(self.content)
+        # No text for a number, no true for 1.
+        return CalibrationRecord.model_validate_json(self.content, strict=True)
 
 
-def read_calibrations(place: Path) -> tuple[SealedRecord, ...]:
+def read_calibrations(place: Path, codes: Sequence[str] = ()) -> tuple[SealedRecord, ...]:
     """Read a record, or all records in a folder of results: one for each camera.
+
+    Parameters
+    ----------
+    codes : verification codes of certificates, which vouch for records without their folder of results.
 
     Raises
     ------
     InputError
-        If there is none, or one of them is not a calibration.
+        If there is none, one of them is not a calibration, or nothing vouches for it.
     """
     if not place.is_dir():
-        return (_read(place),)
+        return (_read(place, codes),)
     files = [file for pattern in _FILES for file in sorted(place.glob(pattern))]
     if not files:
         raise InputError("There is no calibration in this folder.", _REMEDY, file=place)
-    return tuple(_read(file) for file in files)
+    return tuple(_read(file, codes) for file in files)
 
 
-def _read(file: Path) -> SealedRecord:
+def _read(file: Path, codes: Sequence[str]) -> SealedRecord:
+    delivered = read_delivered(file.resolve(), "document")
+    sealed = _sealed(delivered, file)
+    require_vouched(file, hashlib.sha256(delivered).hexdigest(), sealed.digest, codes)
+    return sealed
+
+
+def _sealed(delivered: bytes, file: Path) -> SealedRecord:
     try:
         # The file's own values, and not those of the model: its digest is that of whoever wrote it.
-        content: JSON = json.loads(read_delivered(file.resolve(), "document"))
+        content = from_json(delivered)
         _require_readable(content, file)
         sealed = SealedRecord(json_text(content))
         sealed.record  # noqa: B018

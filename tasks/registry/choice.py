@@ -12,7 +12,7 @@ from datetime import date
 
 from tasks.errors import InputError
 from tasks.registry.contents import Contents, StoredCalibration
-from tasks.registry.identity import CameraBody
+from tasks.registry.identity import CameraBody, differences
 
 _SHOWN = 4
 
@@ -47,16 +47,7 @@ def chosen_calibration(contents: Contents, camera: CameraBody, flown: date) -> S
 
 def _differences(item: StoredCalibration, camera: CameraBody, flown: date) -> Iterator[str]:
     """Why a record does not hold, in words, the gravest first."""
-    other = item.camera
-    if other.identity.product != camera.identity.product:
-        yield f"of a {other.product}, and this is a {camera.product}"
-    elif other.camera_key != camera.camera_key:
-        there, here = other.numbers or "no numbers", camera.numbers or "none"
-        yield f"of another camera ({there} there, {here} here)"
-    if other.image != camera.image:
-        yield f"of another image ({other.image})"
-    if other.mounting_key != camera.mounting_key:
-        yield f"of another mounting ({other.mounting})"
+    yield from differences(item.camera, camera)
     if item.state == "draft":
         yield "not approved yet"
     elif item.validity is None:

@@ -6,7 +6,9 @@ difference: a calibration that might be of another camera is not applied.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from tasks.calibration.record import CalibratedCamera
 from tasks.importing.cameras import camera_record
@@ -14,6 +16,8 @@ from tasks.settings.cameras import CameraIdentity, CameraInput
 from tasks.storage.json_text import JSON, json_text
 
 _PRODUCTS = {"virtual_image": "virtual image", "camera_head": "camera head"}
+# A null of a table is no text.
+_NUMBERS = ("body", "lens", "imu", "mount")
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,20 @@ class CameraBody:
             camera.calibration_axes_deg,
         )
 
+    @classmethod
+    def of_row(cls, row: Mapping[str, Any]) -> CameraBody:
+        """A camera as a row of cameras.parquet has it."""
+        numbers = {name: row[name] if isinstance(row[name], str) else None for name in _NUMBERS}
+        return cls(
+            str(row["camera"]),
+            CameraIdentity(**numbers, product=row["product"]),
+            int(row["columns"]),
+            int(row["rows"]),
+            float(row["pixel_um"]),
+            int(row["mount_deg"]),
+            int(row["calibration_axes_deg"]),
+        )
+
     @property
     def camera_key(self) -> str:
         """What versions are counted by: body, lens and product, or the name if neither number is known."""
@@ -118,6 +136,22 @@ class CameraBody:
     def label(self) -> str:
         """Name and numbers."""
         return f"{self.name} ({self.numbers})" if self.numbers else self.name
+
+
+def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
+    """Why a calibration of `recorded` is none of `camera`, in words, the gravest first; nothing: it is one.
+
+    The one test for every way in which a calibration reaches a camera.
+    """
+    if recorded.identity.product != camera.identity.product:
+        yield f"of a {recorded.product}, and this is a {camera.product}"
+    elif recorded.camera_key != camera.camera_key:
+        there, here = recorded.numbers or "no numbers", camera.numbers or "none"
+        yield f"of another camera ({there} there, {here} here)"
+    if recorded.image != camera.image:
+        yield f"of another image ({recorded.image})"
+    if recorded.mounting_key != camera.mounting_key:
+        yield f"of another mounting ({recorded.mounting})"
 
 
 def _joined(*numbers: tuple[str, str | None]) -> str:

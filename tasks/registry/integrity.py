@@ -6,7 +6,7 @@ import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 from pydantic import ValidationError
@@ -62,7 +62,21 @@ def contents_of(rows: Rows) -> Contents:
         for row in rows.calibrations
         if row["id"] not in doubtful
     )
+    findings += _overlaps(stored)
     return Contents(stored, tuple(findings), events)
+
+
+def _overlaps(stored: Sequence[StoredCalibration]) -> Iterator[Finding]:
+    """Calibrations of one camera and mounting that hold on the same day: an approval leaves no such days."""
+    held = [(item, item.validity) for item in stored if item.validity is not None]
+    for (old, one), (new, other) in combinations(held, 2):
+        same = old.camera.camera_key == new.camera.camera_key
+        if same and old.camera.mounting_key == new.camera.mounting_key and one.overlaps(other):
+            sentence = (
+                f"Calibrations {old.id} and {new.id} of the same camera hold {one} and {other}: the event "
+                "that ended one of them was removed."
+            )
+            yield from (Finding(sentence, item.id) for item in (old, new))
 
 
 def _chain_findings(events: Sequence[Event]) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from sqlalchemy import Connection, insert, select, update
 from tasks.database.address import DatabaseAddress
 from tasks.database.engine import WAIT_S
 from tasks.errors import InputError
+from tasks.plain_text import is_blank
 from tasks.registry.approval import Approval, approved_meanwhile, require_approvable, superseded_by
 from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import Contents, StoredCalibration
@@ -19,15 +20,26 @@ from tasks.registry.identity import CameraBody
 from tasks.registry.integrity import Rows, contents_of
 from tasks.registry.query_tables import record_row_findings, row_findings, write_rows
 from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD
+from tasks.registry.witness import lost_state, remember
 from tasks.storage.stage_record import utc_now
 
 
 @dataclass(frozen=True)
 class Signature:
-    """Who does something, and what that person has to say about it."""
+    """Who does something, and what that person has to say about it.
+
+    Raises
+    ------
+    InputError
+        If the name is blank.
+    """
 
     person: str
     note: str = ""
+
+    def __post_init__(self) -> None:
+        if is_blank(self.person):
+            raise InputError("The name of who does this is blank.", "Give it: --by NAME.", entity="--by")
 
 
 @dataclass(frozen=True)
@@ -57,12 +69,12 @@ class Registry:
             If the database cannot be reached.
         """
         with self.database.reading() as connection:
-            return _contents(connection)
+            return self._witnessed(connection)
 
     def verified(self) -> Contents:
         """As `contents`, with the parameters and covariances in their own tables held against the records."""
         with self.database.reading() as connection:
-            contents = _contents(connection)
+            contents = self._witnessed(connection)
             return replace(contents, findings=(*contents.findings, *row_findings(connection, contents)))
 
     def calibration(self, text: str) -> StoredCalibration:
@@ -74,7 +86,7 @@ class Registry:
             If there is none, or it was edited.
         """
         with self.database.reading() as connection:
-            contents = _contents(connection)
+            contents = self._witnessed(connection)
             found = contents.calibration(text)
             differing = tuple(record_row_findings(connection, found))
         replace(contents, findings=differing).require_sound((found.id,))
@@ -89,7 +101,7 @@ class Registry:
             If it is there already, or the registry was edited.
         """
         with self.database.writing() as connection:
-            contents = _contents(connection)
+            contents = self._held_against_witness(connection)
             contents.require_untouched()
             there = next((i for i in contents.calibrations if i.sealed.digest == sealed.digest), None)
             if there is not None:
@@ -101,6 +113,7 @@ class Registry:
             number = _insert_record(connection, sealed)
             (event,) = _append(connection, [_event(number, sealed.digest, "draft", signature)])
             added = _contents(connection)
+        remember(self.database.address, added.events)
         return next(item for item in added.calibrations if item.id == event.calibration)
 
     def approve(self, approval: Approval, signature: Signature, although: str = "") -> tuple[Event, ...]:
@@ -122,7 +135,7 @@ class Registry:
             between looking and deciding.
         """
         with self.database.writing() as connection:
-            contents = _contents(connection)
+            contents = self._held_against_witness(connection)
             contents.require_untouched()
             chosen = contents.calibration(str(approval.chosen.id))
             approved_meanwhile(contents, approval)
@@ -136,7 +149,22 @@ class Registry:
             for old, left in superseded_by(contents, chosen, approval.validity):
                 event = _event(old.id, old.sealed.digest, "superseded", Signature(signature.person), left)
                 events.append(replace(event, successor=chosen.id))
-            return _append(connection, events)
+            appended = _append(connection, events)
+        remember(self.database.address, (*contents.events, *appended))
+        return appended
+
+    def _held_against_witness(self, connection: Connection) -> Contents:
+        """Contents, with a finding if this user has seen a state that is no longer part of the history."""
+        contents = _contents(connection)
+        lost = lost_state(self.database.address, contents.events)
+        return replace(contents, findings=(*contents.findings, *lost))
+
+    def _witnessed(self, connection: Connection) -> Contents:
+        """The same of a committed state, which is remembered if nothing speaks against it."""
+        contents = self._held_against_witness(connection)
+        if not contents.findings:
+            remember(self.database.address, contents.events)
+        return contents
 
 
 def _contents(connection: Connection) -> Contents:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, model_validator
 
 from tasks.settings.base import Settings, trouble
-from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple
+from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple, Real, Whole
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
 
@@ -27,7 +27,7 @@ ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
 class Rejection(Settings):
     """Rejection of gross errors."""
 
-    critical_value: Annotated[float, Field(gt=1.0, allow_inf_nan=False)] | None = Field(
+    critical_value: Annotated[Real, Field(gt=1.0, allow_inf_nan=False)] | None = Field(
         default=4.13,
         description="Observations whose standardized residual exceeds it are rejected. Written as "
         '`rejection = { critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: one false alarm '
@@ -151,7 +151,7 @@ class AdjustmentSettings(Settings):
         "the priors of each kind of parameter; what has a redundancy below 10 keeps its stated σ. Systematic "
         "errors that are not modelled end up in these factors.",
     )
-    control_folds: Annotated[int, Field(ge=2)] | None = Field(
+    control_folds: Annotated[Whole, Field(ge=2)] | None = Field(
         default=None,
         description="Number of folds the control points are dealt into, each over the whole area, to be "
         "predicted by the adjustment without their fold (`k_fold` in summary.json). Leaving out one at a "
@@ -173,11 +173,11 @@ class AdjustmentSettings(Settings):
         description="Whether the stated correlation times are only a start and are estimated from the "
         "residuals. Best with `variance_components = true`: wrong σ and wrong correlation times look alike.",
     )
-    max_iterations: Annotated[int, Field(ge=1)] = Field(
+    max_iterations: Annotated[Whole, Field(ge=1)] = Field(
         default=20,
         description="Iterations after which the adjustment counts as divergent; good starts need 2 to 5.",
     )
-    confidence: Annotated[float, Field(gt=0.5, lt=1.0)] = Field(
+    confidence: Annotated[Real, Field(gt=0.5, lt=1.0)] = Field(
         default=0.95, description="Confidence level of tests and of statements about significance."
     )
     priors: Priors = Field(

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
-from typing import Annotated, ClassVar, TypeAlias
+from typing import Annotated, ClassVar, TypeAlias, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from tasks.errors import InputError
@@ -38,6 +38,15 @@ class Settings(BaseModel):
     #: Fields that no stage reads (names for people) and that therefore must not cause recomputing.
     outside_key: ClassVar[frozenset[str]] = frozenset()
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _truth_is_no_number(cls, value: object, info: ValidationInfo) -> object:
+        # In Python true is 1, so a version, an angle or a count could be true.
+        kind = cls.model_fields[str(info.field_name)].annotation
+        if isinstance(value, bool) and not _may_be_truth(kind):
+            raise trouble(f"The value {str(value).lower()} cannot stand here.", "Give a number or a text.")
+        return value
+
     def key_content(self) -> JSON:
         """Content that identifies these settings, with file digests in the place of paths.
 
@@ -52,6 +61,10 @@ class Settings(BaseModel):
     def input_files(self) -> tuple[Path, ...]:
         """Every input file these settings point to, in the order of the fields."""
         return tuple(_paths_in([getattr(self, name) for name in type(self).model_fields]))
+
+
+def _may_be_truth(kind: object) -> bool:
+    return kind is bool or any(map(_may_be_truth, get_args(kind)))
 
 
 def _key_content(value: object) -> JSON:

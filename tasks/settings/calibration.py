@@ -8,7 +8,7 @@ from pydantic import Field
 
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings
-from tasks.settings.coordinates import NotNegative, NotNegativeTriple, Positive
+from tasks.settings.coordinates import NotNegative, NotNegativeTriple, Positive, Real, Whole
 from tasks.settings.inputs import ExposuresInput
 
 
@@ -21,27 +21,27 @@ class AcceptanceLimits(Settings):
     yaw_deg: Positive = Field(default=0.001, description="σ of boresight yaw, degrees.")
     shift_m: Positive = Field(default=0.03, description="σ of a GNSS shift x, y, z, m.")
     lever_arm_m: Positive = Field(default=0.03, description="σ of a lever arm x, y, z, m.")
-    sigma_over_prior: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+    sigma_over_prior: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=0.3,
         description="σ over the σ of the initial value; near 1 the flight has added nothing to what was "
         "known before, however small the correlations are.",
     )
-    weak_up_to: Annotated[float, Field(ge=1.0)] = Field(
+    weak_up_to: Annotated[Real, Field(ge=1.0)] = Field(
         default=3.0,
         description="Multiple of a limit up to which a parameter is called weak; beyond it is not "
         "determinable.",
     )
-    headings: Annotated[int, Field(ge=1)] = Field(
+    headings: Annotated[Whole, Field(ge=1)] = Field(
         default=2,
         description="Flight directions (opposite or crossing), where a principal point, a shift or a lever "
         "arm is calibrated.",
     )
-    height_ratio: Annotated[float, Field(ge=1.0)] = Field(
+    height_ratio: Annotated[Real, Field(ge=1.0)] = Field(
         default=2.0,
         description="Highest over lowest flying height above ground, where a focal length, or a principal "
         "point together with a lever arm, is calibrated; 1: one height may do, if the σ are reached.",
     )
-    correlation: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+    correlation: Annotated[Real, Field(gt=0.0, lt=1.0)] = Field(
         default=0.95,
         description="Correlation of two calibrated parameters that is remarked on. Never a reason to "
         "refuse: c and the shift in height are correlated by 0.9 and more in good flights.",
@@ -52,16 +52,16 @@ class AcceptanceLimits(Settings):
         description="A significant error of the model (see model_alternatives) that moves a calibrated "
         "parameter by more of its σ refuses the calibration; a smaller one restricts it.",
     )
-    error_probability: Annotated[float, Field(gt=0.0, lt=0.1)] = Field(
+    error_probability: Annotated[Real, Field(gt=0.0, lt=0.1)] = Field(
         default=0.001,
         description="Probability of refusing a good calibration by its check points, and by the second step.",
     )
-    sigma0_factor: Annotated[float, Field(gt=1.0)] = Field(
+    sigma0_factor: Annotated[Real, Field(gt=1.0)] = Field(
         default=1.5,
         description="σ0 of image points, control, GNSS and INS, each by itself, lies between this and its "
         "inverse; else their stated σ, and all that follow from them, are wrong.",
     )
-    rejected_part: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+    rejected_part: Annotated[Real, Field(gt=0.0, lt=1.0)] = Field(
         default=0.05, description="Part of the image points, control, GNSS or INS that may be rejected."
     )
 
@@ -74,7 +74,7 @@ class MountingSettings(Settings):
     which the σ of attitudes and `adjustment.priors.gnss_strip_bias_m` are stated.
     """
 
-    error_probability: Annotated[float, Field(gt=0.0, lt=0.5)] = Field(
+    error_probability: Annotated[Real, Field(gt=0.0, lt=0.5)] = Field(
         default=0.01,
         description="Probability of finding any other mounting when all strips have one; flights, parts of "
         "flights and single strips share it.",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
 from tasks.formats.register import camera_formats
 from tasks.settings.base import InputPath, Settings, one_of, trouble
-from tasks.settings.coordinates import Finite, Positive, Triple
+from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
 
 #: Where the calibrated values of a camera come from.
 GIVEN, REGISTRY = "given", "registry"
@@ -23,7 +24,7 @@ class CcdTiles(Settings):
         description="Where CCD images meet along x of the calibration axes, ascending, mm."
     )
     seams_y_mm: tuple[Finite, ...] = Field(description="The same along y, mm.")
-    blend_mm: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(
+    blend_mm: Annotated[Real, Field(ge=0.0, allow_inf_nan=False)] = Field(
         default=0.0, description="Width over which neighbours are mixed linearly; 0: a hard switch, mm."
     )
     perspective: Literal["master4", "outer8", "rotation8"] = Field(
@@ -31,6 +32,14 @@ class CcdTiles(Settings):
         description="Form of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs "
         "(`master4`), one for each of the eight outer CCDs (`outer8`), or their rotations (`rotation8`).",
     )
+
+    @model_validator(mode="after")
+    def _ascending(self) -> CcdTiles:
+        for name in ("seams_x_mm", "seams_y_mm"):
+            seams = getattr(self, name)
+            if any(after <= before for before, after in pairwise(seams)):
+                raise trouble(f"The seams {list(seams)} do not ascend.", f"Give {name} in ascending order.")
+        return self
 
 
 class CameraIdentity(Settings):
@@ -58,8 +67,8 @@ class CameraInput(Settings):
     format: Annotated[str, AfterValidator(one_of(camera_formats, "format of cameras"))] | None = Field(
         default=None, description="Format of `file`: `ign-xml`."
     )
-    columns: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Width of the image, px.")
-    rows: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Height of the image, px.")
+    columns: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Width of the image, px.")
+    rows: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Height of the image, px.")
     pixel_um: Positive | None = Field(default=None, description="Side of a (square) pixel, µm.")
     focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
     principal_point_mm: tuple[Finite, Finite] | None = Field(

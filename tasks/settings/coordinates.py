@@ -22,7 +22,9 @@ class LinearAlteration(Settings):
     and the true altitude H.
     """
 
-    ground_m: float = Field(description="Ground height Zg in the height system of the input, m.")
+    ground_m: Annotated[float, Field(strict=True, allow_inf_nan=False)] = Field(
+        description="Ground height Zg in the height system of the input, m."
+    )
 
 
 class Heights(Settings):
@@ -99,10 +101,13 @@ def one_table_or_several(value: object) -> object:
     return (value,) if isinstance(value, dict | Settings) else value
 
 
-Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+#: A number, and no text that looks like one.
+Real: TypeAlias = Annotated[float, Field(strict=True)]
+Whole: TypeAlias = Annotated[int, Field(strict=True)]
+Positive: TypeAlias = Annotated[Real, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[Real, Field(ge=0.0, allow_inf_nan=False)]
 NotNegativePair: TypeAlias = tuple[NotNegative, NotNegative]
-Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Finite: TypeAlias = Annotated[Real, Field(allow_inf_nan=False)]
 PositiveTriple: TypeAlias = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(one_or_three)]
 NotNegativeTriple: TypeAlias = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)

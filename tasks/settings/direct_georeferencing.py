@@ -9,7 +9,7 @@ from tasks.settings.coordinates import NotNegativeTriple, Positive, PositivePair
 
 CAMERAS, ADJUSTMENT, REGISTRY = "cameras", "adjustment", "registry"
 _WRITE = 'Write one text: "cameras", "adjustment", "registry", or a folder of results.'
-_TABLES = ("parameters", "correlations", "control_residuals", "control_points")
+_TABLES = ("parameters", "correlations", "control_residuals", "control_points", "cameras")
 
 
 class CalibrationInput(Settings):
@@ -30,7 +30,7 @@ class CalibrationInput(Settings):
     )
     parameters: InputPath | None = Field(
         default=None,
-        description='Its system parameters with their σ; `calibration = "FOLDER"` stands for the four files '
+        description='Its system parameters with their σ; `calibration = "FOLDER"` stands for the five files '
         "of these names in a folder of results.",
     )
     correlations: InputPath | None = Field(default=None, description="Their correlations.")
@@ -38,6 +38,11 @@ class CalibrationInput(Settings):
         default=None, description="Which points were control of the calibration."
     )
     control_points: InputPath | None = Field(default=None, description="Where these points lie.")
+    cameras: InputPath | None = Field(
+        default=None,
+        description="What was calibrated: body, lens, product, image and mounting must be those of the "
+        "project's camera of the same name.",
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from tasks.settings.base import InputPath, Settings
-from tasks.settings.coordinates import Positive
+from tasks.settings.coordinates import Positive, Whole
 
 
 def _one_or_several(value: object) -> object:
@@ -20,7 +20,7 @@ InputPaths: TypeAlias = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or
 class ResidualGridSettings(Settings):
     """Mean residuals of all images of a camera in sub-areas of the image."""
 
-    cells: Annotated[int, Field(ge=1, le=100)] | None = Field(
+    cells: Annotated[Whole, Field(ge=1, le=100)] | None = Field(
         default=None,
         description="Sub-areas along each side of the image. Default 25, or as many as leave 25 image points "
         "in a sub-area on average if that is fewer. With `file` those of the file. Seams between CCD images "
@@ -32,7 +32,7 @@ class ResidualGridSettings(Settings):
         "corrections (its mean residuals, if it applied none) are added to the image coordinates. Several "
         "are averaged, each sub-area weighted with 1/σ².",
     )
-    iterations: Annotated[int, Field(ge=0, le=50)] = Field(
+    iterations: Annotated[Whole, Field(ge=0, le=50)] = Field(
         default=0,
         description="How often at most the mean residuals are added to the image coordinates and the block "
         "is adjusted again; 0: they are only computed. 3 to 5 recover most of what a single pass leaves.",

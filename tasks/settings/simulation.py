@@ -16,14 +16,16 @@ from tasks.settings.coordinates import (
     NotNegativeTriple,
     Positive,
     PositiveTriple,
+    Real,
     Triple,
+    Whole,
     one_or_two,
     one_table_or_several,
 )
 from tasks.settings.self_calibration import Selection
 from tasks.settings.sweep import SweepSettings
 
-Part: TypeAlias = Annotated[float, Field(ge=0.0, lt=1.0)]
+Part: TypeAlias = Annotated[Real, Field(ge=0.0, lt=1.0)]
 Pair: TypeAlias = tuple[Finite, Finite]
 SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins", "ins_markov"]
 
@@ -41,10 +43,10 @@ class SimulatedProject(Settings):
         description='CRS of the files: "local" (metric Cartesian), or a projected CRS such as '
         '"EPSG:25832"; then `latitude_deg` and `longitude_deg` say where the block lies.',
     )
-    latitude_deg: Annotated[float, Field(gt=-90.0, lt=90.0)] | None = Field(
+    latitude_deg: Annotated[Real, Field(gt=-90.0, lt=90.0)] | None = Field(
         default=None, description="Latitude of the block's centre, degrees."
     )
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = Field(
+    longitude_deg: Annotated[Real, Field(ge=-180.0, le=180.0)] | None = Field(
         default=None, description="Longitude of the block's centre, degrees east."
     )
     angles: Literal["heading-pitch-roll", "omega-phi-kappa"] = Field(
@@ -80,8 +82,8 @@ class SimulatedCamera(Settings):
     """The camera as its certificate has it."""
 
     name: str = Field(min_length=1, description="Name of the camera.")
-    columns: Annotated[int, Field(gt=0)] = Field(description="Width of the image, px.")
-    rows: Annotated[int, Field(gt=0)] = Field(description="Height of the image, px.")
+    columns: Annotated[Whole, Field(gt=0)] = Field(description="Width of the image, px.")
+    rows: Annotated[Whole, Field(gt=0)] = Field(description="Height of the image, px.")
     pixel_um: Positive = Field(description="Side of a (square) pixel, µm.")
     focal_length_mm: Positive = Field(description="Principal distance c, mm.")
     principal_point_mm: Pair = Field(default=(0.0, 0.0), description="Principal point x, y, mm.")
@@ -99,10 +101,10 @@ class FlightLines(Settings):
     flight: str = Field(default="1", min_length=1, description="Flight the lines belong to.")
     height_m: Positive = Field(description="Flying height above the mean terrain, m.")
     heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
-    lines: Annotated[int, Field(gt=0)] | None = Field(
+    lines: Annotated[Whole, Field(gt=0)] | None = Field(
         default=None, description="Number of lines; left out: as many as `exposures` lists."
     )
-    exposures: Annotated[tuple[Annotated[int, Field(gt=0)], ...], BeforeValidator(_one_or_several)] = Field(
+    exposures: Annotated[tuple[Annotated[Whole, Field(gt=0)], ...], BeforeValidator(_one_or_several)] = Field(
         description="Exposures of every line, or a list with one number for each."
     )
     end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
@@ -163,11 +165,11 @@ class SimulatedTerrain(Settings):
 class SimulatedPoints(Settings):
     """Tie points."""
 
-    count: Annotated[int, Field(gt=0)] = Field(description="Expected number of tie points.")
-    detection: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+    count: Annotated[Whole, Field(gt=0)] = Field(description="Expected number of tie points.")
+    detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Probability that a point is found in an image that shows it."
     )
-    min_rays: Annotated[int, Field(ge=2)] = Field(default=2, description="Points with fewer rays are lost.")
+    min_rays: Annotated[Whole, Field(ge=2)] = Field(default=2, description="Points with fewer rays are lost.")
     margin: Part = Field(
         default=0.02, description="Part of the half format along the borders where nothing is measured."
     )
@@ -183,18 +185,18 @@ class SimulatedControl(Settings):
     kind: Literal["full", "height", "plan"] = Field(
         default="full", description="Which coordinates are known: all, the height, or x and y."
     )
-    columns: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Columns of a grid.")
-    rows: Annotated[int, Field(gt=0)] | None = Field(default=None, description="Rows of a grid.")
-    count: Annotated[int, Field(gt=0)] | None = Field(
+    columns: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Columns of a grid.")
+    rows: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Rows of a grid.")
+    count: Annotated[Whole, Field(gt=0)] | None = Field(
         default=None, description="Number of points of `perimeter` and `spread`."
     )
     places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
-    control: Annotated[int, Field(ge=0)] | None = Field(
+    control: Annotated[Whole, Field(ge=0)] | None = Field(
         default=None,
         description="How many are control points, those spread best; the rest are check points. Left out: "
         "all, less `check_fraction`.",
     )
-    check_fraction: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+    check_fraction: Annotated[Real, Field(ge=0.0, le=1.0)] = Field(
         default=0.0, description="Part of the points that are check points; instead of `control`."
     )
     margin: Part = Field(
@@ -229,10 +231,10 @@ class SimulatedGrossErrors(Settings):
     image_um: Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)] = Field(
         default=(20.0, 200.0), description="Smallest and largest error of them, µm."
     )
-    control_swaps: Annotated[int, Field(ge=0)] = Field(
+    control_swaps: Annotated[Whole, Field(ge=0)] = Field(
         default=0, description="Pairs of control points whose coordinates are exchanged."
     )
-    wrong_time_strips: Annotated[int, Field(ge=0)] = Field(
+    wrong_time_strips: Annotated[Whole, Field(ge=0)] = Field(
         default=0, description="Strips whose positions belong to another moment."
     )
     time_error_s: Finite = Field(default=1.0, description="By how much, s.")
@@ -353,7 +355,7 @@ class Simulation(Settings):
     """A simulation: SPEC.toml, its preset filled in."""
 
     preset: str | None = Field(default=None, description="The preset everything not written here comes from.")
-    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
+    seed: Annotated[Whole, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
     project: SimulatedProject = Field(description="The project that is written.")
     camera: SimulatedCamera = Field(description="The camera.")
     flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field, JsonValue, model_validator
 
 from tasks.settings.base import Settings, one_of, trouble
-from tasks.settings.coordinates import NotNegativePair
+from tasks.settings.coordinates import NotNegativePair, Whole
 from tasks.sweep.published import published_names
 
 Name = Annotated[str, Field(min_length=1)]
@@ -53,7 +53,7 @@ class ControlScenario(Settings):
         description='`"delivered"`: as the files of control say; `"all"`: every point. Written as this word '
         "alone.",
     )
-    count: Annotated[int, Field(ge=0)] | None = Field(
+    count: Annotated[Whole, Field(ge=0)] | None = Field(
         default=None, description="That many of the points that are fully surveyed and measured."
     )
     layout: Literal["even", "border"] = Field(
@@ -115,7 +115,7 @@ class SweepSettings(Settings):
         description="Published table that is shown beside the results where block, control and variant have "
         "its names (docs/sweep.md).",
     )
-    workers: Annotated[int, Field(ge=1)] | None = Field(
+    workers: Annotated[Whole, Field(ge=1)] | None = Field(
         default=None,
         description="Processes that adjust beside each other; it changes no result. Left out: one for each "
         "processor.",

@@ -7,7 +7,9 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, cast
+
+from tasks.plain_text import quoted
 
 _LARGEST_BYTES = 1_000_000_000
 
@@ -39,17 +41,44 @@ def finite(value: JSON) -> JSON:
     return value
 
 
+def from_json(text: str | bytes) -> Any:
+    """Parse JSON; the only place that does.
+
+    A key that stands twice in one object has two values, of which programs take one or the other; so it is
+    refused, as are NaN and infinite numbers.
+
+    Raises
+    ------
+    ValueError
+        If `text` is not JSON in UTF-8, or holds such a key or number.
+    """
+    return json.loads(text, object_pairs_hook=_unambiguous, parse_constant=_no_number)
+
+
+def _unambiguous(pairs: Sequence[tuple[str, JSON]]) -> dict[str, JSON]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        double = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {quoted(double)} stands there twice")
+    return found
+
+
+def _no_number(text: str) -> JSON:
+    raise ValueError(f"{text} is no number")
+
+
 def read_json(path: Path) -> JSON:
     """Read a JSON file.
 
     Raises
     ------
     ValueError
-        If the file is not JSON, or larger than any of ours.
+        If the file is not JSON as `from_json` reads it, or larger than any of ours.
     """
     if path.exists() and (not path.is_file() or path.stat().st_size > _LARGEST_BYTES):
         raise ValueError(f"{path.name} is no JSON file of ours")
-    return cast(JSON, json.loads(path.read_text(encoding="utf-8")))
+    return cast(JSON, from_json(path.read_text(encoding="utf-8")))
 
 
 def replace_json(path: Path, value: JSON) -> None:

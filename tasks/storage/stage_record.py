@@ -7,7 +7,6 @@ stages run beside each other, on other machines too, where lines appended to one
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 import uuid
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import cast
 
 from tasks.storage.artifact import Artifact
-from tasks.storage.json_text import JSON, json_text
+from tasks.storage.json_text import JSON, from_json, json_text
 from tasks.storage.stage_key import InputFile, StageKey
 
 _FOLDER = "run"
@@ -87,7 +86,7 @@ def clear_records(folder: Path) -> None:
 def read_records(folder: Path) -> tuple[StageRecord, ...]:
     """The records of the current run, in the order in which the stages ended."""
     files = sorted((folder / _FOLDER).glob("[0-9]*.json"), key=lambda file: file.name)
-    return tuple(StageRecord(**json.loads(file.read_text(encoding="utf-8"))) for file in files)
+    return tuple(StageRecord(**from_json(file.read_text(encoding="utf-8"))) for file in files)
 
 
 def timings_s(records: Sequence[StageRecord]) -> dict[str, float]:

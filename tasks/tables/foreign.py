@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +11,7 @@ import pyarrow.parquet as pq
 from tasks.errors import InputError
 from tasks.plain_text import trouble_in
 from tasks.storage.delivered_file import file_limits, opened
+from tasks.storage.json_text import from_json
 from tasks.tables.parquet import METADATA
 from tasks.tables.schemas import TableSchema
 
@@ -34,7 +34,7 @@ def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd
             file = pq.ParquetFile(stream)
             # A page of some bytes can stand for any number of rows.
             file_limits().require_rows(path, file.metadata.num_rows)
-            described = json.loads((file.schema_arrow.metadata or {}).get(METADATA, b"{}"))
+            described = from_json((file.schema_arrow.metadata or {}).get(METADATA, b"{}"))
             columns = [column.name for column in schema.columns if column.name in file.schema_arrow.names]
             table = file.read(columns=columns)
         except (OSError, pa.ArrowException, ValueError, RecursionError) as error:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.coordinates.crs import MapFrame
+from tasks.storage.json_text import from_json
 from tasks.tables.schemas import TableSchema
 from tasks.tables.well_known_binary import points_z
 
@@ -43,7 +42,7 @@ def description(frame: MapFrame, box: Box | None) -> dict[str, object]:
     column: dict[str, object] = {
         "encoding": "WKB",
         "geometry_types": ["Point Z"],
-        "crs": None if crs is None else json.loads(crs),
+        "crs": None if crs is None else from_json(crs),
         "edges": "planar",
     }
     if box is not None:

@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from tasks.coordinates.crs import MapFrame
 from tasks.storage.artifact import Artifact, verified
 from tasks.storage.installation import InstallationError
+from tasks.storage.json_text import from_json
 from tasks.tables.arrow_columns import arrow_schema, typed_table
 from tasks.tables.geometry import GEOMETRY, Box, box_of, description, with_geometry
 from tasks.tables.key_order import ascending, order_of
@@ -151,7 +152,7 @@ def read_table(artifact: Artifact) -> pd.DataFrame:
         If the file's digest differs, or it is not a table of this name in the version this program knows.
     """
     table = pq.read_table(verified(artifact))
-    described = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
+    described = from_json((table.schema.metadata or {}).get(METADATA, b"{}"))
     schema = SCHEMAS.get(artifact.name)
     if schema is None or (described.get("schema"), described.get("version")) != (schema.name, schema.version):
         raise InstallationError(

@@ -15,10 +15,12 @@ from flows.project_run import RunOutcome, RunRequest, carry_out
 from flows.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.coordinates.crs import MapFrame
+from tasks.importing.cameras import write_cameras
 from tasks.registry.calibration_file import read_calibrations
 from tasks.registry.registry import Registry, Signature
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.coordinates import ELLIPSOIDAL
+from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 from tasks.simulate import simulate_project
@@ -95,6 +97,7 @@ def test_the_registry_gives_what_the_tables_of_the_same_calibration_give(
 ) -> None:
     (stored,) = registry.contents().calibrations
     folder = results(tmp_path / "tables", stored.record)
+    write_cameras(folder / "cameras.parquet", load_project(flight).cameras)
     tables = {}
     for name, source in (
         ("registry", FROM_REGISTRY),

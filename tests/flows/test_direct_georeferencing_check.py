@@ -138,6 +138,14 @@ def test_differences_of_another_flight_are_what_its_sigmas_and_the_calibration_p
     assert other_flight.is_file()
 
 
+def test_a_calibration_of_another_camera_is_refused(calibrated: Path, other_flight: Path) -> None:
+    out = other_flight.parent / "refused"
+    named = f"direct_georeferencing.calibration={calibrated}"
+    outcome = run(other_flight, out, named, 'cameras.UCE-80.identity.body="UC-E-2"')
+    assert "of another camera (no numbers there, body UC-E-2 here)" in str(outcome.error)
+    assert not (out / "direct_georeferencing.parquet").exists()
+
+
 def test_y_parallaxes_are_what_gnss_and_ins_predict(check: Checked) -> None:
     found, table, models = check.figures, check.table("y_parallaxes"), check.table("stereo_models")
     assert found["y_parallax_predicted_low_um"] < found["y_parallax_rms_um"]

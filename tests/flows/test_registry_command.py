@@ -64,7 +64,8 @@ def test_from_the_results_of_a_calibration_to_an_approved_version(console: Conso
     for number in range(2):
         file = tmp_path / "results" / "calibration.json"
         file.write_text(record(changed(number)).text, encoding="utf-8")
-        done = console("add", tmp_path / "results", "--by", "ann", "--note", "spring")
+        code = record(changed(number)).digest
+        done = console("add", tmp_path / "results", "--by", "ann", "--note", "spring", "--code", code)
         assert done.exit_code == 0, done.stderr
         assert f"calibration {number + 1}, a draft: version {number + 1} of UCE (body UC-E-1)" in done.stdout
         assert record(changed(number)).digest in done.stdout
@@ -83,10 +84,12 @@ def test_from_the_results_of_a_calibration_to_an_approved_version(console: Conso
 
 
 def test_the_records_of_all_cameras_of_a_folder_are_added(console: Console, tmp_path: Path) -> None:
+    codes = []
     for name in ("left", "right"):
         calibration = record(name=name, identity=CameraIdentity())
         (tmp_path / f"calibration_{name}.json").write_text(calibration.text, encoding="utf-8")
-    done = console("add", tmp_path)
+        codes += ["--code", calibration.digest[:16]]
+    done = console("add", tmp_path, *codes)
     assert done.exit_code == 0, done.stderr
     assert "version 1 of left" in done.stdout
     assert "version 1 of right" in done.stdout
@@ -103,7 +106,7 @@ def test_what_is_exported_has_the_verification_code_and_can_be_added_elsewhere(
     assert hashlib.sha256(content).hexdigest() == digest
     assert filled("export", "2").stdout_bytes == content
     other = Console(str(tmp_path / "other.sqlite"))
-    assert digest in other("add", tmp_path / "two.json").stdout
+    assert digest in other("add", tmp_path / "two.json", "--code", spoken).stdout
 
 
 def test_list_and_show_say_what_there_is(filled: Console) -> None:
@@ -170,6 +173,22 @@ def test_what_cannot_be_ends_with_2_and_one_sentence(
     done = filled(*arguments)
     assert words in error(done)
     assert "secret" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--although", "  "), "The reason is blank"),
+        (("--although", "\u200b"), "The reason is blank"),
+        (("--although", "flown again", "--by", ""), "The name of who does this is blank"),
+        (("--although", "flown again", "--by", " "), "The name of who does this is blank"),
+    ],
+)
+def test_blank_reasons_and_names_approve_nothing(
+    filled: Console, arguments: tuple[str, ...], words: str
+) -> None:
+    assert words in error(filled("approve", "3", "--from", "2025-01-01", *arguments))
+    assert json.loads(filled("list", "--json").stdout)[2]["state"] == "draft"
 
 
 @pytest.mark.parametrize(
@@ -247,7 +266,9 @@ def test_a_file_that_is_no_database_is_said_to_be_none(console: Console, tmp_pat
         connection.execute("CREATE TABLE somebody (x)")
     calibration = tmp_path / "calibration.json"
     calibration.write_text(record().text)
-    assert "belongs to another program" in error(console("add", calibration, "--registry", other))
+    assert "belongs to another program" in error(
+        console("add", calibration, "--registry", other, "--code", record().digest)
+    )
 
 
 def test_a_server_that_does_not_answer_ends_with_1_and_shows_no_password(console: Console) -> None:
@@ -272,7 +293,7 @@ def test_the_same_on_a_server(postgresql: PostgresqlServer, tmp_path: Path) -> N
     url = postgresql.emptied()
     console = Console(url.replace(f":{PASSWORD}", ""))
     (tmp_path / "calibration.json").write_text(record().text)
-    done = console("add", tmp_path, PGPASSWORD=PASSWORD)
+    done = console("add", tmp_path, "--code", record().digest, PGPASSWORD=PASSWORD)
     assert done.exit_code == 0, done.stderr
     assert console("approve", "1", "--from", "2024-05-01", PGPASSWORD=PASSWORD).exit_code == 0
     assert "1 calibrations and 2 events" in console("verify", PGPASSWORD=PASSWORD).stdout

@@ -56,6 +56,16 @@ CAMERAS = TableSchema(
             number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
+        *(
+            text(name, f"what it is a calibration of: {words}; null: not declared", nullable=True)
+            for name, words in (
+                ("body", "serial number of the body"),
+                ("lens", "serial number of the lens"),
+                ("imu", "serial number of the inertial unit"),
+                ("mount", "installation in the aircraft"),
+            )
+        ),
+        text("product", "what the image is", values=("virtual_image", "camera_head")),
     ),
     ("camera",),
 )

@@ -122,7 +122,9 @@ def with_parameter(
         if next(p for p in parameters if p.key == item.key).sigma is not None
     ]
     covariance = tuple(tuple(record.covariance[i][j] for j in kept) for i in kept)
-    return changed(record, parameters=parameters, covariance=covariance)
+    undetermined = [item for item in parameters if item.verdict in ("weak", "not_determinable")]
+    verdict = {"verdict": "refused", "reasons": ("Not determined.",)} if undetermined else {}
+    return changed(record, parameters=parameters, covariance=covariance, **verdict)
 
 
 def tables_of(document: dict[str, Any]) -> dict[str, dict[str, Any]]:

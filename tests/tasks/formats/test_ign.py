@@ -136,8 +136,21 @@ def test_a_camera_is_converted_from_pixels_to_millimetres_about_the_format_centr
         ("<z> 20000 </z>", "", "lacks a number"),
         ("20000", "long", "lacks a number"),
         ("<w> 1000", "<w> 0", "cannot be"),
+        ("<w> 1000", "<w> 1000.4", "not a whole number of pixels"),
+        ("<h> 800 </h>", "<h> 800 </h><h> 800 </h>", "2 elements <usefull-frame/rect/h>"),
+        ("<name>", "<pixel_size> 0.000008 </pixel_size><name>", "2 elements <pixel_size>"),
+        ("<name>", "<objectif> 123.9mm </objectif><name>", "80 mm .* is not that of the lens, 123.9 mm"),
+        ("<name>", "<objectif> 40 mm </objectif><name>", "80 mm .* is not that of the lens"),
     ],
 )
 def test_a_camera_file_that_cannot_be_is_refused(file, old, new, what):
     with pytest.raises(InputError, match=what):
         read_ign_camera(file(CAMERA.replace(old, new)))
+
+
+@pytest.mark.parametrize("lens", ["80mm", "80.2 MM", "79.6mm", "Vexcel 123.9", ""])
+def test_a_lens_that_agrees_or_has_no_length_raises_no_alarm(file, lens):
+    assert (
+        read_ign_camera(file(CAMERA.replace("<name>", f"<objectif> {lens} </objectif><name>"))).columns
+        == 1000
+    )

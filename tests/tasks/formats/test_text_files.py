@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tasks.errors import InputError
+from tasks.formats import text_table
 from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
 from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
 
@@ -95,7 +96,28 @@ def test_one_field_too_many_is_not_dropped_silently(file):
 
 def test_one_field_too_few_is_an_error_on_its_line(file):
     error = refused(read_csv_image_points, file("image,point,x,y\nI,P,1,2\nI,Q,1\n"))
-    assert (error.line, "'y' is empty" in error.what) == (3, True)
+    assert (error.line, "has 3 columns, and the header names 4" in error.what) == (3, True)
+
+
+@pytest.mark.parametrize("last", ["C3,1,2", "C3,1", "C3", "C3,1,2,3,0.1,0.1", '"C, 3",1', "C3,1,2\n\n"])
+def test_a_control_file_cut_off_inside_a_row_is_not_a_point_known_in_plan(file, last):
+    text = "point,x,y,z,sx,sy,sz\nC1,1,2,3,,,\n\nC2,1,2,,0.1,0.1,\n" + last
+    if '"' in last:
+        # One comma more, for it may belong to the name; what is missing is then empty.
+        assert np.isnan(read_csv_control(file(text)).position[2, 1])
+        return
+    error = refused(read_csv_control, file(text))
+    assert error.line == 5
+    assert "cut off" in error.remedy
+
+
+def test_a_short_row_is_found_wherever_it_stands(file, monkeypatch):
+    monkeypatch.setattr(text_table, "_PIECE", 50)
+    rows = [f"I,P{i},1,2" for i in range(100)]
+    assert len(read_csv_image_points(file("\n".join(["image,point,x,y", *rows]))).line) == 100
+    for number in (0, 7, 50, 99):
+        cut = [*rows[:number], "I,P,1", *rows[number + 1 :]]
+        assert refused(read_csv_image_points, file("\n".join(["image,point,x,y", *cut]))).line == number + 2
 
 
 def test_an_open_quotation_mark_is_an_error(file):

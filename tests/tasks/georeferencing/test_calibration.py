@@ -147,7 +147,7 @@ def test_local_axes_may_be_others_so_place_or_name_decides() -> None:
 
 
 def results(folder: Path) -> CalibrationInput:
-    """The four tables of a folder of results."""
+    """The tables of a folder of results."""
     frame = MapFrame.of("EPSG:25832", ELLIPSOIDAL)
     columns: Mapping[str, object] = {
         **PARAMETERS.to_dict("series"),
@@ -170,7 +170,7 @@ def results(folder: Path) -> CalibrationInput:
         },
         frame,
     )
-    names = ("parameters", "correlations", "control_residuals", "control_points")
+    names = ("parameters", "correlations", "control_residuals", "control_points", "cameras")
     return CalibrationInput.model_validate({name: folder / f"{name}.parquet" for name in names})
 
 

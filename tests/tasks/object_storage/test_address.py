@@ -88,3 +88,9 @@ def test_every_address_and_server_has_a_local_folder_of_its_own(tmp_path: Path) 
     assert len(set(folders)) == 3
     assert all(folder.parent == tmp_path and folder.name.startswith("a-b-") for folder in folders)
     assert local_folder(one, here) == folders[0]
+
+
+@pytest.mark.parametrize("text", ["", "  ", "\t"])
+def test_a_blank_output_folder_is_not_the_current_one(text: str) -> None:
+    with pytest.raises(InputError, match="The output folder is blank"):
+        output_place(text)

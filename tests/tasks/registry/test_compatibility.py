@@ -146,5 +146,7 @@ def test_nothing_in_common_is_said_and_is_no_agreement_in_disguise() -> None:
 
 def test_what_was_not_determined_is_not_compared() -> None:
     weak = record().parameters[0].model_copy(update={"verdict": "not_determinable"})
-    found = compatibility(record(parameters=(weak, *record().parameters[1:])), record())
+    parameters = (weak, *record().parameters[1:])
+    refused = record(parameters=parameters, verdict="refused", reasons=("One height only.",))
+    found = compatibility(refused, record())
     assert "focal_length" not in [change.parameter for change in found.changes]

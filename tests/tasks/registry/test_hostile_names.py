@@ -95,7 +95,8 @@ def test_the_commands_take_such_names_from_adding_to_exporting(
 ) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(record(name=text, identity=hostile(text)).text, encoding="utf-8")
-    added = command(address, "add", file, "--by", text, "--note", text)
+    code = SealedRecord.of(record(name=text, identity=hostile(text))).digest
+    added = command(address, "add", file, "--by", text, "--note", text, "--code", code)
     assert added.exit_code == 0, added.stdout + added.stderr
     approved = command(address, "approve", "1", "--from", "2024-03-01", "--by", text, "--note", text)
     assert approved.exit_code == 0, approved.stdout + approved.stderr

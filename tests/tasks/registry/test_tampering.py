@@ -238,7 +238,51 @@ def test_a_missing_table_is_said_in_a_sentence(filled: Registry) -> None:
         filled.contents()
 
 
-def test_whoever_recomputes_the_whole_chain_is_found_by_a_digest_noted_elsewhere(filled: Registry) -> None:
+def cut_behind(sequence: int) -> Edit:
+    """The history without its last events, the head set back as if they had never been."""
+
+    def cut(connection: Connection) -> None:
+        connection.execute(delete(EVENTS).where(EVENTS.c.sequence > sequence))
+        digest = connection.execute(select(EVENTS.c.digest).where(EVENTS.c.sequence == sequence)).scalar_one()
+        connection.execute(update(HEAD).values(events=sequence, digest=digest))
+
+    return cut
+
+
+def test_a_history_cut_at_its_end_is_found_by_whoever_has_seen_it(
+    filled: Registry, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not filled.verified().findings
+    edit(filled, cut_behind(4))
+    sentence = filled.verified().findings[0].sentence
+    assert "The history has 4 events and not the state" in sentence
+    with pytest.raises(InputError, match="The registry was edited"):
+        filled.calibration("1")
+    with pytest.raises(InputError, match="The registry was edited"):
+        approve(filled, 3, date(2025, 1, 1))
+    # Deleting what was seen is the way to accept a backup that was restored.
+    Path(sentence.split("delete ")[1].rstrip(".")).unlink()
+    assert not filled.verified().findings
+    monkeypatch.setenv("AEROCAL_STATE", str(tmp_path / "of another user"))
+    assert not filled.verified().findings
+
+
+def test_a_supersession_that_was_cut_off_leaves_two_that_hold_on_one_day(
+    filled: Registry, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edit(filled, cut_behind(5))
+    monkeypatch.setenv("AEROCAL_STATE", str(tmp_path / "of another user"))
+    found = {finding.calibration: finding.sentence for finding in filled.verified().findings}
+    assert set(found) == {1, 2}
+    assert "Calibrations 1 and 2 of the same camera hold from 2024-03-01 and from 2024-09-01" in found[1]
+    assert filled.calibration("3").id == 3
+    with pytest.raises(InputError, match="The registry was edited"):
+        filled.calibration("2")
+
+
+def test_whoever_recomputes_the_whole_chain_is_found_by_a_digest_noted_elsewhere(
+    filled: Registry, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     noted = filled.contents().digest
     add(filled, record(changed(4)))
     assert noted in {event.digest for event in filled.contents().events}
@@ -255,6 +299,8 @@ def test_whoever_recomputes_the_whole_chain_is_found_by_a_digest_noted_elsewhere
         connection.execute(update(HEAD).values(digest=before))
 
     edit(filled, rewritten)
-    # The registry alone cannot know.
+    # Who has seen it before knows; the registry alone cannot.
+    assert "rewritten, or an older backup" in filled.verified().findings[0].sentence
+    monkeypatch.setenv("AEROCAL_STATE", str(tmp_path / "of another user"))
     assert not filled.verified().findings
     assert noted not in {event.digest for event in filled.contents().events}

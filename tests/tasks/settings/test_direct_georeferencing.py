@@ -12,7 +12,7 @@ from tasks.settings.load import load_project
 from tasks.settings.project import Project
 
 Write = Callable[..., Path]
-TABLES = ("parameters", "correlations", "control_residuals", "control_points")
+TABLES = ("parameters", "correlations", "control_residuals", "control_points", "cameras")
 
 
 def project(tmp_path: Path, write_project: Write, text: str) -> Project:

@@ -235,7 +235,7 @@ def test_the_largest_block_there_is_stays_far_below_the_limits() -> None:
 
 
 def test_a_calibration_of_results_is_limited_through_the_project_too(tmp_path: Path) -> None:
-    for name in ("parameters", "correlations", "control_residuals", "control_points"):
+    for name in ("parameters", "correlations", "control_residuals", "control_points", "cameras"):
         special("sparse", tmp_path / f"{name}.parquet")
     with pytest.raises(ValueError, match="more than the 4,000 MB"):
         CalibrationInput.model_validate(str(tmp_path))
