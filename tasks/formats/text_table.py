@@ -20,6 +20,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
 from tasks.storage.delivered_file import Kind, file_limits, read_delivered
 
@@ -81,17 +82,19 @@ class TextTable:
         Raises
         ------
         InputError
-            If a field is empty and may not be, or is infinite.
+            If a field is empty and may not be, or holds more than any quantity has.
         """
         values = np.full((len(self), len(names)), np.nan)
         for position, name in enumerate(names):
             if not self.has(name):
                 continue
             column = self._frame[name].to_numpy(dtype=np.float64)
-            bad = np.isinf(column) if may_be_empty else ~np.isfinite(column)
+            bad = ~(np.abs(column) <= HUGE)
+            if may_be_empty:
+                bad &= ~np.isnan(column)
             if bad.any():
                 row = int(np.argmax(bad))
-                what = "empty" if np.isnan(column[row]) else "infinite"
+                what = "empty" if np.isnan(column[row]) else f"{column[row]:g}"
                 raise self._error(
                     row, f"The column '{name}' is {what} here.", "Give a number or delete the line."
                 )

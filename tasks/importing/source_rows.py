@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.magnitude import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,20 +76,20 @@ class Places:
 
 
 def refuse_sigmas(places: Places, sigma: NDArray[np.float64], row_names: Sequence[str]) -> None:
-    """Raise if a given standard deviation (n, k) is zero or negative; NaN is not given.
+    """Raise if a given standard deviation (n, k) is none that a quantity can have; NaN is not given.
 
     Raises
     ------
     InputError
         Naming the row.
     """
-    bad = np.asarray(sigma <= 0.0).any(axis=1)
+    bad = (sigma < SMALLEST) | (sigma > LARGEST)
     if bad.any():
-        row = int(np.argmax(bad))
-        value = float(np.nanmin(sigma[row]))
+        row = int(np.argmax(bad.any(axis=1)))
+        value = float(sigma[row][bad[row]][0])
         raise places.error(
             row,
             f"The standard deviation {value:g} cannot be.",
-            "Give a positive one, or leave the field empty: the input's then holds.",
+            "Give the right one, or leave the field empty: the input's then holds.",
             str(row_names[row]),
         )

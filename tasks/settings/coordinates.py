@@ -7,9 +7,25 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from tasks.magnitude import LARGEST, SMALLEST
 from tasks.settings.base import InputPath, Settings, trouble
+
+
+def _of_a_size(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise trouble(f"The value {value:g} is more than {LARGEST:g}, as no quantity is.", "Correct it.")
+    return value
+
+
+def _zero_or_of_a_size(value: float) -> float:
+    if 0.0 < value < SMALLEST:
+        raise trouble(f"The value {value:g} is less than {SMALLEST:g}, as no quantity is.", "Correct it.")
+    return _of_a_size(value)
+
+
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_of_a_size)]
 
 #: The name of a project or input whose coordinates are metric Cartesian without any earth.
 LOCAL = "local"
@@ -22,7 +38,7 @@ class LinearAlteration(Settings):
     and the true altitude H.
     """
 
-    ground_m: float = Field(description="Ground height Zg in the height system of the input, m.")
+    ground_m: Finite = Field(description="Ground height Zg in the height system of the input, m.")
 
 
 class Heights(Settings):
@@ -99,10 +115,10 @@ def one_table_or_several(value: object) -> object:
     return (value,) if isinstance(value, dict | Settings) else value
 
 
-Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_OfASize = AfterValidator(_zero_or_of_a_size)
+Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False), _OfASize]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False), _OfASize]
 NotNegativePair: TypeAlias = tuple[NotNegative, NotNegative]
-Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 PositiveTriple: TypeAlias = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(one_or_three)]
 NotNegativeTriple: TypeAlias = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)

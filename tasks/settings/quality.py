@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field, model_validator
 
 from tasks.settings.base import Settings, trouble
-from tasks.settings.coordinates import Positive, PositiveTriple
+from tasks.settings.coordinates import Finite, Positive, PositiveTriple
 
 
 class ChecksSettings(Settings):
@@ -31,7 +31,7 @@ class ChecksSettings(Settings):
 class Gate(Settings):
     """Limits of one figure; a limit that is not given is not tested."""
 
-    min: float | None = Field(default=None, description="Smallest value that passes.")
+    min: Finite | None = Field(default=None, description="Smallest value that passes.")
     max: Positive | None = Field(default=None, description="Largest value that passes.")
 
 

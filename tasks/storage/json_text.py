@@ -49,7 +49,10 @@ def read_json(path: Path) -> JSON:
     """
     if path.exists() and (not path.is_file() or path.stat().st_size > _LARGEST_BYTES):
         raise ValueError(f"{path.name} is no JSON file of ours")
-    return cast(JSON, json.loads(path.read_text(encoding="utf-8")))
+    try:
+        return cast(JSON, json.loads(path.read_text(encoding="utf-8")))
+    except RecursionError as error:
+        raise ValueError(f"{path.name} is nested too deeply") from error
 
 
 def replace_json(path: Path, value: JSON) -> None:

@@ -241,7 +241,7 @@ def test_a_damaged_output_is_replaced_by_whoever_finishes_next(store: Store) -> 
 
 
 def test_a_stage_whose_run_has_ended_keeps_nothing(store: Store) -> None:
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(InstallationError, match="No such file"):
         after_its_run(store, text="x")
     assert not list((store.folder / "after_its_run").iterdir())
 
