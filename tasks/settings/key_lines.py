@@ -1,8 +1,8 @@
 """Where keys stand in TOML text, and how deep it is nested, in a time proportional to the text.
 
-``tomllib`` gives values without places, and the time it takes grows with the square of the dots in a key. Here
-the text is divided into tokens, each of which is read once whatever comes behind it; a text that is not TOML
-is divided as well.
+``tomllib`` gives values without places, and the time it takes grows with the square of the dots in a key.
+Here the text is divided into tokens, each of which is read once whatever comes behind it; a text that is not
+TOML is divided as well.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def line_of_key(text: str, keys: Sequence[str | int]) -> int | None:
 
 
 def line_nested_deeper(text: str, most: int) -> int | None:
-    """The 1-based line of the first key of more than `most` parts, or of as many open brackets; None: none."""
+    """The 1-based line of the first key of more than `most` parts, or more open brackets; None: none."""
     line, parts, dotted, brackets = 1, 0, False, 0
     for kind, token in _tokens(text):
         if kind in ("bare", "quoted"):
@@ -88,7 +88,7 @@ def _written_keys(text: str) -> Iterator[tuple[int, tuple[str, ...]]]:
 
 
 def _statements(text: str) -> Iterator[tuple[int, int, tuple[str, ...]]]:
-    """Line, number of opening brackets (none: a key with its value) and parts of the key of each statement."""
+    """Line, number of opening brackets (none: a key with its value) and key of each statement, in parts."""
     line, begin, opening, depth, in_value = 1, 1, 0, 0, False
     parts: list[str] = []
     for kind, token in (*_tokens(text), ("newline", "\n")):

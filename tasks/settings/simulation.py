@@ -178,7 +178,9 @@ class SimulatedPoints(Settings):
     detection: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Probability that a point is found in an image that shows it."
     )
-    min_rays: Annotated[int, Field(ge=2, le=_MOST_EXPOSURES)] = Field(default=2, description="Points with fewer rays are lost.")
+    min_rays: Annotated[int, Field(ge=2, le=_MOST_EXPOSURES)] = Field(
+        default=2, description="Points with fewer rays are lost."
+    )
     margin: Part = Field(
         default=0.02, description="Part of the half format along the borders where nothing is measured."
     )
@@ -196,9 +198,7 @@ class SimulatedControl(Settings):
     )
     columns: Surveyed | None = Field(default=None, description="Columns of a grid.")
     rows: Surveyed | None = Field(default=None, description="Rows of a grid.")
-    count: Surveyed | None = Field(
-        default=None, description="Number of points of `perimeter` and `spread`."
-    )
+    count: Surveyed | None = Field(default=None, description="Number of points of `perimeter` and `spread`.")
     places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
     control: Annotated[int, Field(ge=0)] | None = Field(
         default=None,

@@ -39,7 +39,7 @@ SETTINGS_VARIABLE = "AEROCAL_MAX_SETTINGS_MB"
 ROWS_VARIABLE = "AEROCAL_MAX_ROWS"
 _MB = 1_000_000
 #: Digests that files had when the stage began that is reading them.
-_DIGESTS: ContextVar[Mapping[Path, str]] = ContextVar("digests", default={})
+_DIGESTS: ContextVar[Mapping[Path, str] | None] = ContextVar("digests", default=None)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def read_delivered(path: Path, kind: Kind) -> bytes:
         raise InputError(
             "The file grows while it is being read.", "Wait until it has been delivered.", file=path
         )
-    keyed = _DIGESTS.get().get(path)
+    keyed = (_DIGESTS.get() or {}).get(path)
     if keyed is not None and hashlib.sha256(content).hexdigest() != keyed:
         raise changed(path)
     return content
@@ -177,7 +177,7 @@ def digest_for_key(path: Path) -> str:
     InputError
         As of `opened`.
     """
-    return _DIGESTS.get().get(path) or digest_of_delivered(path)
+    return (_DIGESTS.get() or {}).get(path) or digest_of_delivered(path)
 
 
 @contextmanager
