@@ -1,4 +1,4 @@
-"""Inputs that somebody has damaged, by a slip or on purpose: one change to a delivered block or to options."""
+"""Inputs that somebody has damaged, by a slip or on purpose: one change to a delivered block or option."""
 
 from __future__ import annotations
 

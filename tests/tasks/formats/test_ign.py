@@ -141,3 +141,34 @@ def test_a_camera_is_converted_from_pixels_to_millimetres_about_the_format_centr
 def test_a_camera_file_that_cannot_be_is_refused(file, old, new, what):
     with pytest.raises(InputError, match=what):
         read_ign_camera(file(CAMERA.replace(old, new)))
+
+
+def test_a_carriage_return_alone_ends_a_line(file):
+    records = read_ign_mes(file("P I 1 2\rP J 3 4\r"))
+    assert records.xy.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert records.line.tolist() == [1, 2]
+    exposures = read_ign_opk(file("NOM X Y Z O P K\rI 1 2 3 0 0 0\rJ 2 2 3 0 0 0\r"), "omega-phi-kappa")
+    assert exposures.image.to_pylist() == ["I", "J"]
+
+
+def test_a_column_named_twice_is_an_error(file):
+    with pytest.raises(InputError, match="names the column 'X' twice") as raised:
+        read_ign_opk(file("ID X Y Z O P K X\n1 1 2 3 0 0 0 4\n"), "omega-phi-kappa")
+    assert raised.value.line == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0.000004", "1e-300"),
+        ("0.000004", "1e300"),
+        ("0.000004", "4_0e-6"),
+        ("20000", "1e-300"),
+        ("20000", "1e19"),
+        ("20000", "9" * 400),
+    ],
+)
+def test_a_camera_of_an_impossible_size_is_refused(file, old, new):
+    with pytest.raises(InputError, match="camera file") as raised:
+        read_ign_camera(file(CAMERA.replace(old, new), "camera.xml"))
+    assert len(str(raised.value)) < 500

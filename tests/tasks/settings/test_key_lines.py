@@ -96,7 +96,13 @@ MILLION = 1_000_000
 @pytest.mark.parametrize(
     "text",
     [
-        *("[" + " " * MILLION, "[" + "] " * (MILLION // 2), "# " + "a" * MILLION, "-" * MILLION, "a" * MILLION),
+        *(
+            "[" + " " * MILLION,
+            "[" + "] " * (MILLION // 2),
+            "# " + "a" * MILLION,
+            "-" * MILLION,
+            "a" * MILLION,
+        ),
         *('"""' + '\\"' * (MILLION // 2), '"' * MILLION, "'" * MILLION, "\\" * MILLION, "\n" * MILLION),
         *("a" + ".a" * 29 + "\n", "[[a]]\n", '"\n', "'''\"\"\"", "[a", "a = [\n", "{[", "\u2028"),
     ],

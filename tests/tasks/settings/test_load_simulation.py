@@ -138,3 +138,18 @@ image_um = 1.5
     assert "[camera]" not in str(simulation.control)
     error = _refused(_written(tmp_path, text.replace("[points]\ncount = 100\n", "")))
     assert "'points' is missing" in error.what
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "points.count=1000000000000",
+        "flight.lines=1000000000",
+        "flight.exposures=1000000000",
+        "flight.exposures=[50000, 50000, 50000, 50000, 1, 1, 1]",
+        "control.columns=1000000000",
+        "noise.image_um=1e300",
+    ],
+)
+def test_a_simulation_beyond_every_block_is_refused(override: str) -> None:
+    assert _refused("uce-low", override).entity is not None

@@ -141,16 +141,18 @@ def test_rows_and_digest_come_with_the_artifact(store: Store, delivery: Delivery
     assert numbers == read_numbers(store, delivery=delivery)["numbers"]
 
 
-@pytest.mark.parametrize("damage", ["changed", "missing", "no list"])
+@pytest.mark.parametrize("damage", ["changed", "missing", "no list", "deep list"])
 def test_a_damaged_output_is_computed_again_with_a_warning(
     store: Store, delivery: Delivery, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = read_numbers(store, delivery=delivery)["numbers"].path
     good = path.read_bytes()
-    victim = path.with_name("stage.json") if damage == "no list" else path
+    victim = path.with_name("stage.json") if damage.endswith("list") else path
     victim.unlink()
     if damage == "changed":
         victim.write_bytes(good[:-1] + b"?")
+    elif damage == "deep list":
+        victim.write_bytes(b"[" * 100_000)
     with caplog.at_level(logging.WARNING, logger="aerocal"):
         again = read_numbers(store, delivery=delivery)["numbers"]
     assert verified(again).read_bytes() == good
@@ -253,3 +255,13 @@ def test_records_come_in_the_order_in_which_the_stages_ended(store: Store, deliv
     assert len(read_records(store.folder)) == 2
     store.begin_run()
     assert read_records(store.folder) == ()
+
+
+def test_records_keep_their_order_by_a_clock_before_1970(
+    store: Store, delivery: Delivery, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Two moments of June 1969.
+    moments = iter([-18_000_000_000_000_000, -17_999_999_000_000_000])
+    monkeypatch.setattr("tasks.storage.stage_record.time.time_ns", lambda: next(moments))
+    run(store, delivery)
+    assert [record.stage for record in read_records(store.folder)] == ["read_numbers", "add_numbers"]
