@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
 from tasks.plain_text import trouble_in_tables
-from tasks.storage.delivered_file import read_delivered
+from tasks.storage.delivered_file import is_there, read_delivered
 from tasks.storage.json_text import JSON, json_text
 
 # One camera alone has the short name.
@@ -62,7 +62,7 @@ def read_calibrations(place: Path) -> tuple[SealedRecord, ...]:
     InputError
         If there is none, or one of them is not a calibration.
     """
-    if not place.is_dir():
+    if not (is_there(place) and place.is_dir()):
         return (_read(place),)
     files = [file for pattern in _FILES for file in sorted(place.glob(pattern))]
     if not files:

@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.plain_text import trouble_in_tables, visible
+from tasks.plain_text import quoted, trouble_in_tables, visible
 from tasks.settings.base import PathContext, Settings
 from tasks.settings.key_lines import line_nested_deeper, line_of_key
 from tasks.storage.delivered_file import is_there, read_delivered
@@ -223,7 +223,7 @@ def _index(table: Any, key: str, said: str) -> Any:
     if _is_index(key, table):
         return int(key)
     raise InputError(
-        f"{said}: there are {len(table)} tables here, and '{key}' is none of them.",
+        f"{said}: there are {len(table)} tables here, and {quoted(key)} is none of them.",
         f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
     )
 
@@ -236,8 +236,10 @@ def _check_key(keys: Sequence[str], content: Table, said: str, kind: SettingsKin
         if not (isinstance(table, list) and key.isdecimal()):
             known = _known_keys(model, table)
             if key not in known:
-                place = ".".join(keys[:depth]) or f"the {kind.name}"
-                raise InputError(f"{said}: there is no key '{key}' in {place}.", did_you_mean(key, known))
+                place = visible(".".join(keys[:depth]), _SHOWN) or f"the {kind.name}"
+                raise InputError(
+                    f"{said}: there is no key {quoted(key)} in {place}.", did_you_mean(key, known)
+                )
             model = _model_below(model, key)
         table = _below(table, key)
 

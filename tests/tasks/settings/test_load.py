@@ -291,7 +291,7 @@ def test_the_examples_are_valid(example, test_data):
         ("pixel_um = 5.0", "pixel_um = 1e-12", "less than 1e-09"),
         ("pixel_um = 5.0", "pixel_um = 1e12", "more than 1e+09"),
         ("rows = 80", "rows = 100000000", "less than or equal to 1000000"),
-        ("principal_point_mm = [0.0, 0.0]", "principal_point_mm = [0]", "Number 2 of this list is missing"),
+        ("principal_point_mm = [0, 0]", "principal_point_mm = [0]", "Number 2 of this list is missing"),
     ],
 )
 def test_a_number_that_no_quantity_has_is_refused_in_its_line_and_not_repeated(write, old, new, part):

@@ -6,6 +6,7 @@ import json
 import logging
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -262,6 +263,7 @@ def test_records_keep_their_order_by_a_clock_before_1970(
 ) -> None:
     # Two moments of June 1969.
     moments = iter([-18_000_000_000_000_000, -17_999_999_000_000_000])
-    monkeypatch.setattr("tasks.storage.stage_record.time.time_ns", lambda: next(moments))
+    clock = SimpleNamespace(time_ns=lambda: next(moments))
+    monkeypatch.setattr("tasks.storage.stage_record.time", clock)
     run(store, delivery)
     assert [record.stage for record in read_records(store.folder)] == ["read_numbers", "add_numbers"]
