@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -200,7 +201,10 @@ def read_table_text(
     options = _options(names, separator, encoding)
     kinds: dict[str, Any] = {name: np.float64 if name in numeric else object for name in (*names, _REMAINDER)}
     try:
-        frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
+        with warnings.catch_warnings():
+            # Of fields beyond the one column more, which is refused below.
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)
+            frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
     except UnicodeDecodeError as error:
         raise _not_text(content, file, first_line, encoding) from error
     except pd.errors.ParserError as error:

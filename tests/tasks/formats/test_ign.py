@@ -53,6 +53,12 @@ def test_an_error_names_the_line_although_carriage_returns_stand_in_it(file):
     assert raised.value.line == 3
 
 
+def test_many_columns_too_many_in_the_first_row_are_an_error(file):
+    with pytest.raises(InputError, match="more than 4 columns") as raised:
+        read_ign_mes(file("P I 1 2 3 4 5 6\nP J 1 2\n"))
+    assert raised.value.line == 1
+
+
 def test_too_many_columns_are_an_error(file):
     with pytest.raises(InputError) as raised:
         read_ign_mes(file("P I 1 2\nP J 1 2 0.5\n"))
