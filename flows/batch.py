@@ -13,6 +13,7 @@ from flows.workers import workers
 from tasks.errors import AerocalError, InputError
 from tasks.settings.base import variables_in
 from tasks.settings.registry import REGISTRY_VARIABLE
+from tasks.storage.delivered_file import is_there
 from tasks.storage.installation import writing_into
 from tasks.summary import Summary
 
@@ -57,7 +58,7 @@ def carry_out_batch(
         If a worker is ended from outside, or the cluster cannot be used; what is finished is kept.
     """
     _require_own_folders(requests)
-    there = [request for request in requests if request.project_file.is_file()]
+    there = [request for request in requests if is_there(request.project_file)]
     for request in there:
         with writing_into(request.directory):
             request.directory.mkdir(parents=True, exist_ok=True)

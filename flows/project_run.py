@@ -22,6 +22,7 @@ from tasks.registered_cameras import with_registered_cameras
 from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
+from tasks.storage.delivered_file import is_there
 from tasks.storage.installation import InstallationError, writing_into
 from tasks.storage.run_lock import run_lock
 from tasks.storage.stage_record import read_records, timings_s
@@ -198,7 +199,7 @@ def _without_result(
     """Say in summary.json why there is no result; everything else stays as it is."""
     summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
     # A mistyped project path must not leave a results folder in some unrelated place.
-    if request.place is not None or request.project_file.is_file():
+    if request.place is not None or is_there(request.project_file):
         with writing_into(request.directory), run_lock(request.directory, request.roots):
             write_summary(request.directory, summary)
         _tell_remotely(store, summary)

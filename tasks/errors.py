@@ -57,7 +57,8 @@ class InputError(AerocalError):
     def __str__(self) -> str:
         place = ""
         if self.file is not None:
-            place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
+            file = visible(str(self.file), 1_000)
+            place = f"{file}:{self.line}: " if self.line is not None else f"{file}: "
         # What it quotes was delivered by somebody: of any length, and a terminal would obey some of it.
         entity = f"{visible(self.entity, 500)}: " if self.entity else ""
         return visible(f"{place}{entity}{self.what} {self.remedy}")

@@ -11,6 +11,8 @@ from __future__ import annotations
 import re
 from typing import TypeAlias
 
+from tasks.magnitude import trouble_in_number
+
 #: Keys and numbers that lead to a value in nested tables and lists.
 Place: TypeAlias = tuple[str | int, ...]
 
@@ -43,9 +45,9 @@ def is_blank(text: str) -> bool:
 
 
 def trouble_in_tables(value: object, place: Place = ()) -> tuple[Place, str] | None:
-    """The first key or text of nested tables and lists nobody can read: where it is, and what is wrong."""
-    if isinstance(value, str):
-        trouble = trouble_in(value, LONGEST_TEXT)
+    """The first key, text or number of nested tables and lists that cannot be: where, and what is wrong."""
+    if isinstance(value, str | int | float):
+        trouble = trouble_in(value, LONGEST_TEXT) if isinstance(value, str) else trouble_in_number(value)
         return None if trouble is None else (place, trouble)
     if not isinstance(value, dict | list):
         return None

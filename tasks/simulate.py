@@ -27,6 +27,7 @@ from tasks.settings.simulation import Simulation
 from tasks.simulation.simulated_project import project_text
 from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
 from tasks.simulation.simulation_truth import SPECIFICATION, TRUTH, write_truth
+from tasks.storage.installation import writing_into
 
 # Digits after the point: enough that a project without noise gives the truth back.
 _COORDINATE_DIGITS, _ANGLE_DIGITS, _IMAGE_DIGITS, _TIME_DIGITS = 9, 12, 9, 6
@@ -59,21 +60,17 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
     ------
     InputError
         If the folder holds files that no simulation wrote, or the settings give no block.
+    InstallationError
+        If the disk is full or the folder cannot be written.
     """
-    _refuse_foreign(folder)
+    with writing_into(folder):
+        _refuse_foreign(folder)
     try:
         block = simulate_block(block_specification(simulation))
     except InconsistentBlockError as error:
         raise InputError(str(error), "Change [flight] or [points].") from error
-    map_frame, frame = simulated_map_frame(simulation.project), simulated_frame(simulation.project)
-    (folder / TRUTH).mkdir(parents=True, exist_ok=True)
-    # The project file comes last: a folder that was left half-written has none.
-    (folder / "project.toml").unlink(missing_ok=True)
-    write_truth(folder / TRUTH, simulation, block, map_frame, frame)
-    _write_image_points(folder / "image_points.csv", block)
-    _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
-    _write_control(folder / "control.csv", block, map_frame, frame)
-    (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
+    with writing_into(folder):
+        _write(folder, simulation, block)
     truth = block.truth
     check = int(truth.is_check.sum())
     return SimulatedFiles(
@@ -84,6 +81,18 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
         len(truth.surveyed) - check,
         check,
     )
+
+
+def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
+    map_frame, frame = simulated_map_frame(simulation.project), simulated_frame(simulation.project)
+    (folder / TRUTH).mkdir(parents=True, exist_ok=True)
+    # The project file comes last: a folder that was left half-written has none.
+    (folder / "project.toml").unlink(missing_ok=True)
+    write_truth(folder / TRUTH, simulation, block, map_frame, frame)
+    _write_image_points(folder / "image_points.csv", block)
+    _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
+    _write_control(folder / "control.csv", block, map_frame, frame)
+    (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
 
 
 def _refuse_foreign(folder: Path) -> None:

@@ -14,6 +14,8 @@ from adjust.simulate.terrain import Terrain, raised
 from adjust.simulate.visibility import ImageGeometry, visible_rays
 
 _COARSE = 100
+# Positions that are tried for one point that is found.
+_MOST_TRIALS = 1_000
 # A point keeps this part of its cell's side between itself and the border of the cell.
 _JITTER = 0.4
 
@@ -103,9 +105,19 @@ def coverage(images: ImageGeometry, terrain: Terrain, frame: LocalFrame) -> Cove
 def jittered_grid(
     specification: PointSpecification, covered: Coverage, random: np.random.Generator
 ) -> Floats:
-    """Plan positions (m, 2): one in each cell of a square grid, anywhere in the middle of the cell."""
+    """Plan positions (m, 2): one in each cell of a square grid, anywhere in the middle of the cell.
+
+    Raises
+    ------
+    InconsistentBlockError : if hardly any point of the ground would be found in enough images.
+    """
     area = covered.area(specification.rays, specification.detection)
     low, high = covered.around(specification.rays)
+    if np.prod(high - low) > _MOST_TRIALS * area:
+        raise InconsistentBlockError(
+            f"Of {_MOST_TRIALS} points hardly one would be found in {specification.rays} images: increase "
+            "the overlaps or the detection."
+        )
     side = float(np.sqrt(area / specification.count))
     columns, rows = np.ceil((high - low) / side).astype(np.int64)
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2) + 0.5

@@ -14,6 +14,8 @@ from adjust.arrays import Bools, Floats, Ints
 
 # Cells along the shorter side of a footprint: few enough to be quick, small enough to leave little out.
 _CELLS = 6.0
+# Cells along a side of the block at most; the largest blocks have a tenth of them.
+_MOST_CELLS = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,8 @@ class _Cells:
     def of(cls, x_in_local: Floats, side: float) -> _Cells:
         plan = x_in_local[:, :2]
         origin = plan.min(axis=0)
+        # Points that lie far apart beside their footprints would need more cells than there is memory.
+        side = max(side, float(np.max(plan.max(axis=0) - origin)) / _MOST_CELLS)
         column_row = np.floor((plan - origin) / side).astype(np.int64)
         shape = tuple(column_row.max(axis=0) + 1)
         code = column_row[:, 1] * shape[0] + column_row[:, 0]
@@ -98,8 +102,9 @@ class _Cells:
 
     def within(self, rectangle: Floats) -> Ints:
         """Points of all cells that touch a rectangle (2, 2)."""
-        low, high = np.floor((rectangle - self.origin) / self.side).astype(np.int64)
-        low, high = np.maximum(low, 0), np.minimum(high, np.array(self.shape) - 1)
+        limits = np.array(self.shape)
+        low, high = np.clip(np.floor((rectangle - self.origin) / self.side), -1, limits).astype(np.int64)
+        low, high = np.maximum(low, 0), np.minimum(high, limits - 1)
         if np.any(high < low):
             return np.empty(0, dtype=np.int64)
         rows = [

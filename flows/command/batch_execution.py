@@ -17,6 +17,7 @@ from flows.command.progress import show_progress
 from flows.project_run import RunRequest, StoryName
 from flows.workers import use_cluster
 from tasks.errors import InputError
+from tasks.storage.delivered_file import is_there
 from tasks.storage.json_text import JSON, finite, json_text
 
 _STYLES = {DONE: "green"}
@@ -51,9 +52,9 @@ def execute_batch(
 
 
 def _request(project: Path, output: str, overrides: tuple[str, ...], data: Path | None) -> RunRequest:
-    file = (project / _PROJECT_FILE if project.is_dir() else project).absolute()
+    file = (project / _PROJECT_FILE if is_there(project) and project.is_dir() else project).absolute()
     # Beside a file that is not there nothing is to be made.
-    out = file.parent / output if file.is_file() else None
+    out = file.parent / output if is_there(file) else None
     return RunRequest(file, out, overrides, None if data is None else data.absolute())
 
 

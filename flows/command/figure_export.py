@@ -8,13 +8,14 @@ from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE
+from tasks.object_storage.address import output_folder
 from tasks.report.export import export_figures
 from tasks.report.stage import REPORT
 
 
 def write_figures(results: Path, out: Path) -> int:
     """Write the figures of the report in a folder of results; without a report an InputError leaves."""
-    files = export_figures(results / REPORT, out)
+    files = export_figures(results / REPORT, output_folder(str(out)))
     console = Console()
     console.print(Text("\n".join(file.name for file in files)))
     console.print(Text(f"{len(files)} figures are in {out}."), soft_wrap=True)

@@ -8,13 +8,14 @@ from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE
+from tasks.object_storage.address import output_folder
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 
 
 def write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:
     """Write the project of a simulation; a wrong specification leaves as an InputError."""
-    files = simulate_project(load_simulation(source, overrides, seed), out)
+    files = simulate_project(load_simulation(source, overrides, seed), output_folder(str(out)))
     console = Console()
     counts = (
         f"{files.images:,} images, {files.points:,} object points, {files.image_points:,} image points, "

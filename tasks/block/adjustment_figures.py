@@ -11,7 +11,12 @@ from adjust.quality.redundancy import UNCONTROLLED
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from tasks.block.free_network_figures import free_network_figures, free_network_sentences
 from tasks.block.result_tables import AdjustedBlock
-from tasks.block.surveyed_differences import left_out_figures, rejected_control, surveyed_differences
+from tasks.block.surveyed_differences import (
+    left_out_figures,
+    misfitting_control,
+    rejected_control,
+    surveyed_differences,
+)
 from tasks.block.variance_figures import (
     correlation_figures,
     correlation_sentences,
@@ -19,7 +24,7 @@ from tasks.block.variance_figures import (
     variance_sentences,
 )
 from tasks.block.weak_modes import Parameter, weak_mode_sentences
-from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.adjustment import AdjustmentSettings, Rejection
 from tasks.storage.json_text import JSON
 
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
@@ -198,6 +203,8 @@ def _mostly_rejected(result: AdjustmentResult) -> list[str]:
 
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
     result = adjusted.result
+    if settings.rejection.critical_value is None:
+        return _misfitting(adjusted)
     counts = [
         f"{group.rejected:,} {_IN_WORDS.get(group.group.name, group.group.name)}"
         for group in result.groups
@@ -225,6 +232,21 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
             f"image points is wrong: {names}{f' and {more:,} more' if more > 0 else ''}."
         )
     return sentences
+
+
+def _misfitting(adjusted: AdjustedBlock) -> list[str]:
+    """What a rejection would have said of the control points; it is off."""
+    usual = Rejection().critical_value
+    assert usual is not None
+    found = misfitting_control(adjusted, usual)
+    if not found:
+        return []
+    more = len(found) - _MOST_NAMES
+    return [
+        f"Control points that contradict the others: {', '.join(found[:_MOST_NAMES])}"
+        f"{f' and {more:,} more' if more > 0 else ''}. The rejection is off, so they bear on the result; "
+        "check their coordinates and their measurement in the images, the first one above all."
+    ]
 
 
 def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:

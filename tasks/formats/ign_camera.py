@@ -19,6 +19,7 @@ from pathlib import Path
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord
 from tasks.formats.text_table import read_bytes
+from tasks.magnitude import LARGEST, MOST_PIXELS, SMALLEST
 
 _LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*mm", re.IGNORECASE)
 # A lens is called by its nominal focal length, which the calibrated one keeps to some percent.
@@ -46,7 +47,7 @@ def read_ign_camera(path: Path) -> CameraRecord:
         ) from error
     frame = "usefull-frame/rect"
     columns, rows = (_whole(root, f"{frame}/{name}", path) for name in "wh")
-    pixel_m = _positive(root, "pixel_size", path)
+    pixel_m = _positive(root, "pixel_size", path, SMALLEST)
     x, y = (_number(root, f"focal/pt3d/{name}", path) for name in "xy")
     focal = _positive(root, "focal/pt3d/z", path)
     pixel_mm = pixel_m * 1e3
@@ -122,10 +123,11 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     element = found[0] if found else None
     text = (element.text or "").strip() if element is not None else ""
     try:
-        value = float(text)
+        # Python takes 1_000 for a number, the parsers of other programs do not.
+        value = math.nan if "_" in text else float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not abs(value) <= LARGEST:
         raise InputError(
             f"The camera file lacks a number in <{name.replace('/', '><')}>.",
             "Deliver it again, or write the camera's values into the project file.",
@@ -134,9 +136,10 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     return value
 
 
-def _positive(root: ElementTree.Element, name: str, path: Path) -> float:
+def _positive(root: ElementTree.Element, name: str, path: Path, least: float = 0.5) -> float:
+    """A number of at least so much, by default a pixel when rounded, and at most the pixels of an image."""
     value = _number(root, name, path)
-    if value <= 0.0:
+    if not least < value <= MOST_PIXELS:
         raise InputError(
             f"The value {value:g} of <{name}> cannot be.", "Deliver the camera file again.", file=path
         )

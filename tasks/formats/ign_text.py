@@ -32,6 +32,7 @@ import pyarrow.compute as pc
 from tasks.errors import InputError
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
 from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
+from tasks.plain_text import quoted
 
 _OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
 _IMAGE_NAME = r"^(?P<flight>.*?)(?P<strip>[xX]\d+)_\d+"
@@ -169,6 +170,11 @@ def _opk_header(
 
 def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
     names = tuple(field.upper() for field in fields)
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(
+            f"The header names the column {quoted(twice)} twice.", "Name each column once.", path, line
+        )
     missing = [name for name in _OPK_COLUMNS[1:7] if name not in names]
     if missing:
         raise InputError(
@@ -181,8 +187,9 @@ def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
 
 
 def _decodable(path: Path) -> bytes:
-    # A blank for each CR keeps the line numbers: the files mix CR LF with "CR blank LF".
-    return lines_of(read_bytes(path).replace(b"\r", b" "), path)
+    content = read_bytes(path)
+    # A blank for each CR keeps the line numbers: the files mix CR LF with "CR blank LF". Alone it ends lines.
+    return lines_of(content.replace(b"\r", b" " if b"\n" in content else b"\n"), path)
 
 
 def _read(path: Path, names: Sequence[str], numeric: Sequence[str]) -> TextTable:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
 from tasks.storage.delivered_file import Kind, file_limits, read_delivered
 
@@ -83,17 +85,19 @@ class TextTable:
         Raises
         ------
         InputError
-            If a field is empty and may not be, or is infinite.
+            If a field is empty and may not be, or holds more than any quantity has.
         """
         values = np.full((len(self), len(names)), np.nan)
         for position, name in enumerate(names):
             if not self.has(name):
                 continue
             column = self._frame[name].to_numpy(dtype=np.float64)
-            bad = np.isinf(column) if may_be_empty else ~np.isfinite(column)
+            bad = ~(np.abs(column) <= HUGE)
+            if may_be_empty:
+                bad &= ~np.isnan(column)
             if bad.any():
                 row = int(np.argmax(bad))
-                what = "empty" if np.isnan(column[row]) else "infinite"
+                what = "empty" if np.isnan(column[row]) else f"{column[row]:g}"
                 raise self._error(
                     row, f"The column '{name}' is {what} here.", "Give a number or delete the line."
                 )
@@ -199,7 +203,10 @@ def read_table_text(
     options = _options(names, separator, encoding)
     kinds: dict[str, Any] = {name: np.float64 if name in numeric else object for name in (*names, _REMAINDER)}
     try:
-        frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
+        with warnings.catch_warnings():
+            # Of fields beyond the one column more, which is refused below.
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)
+            frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
     except UnicodeDecodeError as error:
         raise _not_text(content, file, first_line, encoding) from error
     except pd.errors.ParserError as error:

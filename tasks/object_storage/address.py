@@ -6,11 +6,13 @@ An address holds nothing secret: endpoint, region and credentials come from the 
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.plain_text import quoted, trouble_in
 
 _SCHEME = "s3://"
 _FORM = "Write s3://BUCKET/PREFIX, with letters, digits, points and hyphens in the name of the bucket."
@@ -23,6 +25,8 @@ _BUCKET = re.compile(r"[a-z0-9][a-z0-9.-]{1,61}[a-z0-9]")
 _ODD = re.compile(r"[\x00-\x1f\x7f\\?#]")
 #: Names of objects have at most 1024 bytes; ours need some 250 below the prefix.
 _MOST_BYTES = 700
+#: What a path, and a part of it, may have; results lie below.
+_LONGEST_PATH, _LONGEST_PART = 3_000, 255
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,23 @@ def output_place(text: str) -> Path | ObjectAddress:
     if scheme is not None:
         raise InputError(
             f"Results cannot be written to {scheme[1]}://.", "Name a folder, or s3://BUCKET/PREFIX."
+        )
+    return output_folder(text)
+
+
+def output_folder(text: str) -> Path:
+    """The folder that a text names.
+
+    Raises
+    ------
+    InputError
+        If no folder can have this name.
+    """
+    trouble = trouble_in(text, _LONGEST_PATH)
+    if trouble is not None or max(len(os.fsencode(part)) for part in text.split("/")) > _LONGEST_PART:
+        raise InputError(
+            trouble or f"The name of the folder {quoted(text)} is too long.",
+            "Name another folder for the results.",
         )
     return Path(text)
 

@@ -29,6 +29,8 @@ _MOST_ALIKE = 2
 # Images tried as the one that contradicts the others.
 _SUSPECTS = 8
 # Rays used to try slips: enough for a median, few enough to be instant.
+# Above it a number of pixels is written with its power of ten.
+_MANY_PX = 1e6
 _TRIAL_POINTS = 3000
 
 
@@ -164,7 +166,7 @@ def _refusal(
     """The error that names the most likely slip or slips, or says that none of the usual ones explains it."""
     miss = (
         f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
-        f"up to {limit_px:.0f} px could be explained{f' {because}' if because else ''}."
+        f"up to {_px(limit_px, 0)} could be explained{f' {because}' if because else ''}."
     )
     if slips:
         first, *others = slips
@@ -180,8 +182,10 @@ def _refusal(
     )
 
 
-def _px(value: float) -> str:
-    return f"{value:.1f} px" if np.isfinite(value) else "more than the format"
+def _px(value: float, digits: int = 1) -> str:
+    if not np.isfinite(value):
+        return "more than the format"
+    return f"{value:.{digits}f} px" if value < _MANY_PX else f"{value:.1e} px"
 
 
 def _check_single_images(

@@ -14,7 +14,7 @@ from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
 from tasks.plain_text import trouble_in_tables
 from tasks.registry.vouched import require_vouched
-from tasks.storage.delivered_file import read_delivered
+from tasks.storage.delivered_file import is_there, read_delivered
 from tasks.storage.json_text import JSON, from_json, json_text
 
 # One camera alone has the short name.
@@ -68,7 +68,7 @@ def read_calibrations(place: Path, codes: Sequence[str] = ()) -> tuple[SealedRec
     InputError
         If there is none, one of them is not a calibration, or nothing vouches for it.
     """
-    if not place.is_dir():
+    if not (is_there(place) and place.is_dir()):
         return (_read(place, codes),)
     files = [file for pattern in _FILES for file in sorted(place.glob(pattern))]
     if not files:

@@ -20,6 +20,7 @@ from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.registry.history import BEGINNING
 from tasks.registry.tables import HEAD, METADATA, SCHEMA, SCHEMA_VERSION
+from tasks.storage.delivered_file import is_there
 from tasks.storage.installation import writing_into
 
 # Any number, the same in every process: makers of the tables wait for each other on it.
@@ -61,7 +62,7 @@ class Database:
             If the database cannot be reached.
         """
         file = self.address.file
-        if file is not None and not file.is_file():
+        if file is not None and not is_there(file):
             raise self._missing()
         with in_words(self.address), connected_for_reading(self.engine) as connection:
             if not inspect(connection).has_table(SCHEMA.name):

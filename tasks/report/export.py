@@ -10,9 +10,11 @@ import re
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.storage.delivered_file import is_there, read_delivered
+from tasks.storage.installation import writing_into
 
-# The page is ours: drawings do not nest, and a figure has one.
-_FIGURE = re.compile(r'<figure id="figure-(?P<name>[\w-]+)">.*?(?P<svg><svg .*?</svg>)', re.DOTALL)
+_FIGURE, _DRAWING, _DRAWN = '<figure id="figure-', "<svg ", "</svg>"
+_NAME = re.compile(r'(?P<name>[\w-]{1,99})">')
 _RULE = re.compile(r"^svg (?P<rule>[^{].*)$", re.MULTILINE)
 _SIZE = re.compile(r'viewBox="0 0 (?P<width>[\d.]+) (?P<height>[\d.]+)"')
 #: Colours that the page keeps in variables.
@@ -26,14 +28,16 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
     ------
     InputError
         If there is no report, or it has no figures with names.
+    InstallationError
+        If the disk is full or the folder cannot be written.
     """
-    if not report.is_file():
+    if not is_there(report):
         raise InputError(
             "There is no report.html in the folder of results.",
             "Give the folder a run has written into (results/ beside the project file by default).",
             file=report,
         )
-    page = report.read_text(encoding="utf-8")
+    page = read_delivered(report.resolve(), "table").decode(errors="replace")
     found = _figures(page)
     if not found:
         raise InputError(
@@ -42,12 +46,11 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
             file=report,
         )
     style = _style_of(page)
-    out.mkdir(parents=True, exist_ok=True)
-    files = []
-    for name, drawing in found.items():
-        file = out / f"{name}.svg"
-        file.write_text(standing_alone(drawing, style), encoding="utf-8")
-        files.append(file)
+    files = {out / f"{name}.svg": standing_alone(drawing, style) for name, drawing in found.items()}
+    with writing_into(out):
+        out.mkdir(parents=True, exist_ok=True)
+        for file, drawing in files.items():
+            file.write_text(drawing, encoding="utf-8")
     return tuple(files)
 
 
@@ -63,7 +66,14 @@ def figure_of(page: str, name: str) -> str:
 
 
 def _figures(page: str) -> dict[str, str]:
-    return {match["name"]: match["svg"] for match in _FIGURE.finditer(page)}
+    """By name. The page is ours: drawings do not nest, and a figure has one; of another, nothing is found."""
+    found = {}
+    for part in page.split(_FIGURE)[1:]:
+        name, (_, start, rest) = _NAME.match(part), part.partition(_DRAWING)
+        drawing, end, _ = rest.partition(_DRAWN)
+        if name is not None and start and end:
+            found[name["name"]] = start + drawing + end
+    return found
 
 
 def _style_of(page: str) -> str:

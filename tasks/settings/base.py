@@ -20,14 +20,15 @@ from pydantic_core import PydanticCustomError
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.storage.artifact import digest_of_file
-from tasks.storage.delivered_file import read_delivered, trouble_of
+from tasks.plain_text import visible
+from tasks.storage.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
 from tasks.storage.json_text import JSON
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 #: The variable of the public test data; ``--data DIR`` stands in for it when it is not set.
 DATA_VARIABLE = "AEROCAL_TEST_DATA"
+_SHOWN = 500
 
 
 class Settings(BaseModel):
@@ -71,7 +72,7 @@ def _key_content(value: object) -> JSON:
     if isinstance(value, Settings):
         return value.key_content()
     if isinstance(value, Path):
-        return {"sha256": digest_of_file(existing(value))}
+        return {"sha256": digest_for_key(existing(value))}
     if isinstance(value, Mapping):
         return {str(key): _key_content(item) for key, item in sorted(value.items())}
     if isinstance(value, list | tuple):
@@ -103,7 +104,7 @@ def existing(path: Path) -> Path:
     InputError
         If there is none.
     """
-    if not path.is_file():
+    if not is_there(path):
         raise InputError("This input file does not exist.", "Check the path in the project file.", file=path)
     return path
 
@@ -136,7 +137,7 @@ class PathContext:
         path = Path(_VARIABLE.sub(self._value_of, text))
         if not self.roots:
             # The home folder of the server's user is nobody's business.
-            path = path.expanduser()
+            path = _expanded(path)
         candidates = [self.folder / path]
         if self.data is not None:
             candidates.append(self.data / path)
@@ -147,9 +148,9 @@ class PathContext:
                 f"The file {candidates[0]} does not lie under a folder this deployment may read.",
                 "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
             )
-        found = next((candidate for candidate in allowed if candidate.exists()), None)
+        found = next((candidate for candidate in allowed if is_there(candidate)), None)
         if found is None:
-            places = " nor ".join(str(candidate) for candidate in candidates)
+            places = " nor ".join(visible(str(candidate), _SHOWN) for candidate in candidates)
             raise trouble(f"There is no file {places}.", "Correct the path, or put the file there.")
         wrong = trouble_of(found.resolve())
         if wrong is not None:
@@ -160,7 +161,11 @@ class PathContext:
         """Whether a path, all links resolved, lies under one of the roots, if there are any."""
         if not self.roots:
             return True
-        resolved = path.resolve()
+        try:
+            resolved = path.resolve()
+        except (OSError, RuntimeError):
+            # Links in a circle, or a name no file can have.
+            return False
         return any(resolved.is_relative_to(root.resolve()) for root in self.roots)
 
     def _value_of(self, match: re.Match[str]) -> str:
@@ -175,10 +180,17 @@ class PathContext:
         return value
 
 
+def _expanded(path: Path) -> Path:
+    try:
+        return path.expanduser()
+    except RuntimeError as error:
+        raise trouble(f"There is no user '{path.parts[0]}'.", "Correct the path.") from error
+
+
 def variables_in(file: Path) -> frozenset[str]:
     """Names of the variables ``${NAME}`` that a project file may use; none if it cannot be read."""
     try:
-        return frozenset(_VARIABLE.findall(read_delivered(file.resolve(), "document").decode("utf-8")))
+        return frozenset(_VARIABLE.findall(read_delivered(file.resolve(), "settings").decode("utf-8")))
     except (InputError, ValueError):
         return frozenset()
 

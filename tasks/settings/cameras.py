@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
 from tasks.formats.register import camera_formats
+from tasks.magnitude import MOST_PIXELS
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
 
 #: Where the calibrated values of a camera come from.
 GIVEN, REGISTRY = "given", "registry"
 CALIBRATIONS = (GIVEN, REGISTRY)
+#: Columns or rows of an image.
+Pixels: TypeAlias = Annotated[Whole, Field(gt=0, le=MOST_PIXELS)]
 _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm")
 
 
@@ -67,8 +70,8 @@ class CameraInput(Settings):
     format: Annotated[str, AfterValidator(one_of(camera_formats, "format of cameras"))] | None = Field(
         default=None, description="Format of `file`: `ign-xml`."
     )
-    columns: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Width of the image, px.")
-    rows: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Height of the image, px.")
+    columns: Pixels | None = Field(default=None, description="Width of the image, px.")
+    rows: Pixels | None = Field(default=None, description="Height of the image, px.")
     pixel_um: Positive | None = Field(default=None, description="Side of a (square) pixel, µm.")
     focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
     principal_point_mm: tuple[Finite, Finite] | None = Field(

@@ -7,9 +7,32 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from tasks.magnitude import LARGEST, SMALLEST
 from tasks.settings.base import InputPath, Settings, trouble
+
+
+def _of_a_size(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise trouble(f"The value {value:g} is more than {LARGEST:g}, as no quantity is.", "Correct it.")
+    return value
+
+
+def _zero_or_of_a_size(value: float) -> float:
+    if 0.0 < value < SMALLEST:
+        raise trouble(f"The value {value:g} is less than {SMALLEST:g}, as no quantity is.", "Correct it.")
+    return _of_a_size(value)
+
+
+#: A number, and no text that looks like one.
+Real: TypeAlias = Annotated[float, Field(strict=True)]
+Whole: TypeAlias = Annotated[int, Field(strict=True)]
+_OfASize = AfterValidator(_zero_or_of_a_size)
+Finite: TypeAlias = Annotated[Real, Field(allow_inf_nan=False), AfterValidator(_of_a_size)]
+Positive: TypeAlias = Annotated[Real, Field(gt=0.0, allow_inf_nan=False), _OfASize]
+NotNegative: TypeAlias = Annotated[Real, Field(ge=0.0, allow_inf_nan=False), _OfASize]
+NotNegativePair: TypeAlias = tuple[NotNegative, NotNegative]
 
 #: The name of a project or input whose coordinates are metric Cartesian without any earth.
 LOCAL = "local"
@@ -22,9 +45,7 @@ class LinearAlteration(Settings):
     and the true altitude H.
     """
 
-    ground_m: Annotated[float, Field(strict=True, allow_inf_nan=False)] = Field(
-        description="Ground height Zg in the height system of the input, m."
-    )
+    ground_m: Finite = Field(description="Ground height Zg in the height system of the input, m.")
 
 
 class Heights(Settings):
@@ -101,13 +122,6 @@ def one_table_or_several(value: object) -> object:
     return (value,) if isinstance(value, dict | Settings) else value
 
 
-#: A number, and no text that looks like one.
-Real: TypeAlias = Annotated[float, Field(strict=True)]
-Whole: TypeAlias = Annotated[int, Field(strict=True)]
-Positive: TypeAlias = Annotated[Real, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[Real, Field(ge=0.0, allow_inf_nan=False)]
-NotNegativePair: TypeAlias = tuple[NotNegative, NotNegative]
-Finite: TypeAlias = Annotated[Real, Field(allow_inf_nan=False)]
 PositiveTriple: TypeAlias = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(one_or_three)]
 NotNegativeTriple: TypeAlias = Annotated[
     tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(one_or_three)

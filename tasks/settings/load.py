@@ -12,7 +12,6 @@ from tasks.settings.base import PathContext
 from tasks.settings.key_lines import line_of_key
 from tasks.settings.project import Project, ProjectSource
 from tasks.settings.settings_file import SettingsFile, SettingsKind, read_settings_file
-from tasks.storage.artifact import digest_of_file
 
 PROJECT_FILE = SettingsKind(Project, "project file", "docs/project-file.md")
 
@@ -54,7 +53,7 @@ def load_project(
         file that does not exist, a variable that is not set.
     """
     source, context = _opened(path, overrides, data, environment, roots)
-    origin = ProjectSource(digest_of_file(path), tuple(map(_without_path, overrides)))
+    origin = ProjectSource(source.sha256, tuple(map(_without_path, overrides)))
     return cast(Project, source.validated(context)).read_from(origin)
 
 

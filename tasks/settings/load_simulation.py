@@ -18,6 +18,7 @@ from tasks.nearest_name import did_you_mean
 from tasks.settings.base import PathContext
 from tasks.settings.settings_file import SettingsFile, SettingsKind, Table, read_settings_file
 from tasks.settings.simulation import Simulation
+from tasks.storage.delivered_file import is_there
 
 SIMULATION_FILE = SettingsKind(Simulation, "specification", "docs/simulation.md")
 
@@ -70,7 +71,9 @@ def load_simulation(source: str, overrides: Sequence[str] = (), seed: int | None
 
 
 def _is_path(source: str) -> bool:
-    return source not in preset_names() and (source.endswith(".toml") or Path(source).is_file())
+    return source not in preset_names() and (
+        source.endswith(".toml") or (is_there(Path(source)) and Path(source).is_file())
+    )
 
 
 def _of_preset(name: str) -> SettingsFile:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import json
 import re
 import tomllib
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, cast
@@ -18,16 +19,20 @@ from pydantic_core import ErrorDetails
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.plain_text import trouble_in_tables
+from tasks.plain_text import quoted, trouble_in_tables, visible
 from tasks.settings.base import PathContext, Settings
-from tasks.settings.key_lines import line_of_key
-from tasks.storage.delivered_file import read_delivered
+from tasks.settings.key_lines import line_nested_deeper, line_of_key
+from tasks.storage.delivered_file import is_there, read_delivered
 
 Table = dict[str, Any]
 Keys = tuple[str | int, ...]
 
-# Tables lie five deep at most; the time a parser takes grows with the square of the dots in a key.
-_MANY_DOTS = re.compile(r"""(?:(?:[\w-]{1,999}|"[^"\n]{0,999}"|'[^'\n]{0,999}')[ \t]{0,9}\.[ \t]{0,9}){30}""")
+# Tables lie five deep at most.
+_DEEPEST = 30
+# A list of names of check points is the longest value there is; what --set replaces is shorter than a file.
+_LONGEST_OVERRIDE = 100_000
+_SHOWN = 80
+_READABLE = "Write ordinary characters, and numbers that a quantity can have."
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,14 @@ class SettingsFile:
     path : where it was read from.
     text : as written.
     content : the parsed tables, with values replaced by ``--set``.
+    sha256 : digest of the bytes the text was read from, hexadecimal.
     """
 
     kind: SettingsKind
     path: Path
     text: str
     content: Table
+    sha256: str = ""
 
     def replace(self, overrides: Sequence[str]) -> None:
         """Put texts ``a.b.c=VALUE`` into the content; VALUE is parsed as TOML, else taken as text.
@@ -85,7 +92,7 @@ class SettingsFile:
         content = {key: value for key, value in copy.deepcopy(self.content).items() if key != without}
         for key, value in changes.items():
             _put(content, key, copy.deepcopy(value), f"{said}: {key}", self.kind)
-        return SettingsFile(self.kind, self.path, self.text, content)
+        return replace(self, content=content)
 
     def validated(self, context: PathContext) -> Settings:
         """The settings, an instance of the kind's model.
@@ -117,19 +124,16 @@ def read_settings_file(path: Path, kind: SettingsKind, *, links: bool = True) ->
         If there is no such file, it is not TOML in UTF-8, too large, nested too deeply, or holds a text
         nobody can read.
     """
-    if not path.exists():
+    if not is_there(path):
         raise InputError(f"There is no such {kind.name}.", "Check the path.", file=path)
-    text = _decoded(path.resolve() if links else path, kind)
-    content = _parsed(text, path)
-    _require_readable(content, text, path)
-    return SettingsFile(kind, path, text, content)
-
-
-def _decoded(path: Path, kind: SettingsKind) -> str:
+    read = read_delivered(path.resolve() if links else path, "settings")
     try:
-        return read_delivered(path, "document").decode("utf-8-sig")
+        text = read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"The {kind.name} is not UTF-8 text.", "Save it as UTF-8.", file=path) from error
+    content = _parsed(text, path)
+    _require_readable(content, text, path)
+    return SettingsFile(kind, path, text, content, hashlib.sha256(read).hexdigest())
 
 
 def _require_readable(content: Table, text: str, path: Path) -> None:
@@ -137,19 +141,15 @@ def _require_readable(content: Table, text: str, path: Path) -> None:
     if found is not None:
         place, trouble = found
         name = ".".join(map(str, place)) or None
-        raise InputError(
-            trouble, "Write it in ordinary characters.", path, line_of_key(text, place), entity=name
-        )
+        raise InputError(trouble, _READABLE, path, line_of_key(text, place), entity=name)
 
 
 def _parsed(text: str, path: Path) -> Table:
-    deep = InputError("The tables are nested too deeply.", "Correct the file.", file=path)
-    if _MANY_DOTS.search(text):
-        raise deep
+    deep = line_nested_deeper(text, _DEEPEST)
+    if deep is not None:
+        raise InputError("The tables are nested too deeply.", "Correct the line.", file=path, line=deep)
     try:
         return tomllib.loads(text)
-    except RecursionError as error:
-        raise deep from error
     except ValueError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         what = re.sub(r"\s*\(at .*\)$", "", str(error))
@@ -164,23 +164,35 @@ def _parsed(text: str, path: Path) -> Table:
 def _apply(content: Table, override: str, kind: SettingsKind) -> None:
     """Put one ``a.b.c=VALUE`` into the content; the key must be one such a file can have."""
     key_text, equals, value_text = override.partition("=")
+    said = f"--set {visible(override, _SHOWN)}"
     if not equals:
-        raise InputError(f"--set {override} has no value.", "Write --set KEY=VALUE.")
+        raise InputError(f"{said} has no value.", "Write --set KEY=VALUE.")
+    if len(override) > _LONGEST_OVERRIDE or line_nested_deeper(override, _DEEPEST) is not None:
+        raise InputError(f"{said}: this is too long, or nested too deeply.", "Write it into the file.")
+    # A line break would begin another key.
+    parsed = _loads(f"value = {value_text}") if "\n" not in value_text else {}
+    value = parsed.get("value", value_text)
+    found = trouble_in_tables(value)
+    if found is not None:
+        raise InputError(f"{said}: {found[1]}", _READABLE)
+    _put(content, key_text, value, said, kind)
+
+
+def _loads(text: str) -> Table:
+    """The tables of a short text; none if it is not TOML, or holds a number without end."""
     try:
-        value = tomllib.loads(f"value = {value_text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = value_text
-    _put(content, key_text, value, f"--set {override}", kind)
+        return tomllib.loads(text)
+    except ValueError:
+        return {}
 
 
 def _put(content: Table, key_text: str, value: object, said: str, kind: SettingsKind) -> None:
     """Put a value under a dotted key; `said` is what the user wrote, for messages."""
-    try:
-        keys = _keys_of(tomllib.loads(f"{key_text.strip()} = 0"))
-    except tomllib.TOMLDecodeError as error:
+    keys = _keys_of(_loads(f"{key_text.strip()} = 0"))
+    if not keys or "\n" in key_text.strip():
         raise InputError(
             f"{said}: this is not a key.", "Write it with dots, as in adjustment.max_iterations=10."
-        ) from error
+        )
     _check_key(keys, content, said, kind)
     table: Any = content
     for key in keys[:-1]:
@@ -191,8 +203,8 @@ def _put(content: Table, key_text: str, value: object, said: str, kind: Settings
 def _keys_of(nested: Table) -> tuple[str, ...]:
     keys = []
     inner: Any = nested
-    while isinstance(inner, dict):
-        ((key, inner),) = inner.items()
+    while isinstance(inner, dict) and inner:
+        key, inner = next(iter(inner.items()))
         keys.append(key)
     return tuple(keys)
 
@@ -208,10 +220,10 @@ def _inner(table: Any, key: str, said: str) -> Any:
 def _index(table: Any, key: str, said: str) -> Any:
     if isinstance(table, dict):
         return key
-    if key.isdecimal() and int(key) < len(table):
+    if _is_index(key, table):
         return int(key)
     raise InputError(
-        f"{said}: there are {len(table)} tables here, and '{key}' is none of them.",
+        f"{said}: there are {len(table)} tables here, and {quoted(key)} is none of them.",
         f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
     )
 
@@ -224,8 +236,10 @@ def _check_key(keys: Sequence[str], content: Table, said: str, kind: SettingsKin
         if not (isinstance(table, list) and key.isdecimal()):
             known = _known_keys(model, table)
             if key not in known:
-                place = ".".join(keys[:depth]) or f"the {kind.name}"
-                raise InputError(f"{said}: there is no key '{key}' in {place}.", did_you_mean(key, known))
+                place = visible(".".join(keys[:depth]), _SHOWN) or f"the {kind.name}"
+                raise InputError(
+                    f"{said}: there is no key {quoted(key)} in {place}.", did_you_mean(key, known)
+                )
             model = _model_below(model, key)
         table = _below(table, key)
 
@@ -242,9 +256,13 @@ def _known_keys(model: Any, table: Any) -> list[str]:
 def _below(table: Any, key: str | int) -> Any:
     if isinstance(table, dict):
         return table.get(str(key))
-    if isinstance(table, list) and str(key).isdecimal() and int(key) < len(table):
+    if isinstance(table, list) and _is_index(str(key), table):
         return table[int(key)]
     return None
+
+
+def _is_index(key: str, table: Sequence[object]) -> bool:
+    return key.isdecimal() and len(key) < 10 and int(key) < len(table)
 
 
 def _model_below(model: Any, key: str | int) -> Any:
@@ -282,18 +300,29 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
         place = ".".join(map(str, keys[:-1]))
         where = f"in [{place}]" if place else f"in the {source.kind.name}"
         what, remedy = f"There is no key '{keys[-1]}' {where}.", did_you_mean(str(keys[-1]), known)
+    elif error["type"] == "missing" and isinstance(error["loc"][-1], int):
+        what, remedy = f"Number {int(error['loc'][-1]) + 1} of this list is missing.", _page_of(source)
     elif error["type"] == "missing":
         what, remedy = f"The key '{name}' is missing.", _remedy_for_missing(error["loc"], source.kind)
         line = line_of_key(source.text, keys[:-1])
     elif error["type"] == "aerocal":
         what, remedy = str(error["ctx"]["what"]), str(error["ctx"]["remedy"])
     elif error["type"] == "tuple_type":
-        what = f"The value {json.dumps(error['input'], default=str)} is not a list."
-        remedy = f"Write it in brackets: [{json.dumps(error['input'], default=str)}]."
+        what = f"The value {_shown(error['input'])} is not a list."
+        remedy = f"Write it in brackets: [{_shown(error['input'])}]."
     else:
-        what = f"The value {json.dumps(error['input'], default=str)} cannot stand here: {error['msg']}."
-        remedy = f"Correct it; {source.kind.page} lists every key with its unit."
+        what = f"The value {_shown(error['input'])} cannot stand here: {error['msg']}."
+        remedy = _page_of(source)
     return InputError(what, remedy, file=source.path, line=line, entity=name or None)
+
+
+def _shown(value: object) -> str:
+    """A value as it was written, if that is short."""
+    return visible(json.dumps(value, default=str, ensure_ascii=False), _SHOWN)
+
+
+def _page_of(source: SettingsFile) -> str:
+    return f"Correct it; {source.kind.page} lists every key with its unit."
 
 
 def _shown_keys(location: Keys, content: Table) -> Keys:

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from tasks.settings.adjustment import FreeParameter, ObservedGroup
 from tasks.settings.base import Settings, trouble
 from tasks.settings.calibration import CalibrationSettings
+from tasks.settings.cameras import Pixels
 from tasks.settings.coordinates import (
     LOCAL,
     Finite,
@@ -25,7 +26,11 @@ from tasks.settings.coordinates import (
 from tasks.settings.self_calibration import Selection
 from tasks.settings.sweep import SweepSettings
 
+#: What a simulation may ask for at most; the largest blocks there are have 50,000 images, 4,000,000 points.
+_MOST_EXPOSURES, _MOST_POINTS, _MOST_SURVEYED = 200_000, 20_000_000, 10_000
+
 Part: TypeAlias = Annotated[Real, Field(ge=0.0, lt=1.0)]
+Surveyed: TypeAlias = Annotated[Whole, Field(gt=0, le=_MOST_SURVEYED)]
 Pair: TypeAlias = tuple[Finite, Finite]
 SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins", "ins_markov"]
 
@@ -82,8 +87,8 @@ class SimulatedCamera(Settings):
     """The camera as its certificate has it."""
 
     name: str = Field(min_length=1, description="Name of the camera.")
-    columns: Annotated[Whole, Field(gt=0)] = Field(description="Width of the image, px.")
-    rows: Annotated[Whole, Field(gt=0)] = Field(description="Height of the image, px.")
+    columns: Pixels = Field(description="Width of the image, px.")
+    rows: Pixels = Field(description="Height of the image, px.")
     pixel_um: Positive = Field(description="Side of a (square) pixel, µm.")
     focal_length_mm: Positive = Field(description="Principal distance c, mm.")
     principal_point_mm: Pair = Field(default=(0.0, 0.0), description="Principal point x, y, mm.")
@@ -101,12 +106,12 @@ class FlightLines(Settings):
     flight: str = Field(default="1", min_length=1, description="Flight the lines belong to.")
     height_m: Positive = Field(description="Flying height above the mean terrain, m.")
     heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
-    lines: Annotated[Whole, Field(gt=0)] | None = Field(
+    lines: Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)] | None = Field(
         default=None, description="Number of lines; left out: as many as `exposures` lists."
     )
-    exposures: Annotated[tuple[Annotated[Whole, Field(gt=0)], ...], BeforeValidator(_one_or_several)] = Field(
-        description="Exposures of every line, or a list with one number for each."
-    )
+    exposures: Annotated[
+        tuple[Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)], ...], BeforeValidator(_one_or_several)
+    ] = Field(description="Exposures of every line, or a list with one number for each.")
     end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
     side_lap: Part = Field(default=0.6, description="Side lap, 0 to 1.")
     base_m: Positive | None = Field(default=None, description="Base, m; instead of `end_lap`.")
@@ -132,6 +137,12 @@ class FlightLines(Settings):
                 "Give one number for all lines, or one for each.",
             )
         return self
+
+    @property
+    def exposures_in_all(self) -> int:
+        """Number of exposures of all lines, those flown both ways counted twice."""
+        alike = self.lines if self.lines is not None and len(self.exposures) == 1 else 1
+        return alike * sum(self.exposures) * (2 if self.directions == "both" else 1)
 
     @property
     def exposures_of_lines(self) -> tuple[int, ...]:
@@ -165,11 +176,13 @@ class SimulatedTerrain(Settings):
 class SimulatedPoints(Settings):
     """Tie points."""
 
-    count: Annotated[Whole, Field(gt=0)] = Field(description="Expected number of tie points.")
+    count: Annotated[Whole, Field(gt=0, le=_MOST_POINTS)] = Field(description="Expected number of tie points.")
     detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Probability that a point is found in an image that shows it."
     )
-    min_rays: Annotated[Whole, Field(ge=2)] = Field(default=2, description="Points with fewer rays are lost.")
+    min_rays: Annotated[Whole, Field(ge=2, le=_MOST_EXPOSURES)] = Field(
+        default=2, description="Points with fewer rays are lost."
+    )
     margin: Part = Field(
         default=0.02, description="Part of the half format along the borders where nothing is measured."
     )
@@ -185,11 +198,9 @@ class SimulatedControl(Settings):
     kind: Literal["full", "height", "plan"] = Field(
         default="full", description="Which coordinates are known: all, the height, or x and y."
     )
-    columns: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Columns of a grid.")
-    rows: Annotated[Whole, Field(gt=0)] | None = Field(default=None, description="Rows of a grid.")
-    count: Annotated[Whole, Field(gt=0)] | None = Field(
-        default=None, description="Number of points of `perimeter` and `spread`."
-    )
+    columns: Surveyed | None = Field(default=None, description="Columns of a grid.")
+    rows: Surveyed | None = Field(default=None, description="Rows of a grid.")
+    count: Surveyed | None = Field(default=None, description="Number of points of `perimeter` and `spread`.")
     places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
     control: Annotated[Whole, Field(ge=0)] | None = Field(
         default=None,
@@ -219,6 +230,12 @@ class SimulatedControl(Settings):
         if not given[self.layout]:
             needed = {"grid": "columns and rows", "list": "places_m"}.get(self.layout, "count")
             raise trouble(f"The layout '{self.layout}' needs {needed}.", f"Give {needed}.")
+        if (self.columns or 0) * (self.rows or 0) > _MOST_SURVEYED:
+            raise trouble(
+                f"The grid has {(self.columns or 0) * (self.rows or 0):,} points, more than "
+                f"{_MOST_SURVEYED:,}.",
+                "Give fewer columns and rows.",
+            )
         if self.control is not None and self.check_fraction > 0.0:
             raise trouble("`control` and `check_fraction` exclude each other.", "Keep one of the two.")
         return self
@@ -231,10 +248,10 @@ class SimulatedGrossErrors(Settings):
     image_um: Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)] = Field(
         default=(20.0, 200.0), description="Smallest and largest error of them, µm."
     )
-    control_swaps: Annotated[Whole, Field(ge=0)] = Field(
+    control_swaps: Annotated[Whole, Field(ge=0, le=_MOST_SURVEYED)] = Field(
         default=0, description="Pairs of control points whose coordinates are exchanged."
     )
-    wrong_time_strips: Annotated[Whole, Field(ge=0)] = Field(
+    wrong_time_strips: Annotated[Whole, Field(ge=0, le=_MOST_EXPOSURES)] = Field(
         default=0, description="Strips whose positions belong to another moment."
     )
     time_error_s: Finite = Field(default=1.0, description="By how much, s.")
@@ -377,6 +394,16 @@ class Simulation(Settings):
     sweep: SweepSettings | None = Field(
         default=None, description="The `[sweep]` of the project, as in docs/project-file.md."
     )
+
+    @model_validator(mode="after")
+    def _of_a_size(self) -> Simulation:
+        exposures = sum(lines.exposures_in_all for lines in self.flight)
+        if exposures > _MOST_EXPOSURES:
+            raise trouble(
+                f"The flight has {exposures:,} exposures, more than {_MOST_EXPOSURES:,}.",
+                "Give fewer lines or exposures.",
+            )
+        return self
 
     @model_validator(mode="after")
     def _flights_exist(self) -> Simulation:

@@ -7,7 +7,8 @@ of it is in memory. The limits are of the installation, in its environment, and 
 | variable | limits | default |
 |---|---|---|
 | ``AEROCAL_MAX_TABLE_MB`` | a file of image points, exposures or control, a geoid grid, a table of another run | 4000 |
-| ``AEROCAL_MAX_DOCUMENT_MB`` | a project file, a specification, a camera file, a calibration, a marker file | 20 |
+| ``AEROCAL_MAX_DOCUMENT_MB`` | a camera file, a calibration, a marker file | 20 |
+| ``AEROCAL_MAX_SETTINGS_MB`` | a project file, a specification | 1 |
 | ``AEROCAL_MAX_ROWS`` | rows of one file | 100 000 000 |
 
 A block of 50,000 images has about 12 million image points in 1 to 2 GB of text.
@@ -15,24 +16,31 @@ A block of 50,000 images has about 12 million image points in 1 to 2 GB of text.
 
 from __future__ import annotations
 
+import hashlib
+import math
 import os
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from tasks.errors import InputError
 from tasks.storage.installation import InstallationError
 
-#: What a file is: one of rows, or one that is read as a whole into settings.
-Kind: TypeAlias = Literal["table", "document"]
+#: What a file is: one of rows, one that is read as a whole, or one that people write.
+Kind: TypeAlias = Literal["table", "document", "settings"]
 
 TABLE_VARIABLE = "AEROCAL_MAX_TABLE_MB"
 DOCUMENT_VARIABLE = "AEROCAL_MAX_DOCUMENT_MB"
+SETTINGS_VARIABLE = "AEROCAL_MAX_SETTINGS_MB"
 ROWS_VARIABLE = "AEROCAL_MAX_ROWS"
 _MB = 1_000_000
+#: Digests that files had when the stage began that is reading them.
+_DIGESTS: ContextVar[Mapping[Path, str] | None] = ContextVar("digests", default=None)
 
 
 @dataclass(frozen=True)
@@ -43,21 +51,25 @@ class FileLimits:
     ----------
     table_mb, document_mb : largest files of the two kinds, 10⁶ bytes.
     rows : most rows of one file.
+    settings_mb : largest file of settings, 10⁶ bytes.
     """
 
     table_mb: int = 4_000
     document_mb: int = 20
     rows: int = 100_000_000
+    settings_mb: int = 1
 
     def trouble(self, path: Path, size: int, kind: Kind) -> InputError | None:
         """What is wrong with a file of this size, bytes; None: nothing."""
-        most, variable = (
-            (self.table_mb, TABLE_VARIABLE) if kind == "table" else (self.document_mb, DOCUMENT_VARIABLE)
-        )
+        most, variable = {
+            "table": (self.table_mb, TABLE_VARIABLE),
+            "document": (self.document_mb, DOCUMENT_VARIABLE),
+            "settings": (self.settings_mb, SETTINGS_VARIABLE),
+        }[kind]
         if size <= most * _MB:
             return None
         return InputError(
-            f"The file has {size / _MB:,.0f} MB, more than the {most:,} MB this installation reads.",
+            f"The file has {math.ceil(size / _MB):,} MB, more than the {most:,} MB this installation reads.",
             f"Deliver the right file, or divide it; whoever runs the installation can raise {variable}.",
             file=path,
         )
@@ -92,6 +104,7 @@ def file_limits(environment: Mapping[str, str] = os.environ) -> FileLimits:
         _number(environment, TABLE_VARIABLE, usual.table_mb),
         _number(environment, DOCUMENT_VARIABLE, usual.document_mb),
         _number(environment, ROWS_VARIABLE, usual.rows),
+        _number(environment, SETTINGS_VARIABLE, usual.settings_mb),
     )
 
 
@@ -104,6 +117,15 @@ def _number(environment: Mapping[str, str], variable: str, usual: int) -> int:
             f"{variable} is '{text}', which is no limit.", "Set it to a positive whole number, or not at all."
         )
     return int(text)
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is anything at a path; not at one that no file can have."""
+    try:
+        path.stat()
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def trouble_of(path: Path, kind: Kind = "table") -> InputError | None:
@@ -121,7 +143,7 @@ def read_delivered(path: Path, kind: Kind) -> bytes:
     Raises
     ------
     InputError
-        As of `opened`; if it grows while it is read.
+        As of `opened`; if it grows while it is read; if its bytes are not those of `keyed_by`.
     """
     with opened(path, kind) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -130,11 +152,56 @@ def read_delivered(path: Path, kind: Kind) -> bytes:
         raise InputError(
             "The file grows while it is being read.", "Wait until it has been delivered.", file=path
         )
+    keyed = (_DIGESTS.get() or {}).get(path)
+    if keyed is not None and hashlib.sha256(content).hexdigest() != keyed:
+        raise changed(path)
     return content
 
 
+def digest_of_delivered(path: Path) -> str:
+    """SHA-256 of a delivered file's bytes, hexadecimal.
+
+    Raises
+    ------
+    InputError
+        As of `opened`.
+    """
+    with opened(path, "table") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def digest_for_key(path: Path) -> str:
+    """The digest of a delivered file that stands in `keyed_by`, else that of its bytes now.
+
+    Raises
+    ------
+    InputError
+        As of `opened`.
+    """
+    return (_DIGESTS.get() or {}).get(path) or digest_of_delivered(path)
+
+
 @contextmanager
-def opened(path: Path, kind: Kind) -> Iterator[BinaryIO]:
+def keyed_by(digests: Mapping[Path, str]) -> Iterator[None]:
+    """While a stage runs: its key and all it reads of these files are of the bytes with these digests."""
+    token = _DIGESTS.set(digests)
+    try:
+        yield
+    finally:
+        _DIGESTS.reset(token)
+
+
+def changed(path: Path) -> InputError:
+    """That a file is not what it was when the stage that reads it began."""
+    return InputError(
+        "The file changed while it was being read.",
+        "Wait until it has been delivered completely, then run again.",
+        file=path,
+    )
+
+
+@contextmanager
+def opened(path: Path, kind: Kind) -> Iterator[BufferedReader]:
     """A delivered file, open for reading.
 
     Parameters

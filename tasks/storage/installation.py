@@ -12,9 +12,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import AerocalError
+from tasks.plain_text import visible
 
+_SHOWN = 500
 _FULL = {errno.ENOSPC, errno.EDQUOT}
-_REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
+_REFUSED = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.EEXIST,
+    errno.ELOOP,
+    errno.ENAMETOOLONG,
+    errno.EIO,
+    errno.EINVAL,
+    # The folder was removed meanwhile, or is in a place where none can be made (/proc).
+    errno.ENOENT,
+}
 
 
 @dataclass
@@ -36,7 +51,7 @@ class InstallationError(AerocalError):
 
 @contextmanager
 def writing_into(folder: Path) -> Iterator[None]:
-    """Turn "no space left" and "permission denied" while writing into one clear sentence.
+    """Turn "no space left", "permission denied" and the like while writing into one clear sentence.
 
     Raises
     ------
@@ -48,14 +63,16 @@ def writing_into(folder: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno in _FULL:
             raise InstallationError(
-                f"There is no space left on the disk of {folder}.",
+                f"There is no space left on the disk of {visible(str(folder), _SHOWN)}.",
                 "Free some space or choose another folder with --out, then run again; "
                 "nothing half-written was kept.",
             ) from error
-        if error.errno in _REFUSED and _within(error.filename, folder):
+        # Of a file that is given its name, the name.
+        file = error.filename2 or error.filename
+        if error.errno in _REFUSED and _within(file, folder):
             raise InstallationError(
-                f"{error.filename or folder} cannot be written ({error.strerror}).",
-                "Change its permissions or choose another folder with --out.",
+                f"{visible(str(file or folder), _SHOWN)} cannot be written ({error.strerror}).",
+                "Let it be there and be written, or choose another folder with --out.",
             ) from error
         raise
 

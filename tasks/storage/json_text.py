@@ -52,7 +52,10 @@ def from_json(text: str | bytes) -> Any:
     ValueError
         If `text` is not JSON in UTF-8, or holds such a key or number.
     """
-    return json.loads(text, object_pairs_hook=_unambiguous, parse_constant=_no_number)
+    try:
+        return json.loads(text, object_pairs_hook=_unambiguous, parse_constant=_no_number)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
 
 
 def _unambiguous(pairs: Sequence[tuple[str, JSON]]) -> dict[str, JSON]:

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from tasks.errors import InputError
-from tasks.storage.artifact import Artifact, digest_of_file
-from tasks.storage.delivered_file import trouble_of
+from tasks.storage.artifact import Artifact
+from tasks.storage.delivered_file import changed, digest_of_delivered, is_there
 from tasks.storage.json_text import JSON, json_text
 from tasks.storage.source_digest import digest_of_sources
 
@@ -140,13 +140,10 @@ class InputFile:
         InputError
             If there is no such file, or it is refused by `tasks.storage.delivered_file`.
         """
-        if not path.exists():
+        if not is_there(path):
             raise InputError("This input file does not exist.", "Check its path and run again.", file=path)
-        trouble = trouble_of(path)
-        if trouble is not None:
-            raise trouble
         stamp = _stamp(path)
-        return cls(path, digest_of_file(path), stamp)
+        return cls(path, digest_of_delivered(path), stamp)
 
     def require_unchanged(self) -> None:
         """Refuse a result computed from a file that was being written meanwhile.
@@ -157,16 +154,12 @@ class InputFile:
             If the file is gone or its content differs.
         """
         if not self._is_unchanged():
-            raise InputError(
-                what="The file changed while it was being read.",
-                remedy="Wait until it has been delivered completely, then run again.",
-                file=self.path,
-            )
+            raise changed(self.path)
 
     def _is_unchanged(self) -> bool:
-        if not self.path.is_file():
+        if not is_there(self.path):
             return False
-        return _stamp(self.path) == self.stamp or digest_of_file(self.path) == self.sha256
+        return _stamp(self.path) == self.stamp or digest_of_delivered(self.path) == self.sha256
 
 
 def input_files(value: object) -> Iterator[Path]:

@@ -21,6 +21,7 @@ from tasks.storage.json_text import JSON, from_json, json_text
 from tasks.storage.stage_key import InputFile, StageKey
 
 _FOLDER = "run"
+_EPOCH_NS = 2**62
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ def keep_record(folder: Path, record: StageRecord) -> None:
     """Add a record to the store `folder`."""
     records = folder / _FOLDER
     records.mkdir(exist_ok=True)
-    # The names sort by the time at which the stages ended.
-    name = f"{time.time_ns():020d}-{uuid.uuid4().hex}.json"
+    # The names sort by the time at which the stages ended, also by a clock that is before 1970.
+    name = f"{time.time_ns() + _EPOCH_NS:020d}-{uuid.uuid4().hex}.json"
     unfinished = records / f".{name}"
     unfinished.write_text(json_text(cast(JSON, asdict(record))), encoding="utf-8")
     unfinished.rename(records / name)

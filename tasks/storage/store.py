@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, cast
 
 from tasks.storage.artifact import Artifact, artifact_names, artifact_of, digest_of_file
+from tasks.storage.delivered_file import keyed_by
 from tasks.storage.installation import writing_into
 from tasks.storage.json_text import JSON, read_json, replace_json
 from tasks.storage.remote import Remote
@@ -209,14 +210,15 @@ def stored(
             arguments = _bound(signature, args, kwargs)
             began, started = utc_now(), time.perf_counter()
             inputs = tuple(InputFile.of(path) for path in sorted(set(input_files(arguments))))
-            key = stage_key(stage, function, arguments)
-            outputs = store.taken_up(key)
-            reused = outputs is not None
-            if outputs is None:
-                _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
-                with writing_into(store.folder):
-                    outputs = _compute(store, key, function, arguments, inputs)
-                store.keep_remotely(key)
+            with keyed_by({file.path: file.sha256 for file in inputs}):
+                key = stage_key(stage, function, arguments)
+                outputs = store.taken_up(key)
+                reused = outputs is not None
+                if outputs is None:
+                    _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
+                    with writing_into(store.folder):
+                        outputs = _compute(store, key, function, arguments, inputs)
+                    store.keep_remotely(key)
             seconds = time.perf_counter() - started
             _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
             with writing_into(store.folder):

@@ -113,3 +113,20 @@ def test_control_without_sigma_is_fixed_and_still_checked_by_the_rest(block: Pat
         # Without the point the same as before, but for the survey that counts as perfect.
         assert (table[f"loo_{axis}_m"] - left_out[f"loo_{axis}_m"]).abs().max() < 0.1
         assert (table[f"sigma_loo_{axis}_m"] < left_out[f"sigma_loo_{axis}_m"]).all()
+
+
+@pytest.mark.parametrize("rejection", ["none", "{ critical_value = 4.13 }"])
+def test_a_control_point_a_metre_off_is_named_whether_it_is_rejected_or_not(
+    block: Path, rejection: str
+) -> None:
+    # A sound block names none.
+    sound = json.loads((run(block, f"adjustment.rejection={rejection}") / "summary.json").read_text())
+    said = ("Control points that contradict", "Rejected control points")
+    assert not [sentence for sentence in sound["problems"] if sentence.startswith(said)]
+    table = pd.read_csv(block.with_name("control.csv"))
+    wrong = table.index[table["role"] == "control"][1]
+    table.loc[wrong, "x"] += 1.0
+    table.to_csv(block.with_name("control.csv"), index=False)
+    summary = json.loads((run(block, f"adjustment.rejection={rejection}") / "summary.json").read_text())
+    (named,) = [sentence for sentence in summary["problems"] if sentence.startswith(said)]
+    assert named.partition(": ")[2].startswith(str(table.loc[wrong, "point"]))

@@ -11,6 +11,11 @@ from tasks.errors import AerocalError, InputError, NotComputableError
 from tasks.storage.installation import InstallationError
 
 
+def test_a_long_path_leaves_room_for_what_is_wrong() -> None:
+    error = InputError("It is wrong.", "Mend it.", Path("x/" * 3_000), 3)
+    assert str(error).endswith("…:3: It is wrong. Mend it.")
+
+
 @pytest.mark.parametrize(
     "error",
     [

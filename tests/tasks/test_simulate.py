@@ -12,6 +12,7 @@ from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
+from tasks.storage.installation import InstallationError
 
 SMALL = """
 preset = "uce-high"
@@ -184,3 +185,17 @@ def test_a_flight_that_covers_nothing_twice_is_refused(tmp_path: Path) -> None:
     text = 'preset = "uce-high"\n[[flight]]\nname = "A"\nheight_m = 500\nheading_deg = 0\nexposures = 1\n'
     with pytest.raises(InputError, match="No ground is seen by 2 images"):
         _simulated(tmp_path / "a", text=text)
+
+
+def test_a_full_disk_is_one_sentence_about_the_installation(tmp_path: Path) -> None:
+    _simulated(tmp_path / "a")
+    points = tmp_path / "a" / "image_points.csv"
+    points.unlink()
+    points.symlink_to("/dev/full")
+    with pytest.raises(InstallationError, match="no space left on the disk"):
+        _simulated(tmp_path / "a")
+
+
+def test_points_hardly_ever_found_are_refused_before_they_fill_the_memory(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="hardly one would be found"):
+        _simulated(tmp_path / "a", "points.detection=1e-9")

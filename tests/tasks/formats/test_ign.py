@@ -53,6 +53,12 @@ def test_an_error_names_the_line_although_carriage_returns_stand_in_it(file):
     assert raised.value.line == 3
 
 
+def test_many_columns_too_many_in_the_first_row_are_an_error(file):
+    with pytest.raises(InputError, match="more than 4 columns") as raised:
+        read_ign_mes(file("P I 1 2 3 4 5 6\nP J 1 2\n"))
+    assert raised.value.line == 1
+
+
 def test_too_many_columns_are_an_error(file):
     with pytest.raises(InputError) as raised:
         read_ign_mes(file("P I 1 2\nP J 1 2 0.5\n"))
@@ -154,3 +160,34 @@ def test_a_lens_that_agrees_or_has_no_length_raises_no_alarm(file, lens):
         read_ign_camera(file(CAMERA.replace("<name>", f"<objectif> {lens} </objectif><name>"))).columns
         == 1000
     )
+
+
+def test_a_carriage_return_alone_ends_a_line(file):
+    records = read_ign_mes(file("P I 1 2\rP J 3 4\r"))
+    assert records.xy.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert records.line.tolist() == [1, 2]
+    exposures = read_ign_opk(file("NOM X Y Z O P K\rI 1 2 3 0 0 0\rJ 2 2 3 0 0 0\r"), "omega-phi-kappa")
+    assert exposures.image.to_pylist() == ["I", "J"]
+
+
+def test_a_column_named_twice_is_an_error(file):
+    with pytest.raises(InputError, match="names the column 'X' twice") as raised:
+        read_ign_opk(file("ID X Y Z O P K X\n1 1 2 3 0 0 0 4\n"), "omega-phi-kappa")
+    assert raised.value.line == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0.000004", "1e-300"),
+        ("0.000004", "1e300"),
+        ("0.000004", "4_0e-6"),
+        ("20000", "1e-300"),
+        ("20000", "1e19"),
+        ("20000", "9" * 400),
+    ],
+)
+def test_a_camera_of_an_impossible_size_is_refused(file, old, new):
+    with pytest.raises(InputError, match="camera file") as raised:
+        read_ign_camera(file(CAMERA.replace(old, new), "camera.xml"))
+    assert len(str(raised.value)) < 500

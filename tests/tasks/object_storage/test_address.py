@@ -94,3 +94,11 @@ def test_every_address_and_server_has_a_local_folder_of_its_own(tmp_path: Path) 
 def test_a_blank_output_folder_is_not_the_current_one(text: str) -> None:
     with pytest.raises(InputError, match="The output folder is blank"):
         output_place(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["x" * 256, "é" * 128, "x/" * 2_000, "a\0b", "a\nb", "a\x1b[2J", "a\udcff", "\u202e"]
+)
+def test_no_folder_has_such_a_name(text: str) -> None:
+    with pytest.raises(InputError, match="Name another folder"):
+        output_place(text)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -276,3 +277,81 @@ def test_the_examples_are_valid(example, test_data):
     path = REPOSITORY / "examples" / example / "project.toml"
     project = load_project(path, environment={"AEROCAL_TEST_DATA": str(test_data)})
     assert project.inputs.control
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("pixel_um = 5.0", f"pixel_um = {'9' * 300}", "more than 64 bits"),
+        ("pixel_um = 5.0", f"pixel_um = {'9' * 5_000}", "not valid TOML"),
+        ("pixel_um = 5.0", f"pixel_um = 0x{'f' * 20_000}", "more than 64 bits"),
+        ("pixel_um = 5.0", "pixel_um = nan", "nan is not finite"),
+        ("pixel_um = 5.0", "pixel_um = 1e300", "too large"),
+        ("pixel_um = 5.0", "pixel_um = 1e-300", "too small"),
+        ("pixel_um = 5.0", "pixel_um = 1e-12", "less than 1e-09"),
+        ("pixel_um = 5.0", "pixel_um = 1e12", "more than 1e+09"),
+        ("rows = 80", "rows = 100000000", "less than or equal to 1000000"),
+        ("principal_point_mm = [0, 0]", "principal_point_mm = [0]", "Number 2 of this list is missing"),
+    ],
+)
+def test_a_number_that_no_quantity_has_is_refused_in_its_line_and_not_repeated(write, old, new, part):
+    assert PROJECT.count(old) == 1
+    error = refused(write(PROJECT.replace(old, new)))
+    assert part in str(error)
+    assert error.line == line_of(PROJECT, old) or "TOML" in part
+    assert len(str(error)) - len(str(error.file)) < 400
+
+
+def test_a_file_of_more_than_a_megabyte_is_no_project_file(write):
+    error = refused(write(PROJECT + "# " + "a" * 1_000_000))
+    assert "2 MB, more than the 1 MB" in error.what
+    assert "AEROCAL_MAX_SETTINGS_MB" in error.remedy
+
+
+@pytest.mark.parametrize(
+    "deep", ["a" + ".a" * 31 + " = 1", "a = " + "[" * 100_000, "[a" + ".a" * 100_000 + "]"]
+)
+def test_deep_tables_are_refused_in_their_line(write, deep):
+    error = refused(write(PROJECT + deep + "\n"))
+    assert "nested too deeply" in error.what
+    assert error.line == len(PROJECT.splitlines()) + 1
+
+
+@pytest.mark.parametrize(
+    ("override", "part"),
+    [
+        ("a" + ".a" * 20_000 + "=1", "too long, or nested too deeply"),
+        ("project.name=" + "[" * 50_000, "too long, or nested too deeply"),
+        ("project.name=" + "x" * 200_000, "too long, or nested too deeply"),
+        ("project.name=" + "x" * 50_000, "characters, more than 4096"),
+        ('cameras."CAM 1".columns=' + "9" * 5_000, "characters, more than 4096"),
+        ('cameras."CAM 1".columns=0x' + "f" * 3_000, "more than 64 bits"),
+        ("project.name=\x1b[31m", "cannot be seen"),
+        ("project.name=a\nversion=2", "cannot be seen"),
+        ("a\nversion=2", "not a key"),
+        ("=1", "not a key"),
+        ("inputs.image_points." + "9" * 5_000 + ".unit=px", "none of them"),
+        ("gates.sigma0.min=nan", "not finite"),
+        ("inputs.control.file=" + "x" * 300, "There is no file"),
+        ("inputs.control.file=~nobody-of-this-name/x", "no user"),
+    ],
+)
+def test_an_option_that_cannot_be_is_refused_and_not_repeated(write, override, part):
+    error = str(refused(write(), override))
+    assert part in error
+    assert len(error) < 1_500
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".toml", "x/" * 3_000])
+def test_a_project_file_of_an_impossible_name_is_not_there(name):
+    with pytest.raises(InputError, match="no such project file"):
+        load_project(Path(name))
+
+
+def test_the_digest_is_of_the_bytes_that_were_read(write):
+    path = write()
+    before = hashlib.sha256(path.read_bytes()).hexdigest()
+    project = load(path)
+    path.write_text("other")
+    assert project.source is not None
+    assert project.source.sha256 == before

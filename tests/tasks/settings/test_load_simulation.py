@@ -138,3 +138,19 @@ image_um = 1.5
     assert "[camera]" not in str(simulation.control)
     error = _refused(_written(tmp_path, text.replace("[points]\ncount = 100\n", "")))
     assert "'points' is missing" in error.what
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "points.count=1000000000000",
+        "flight.0.lines=1000000000",
+        "flight.0.exposures=1000000000",
+        "flight.0.exposures=[50000, 50000, 50000, 50000, 1, 1, 1]",
+        "control.columns=1000000000",
+        "noise.image_um=1e12",
+    ],
+)
+def test_a_simulation_beyond_every_block_is_refused(override: str) -> None:
+    what = _refused("uce-low", override).what
+    assert "more than" in what or "less than or equal to" in what

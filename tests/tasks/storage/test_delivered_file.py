@@ -7,7 +7,8 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,10 @@ from tasks.storage.delivered_file import (
     ROWS_VARIABLE,
     TABLE_VARIABLE,
     FileLimits,
+    digest_for_key,
+    digest_of_delivered,
     file_limits,
+    keyed_by,
     opened,
     read_delivered,
 )
@@ -265,3 +269,58 @@ def test_no_reader_opens_a_file_by_itself(folder: str) -> None:
     ]
     assert len(sources) > 5
     assert found == []
+
+
+def test_key_and_content_are_of_the_same_bytes(tmp_path: Path) -> None:
+    file = tmp_path / "points.csv"
+    file.write_bytes(b"first")
+    began = InputFile.of(file)
+    with keyed_by({file: began.sha256}):
+        assert read_delivered(file, "table") == b"first"
+        file.write_bytes(b"other")
+        # The key stays what it was, and nothing else is read under it.
+        assert digest_for_key(file) == began.sha256
+        with pytest.raises(InputError, match="changed while it was being read"):
+            read_delivered(file, "table")
+    assert digest_for_key(file) == digest_of_delivered(file) != began.sha256
+
+
+@pytest.fixture
+def unreadable(tmp_path: Path) -> Iterator[Path]:
+    """A file that this process may not read, whoever carries out the tests."""
+    file = tmp_path / "delivered.toml"
+    file.write_text("1")
+    file.chmod(0)
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)
+    try:
+        yield file
+    finally:
+        if root:
+            os.seteuid(0)
+
+
+@every_reader
+def test_every_reader_refuses_a_file_it_may_not_read(
+    reader: Callable[[Path], object], unreadable: Path
+) -> None:
+    with pytest.raises(InputError, match=r"cannot be read|There is no such|no preset"):
+        reader(unreadable)
+
+
+def test_a_stage_refuses_an_input_it_may_not_read(unreadable: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot be read|does not exist"):
+        InputFile.of(unreadable)
+    with pytest.raises(InputError, match="cannot be read"):
+        digest_for_key(unreadable)
+
+
+def test_a_project_file_of_21_kb_and_more_is_refused_at_once(tmp_path: Path) -> None:
+    file = tmp_path / "project.toml"
+    for text in ("[" + "] " * 10_000, "# " + "a" * 900_000, "a" * 900_000, "[" + " " * 900_000 + "x"):
+        file.write_text(text)
+        begun = time.process_time()
+        with pytest.raises(InputError):
+            load_project(file)
+        assert time.process_time() - begun < 10.0

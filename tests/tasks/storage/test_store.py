@@ -6,6 +6,7 @@ import json
 import logging
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -141,16 +142,18 @@ def test_rows_and_digest_come_with_the_artifact(store: Store, delivery: Delivery
     assert numbers == read_numbers(store, delivery=delivery)["numbers"]
 
 
-@pytest.mark.parametrize("damage", ["changed", "missing", "no list"])
+@pytest.mark.parametrize("damage", ["changed", "missing", "no list", "deep list"])
 def test_a_damaged_output_is_computed_again_with_a_warning(
     store: Store, delivery: Delivery, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = read_numbers(store, delivery=delivery)["numbers"].path
     good = path.read_bytes()
-    victim = path.with_name("stage.json") if damage == "no list" else path
+    victim = path.with_name("stage.json") if damage.endswith("list") else path
     victim.unlink()
     if damage == "changed":
         victim.write_bytes(good[:-1] + b"?")
+    elif damage == "deep list":
+        victim.write_bytes(b"[" * 100_000)
     with caplog.at_level(logging.WARNING, logger="aerocal"):
         again = read_numbers(store, delivery=delivery)["numbers"]
     assert verified(again).read_bytes() == good
@@ -241,7 +244,7 @@ def test_a_damaged_output_is_replaced_by_whoever_finishes_next(store: Store) -> 
 
 
 def test_a_stage_whose_run_has_ended_keeps_nothing(store: Store) -> None:
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(InstallationError, match="No such file"):
         after_its_run(store, text="x")
     assert not list((store.folder / "after_its_run").iterdir())
 
@@ -253,3 +256,14 @@ def test_records_come_in_the_order_in_which_the_stages_ended(store: Store, deliv
     assert len(read_records(store.folder)) == 2
     store.begin_run()
     assert read_records(store.folder) == ()
+
+
+def test_records_keep_their_order_by_a_clock_before_1970(
+    store: Store, delivery: Delivery, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Two moments of June 1969.
+    moments = iter([-18_000_000_000_000_000, -17_999_999_000_000_000])
+    clock = SimpleNamespace(time_ns=lambda: next(moments))
+    monkeypatch.setattr("tasks.storage.stage_record.time", clock)
+    run(store, delivery)
+    assert [record.stage for record in read_records(store.folder)] == ["read_numbers", "add_numbers"]
