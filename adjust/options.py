@@ -38,6 +38,8 @@ class AdjustmentOptions:
     variance_components : whether the weights of the groups are estimated from the residuals.
     control_folds : into how many folds the control points are dealt to be predicted without their own one;
         None for no such check.
+    joint_points : indices of object points, ascending, whose joint cofactors are wanted; those that take no
+        part are left out. Some hundred at most.
     correlation_times : whether the correlation times of groups with errors correlated over time are.
     free_network : unknowns whose approximate values carry what the observations leave open of the datum
         (inner constraints); None: an open datum is an error.
@@ -53,6 +55,7 @@ class AdjustmentOptions:
     confidence: float = 0.95
     variance_components: bool = False
     control_folds: int | None = None
+    joint_points: tuple[int, ...] = ()
     correlation_times: bool = False
     free_network: InnerConstraints | None = None
     threads: int = field(default_factory=available_threads)

@@ -51,6 +51,23 @@ class ParameterFigure(BaseModel):
     status: str | None = None
 
 
+class CheckPointTest(BaseModel):
+    """RMS and mean at check points beside the limits that their σ let expect; null without a point.
+
+    ``over_limit`` is the largest of them over its limit.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    rmse_m: tuple[float | None, ...]
+    predicted_low_m: tuple[float | None, ...]
+    predicted_high_m: tuple[float | None, ...]
+    mean_m: tuple[float | None, ...]
+    mean_limit_m: tuple[float | None, ...]
+    confidence: float
+    over_limit: float
+
+
 class DirectGeoreferencing(BaseModel):
     """Figures of the direct-georeferencing check.
 
@@ -84,6 +101,7 @@ class Summary(BaseModel):
     rmse_control_m: tuple[float | None, ...] | None = None
     rmse_check_m: tuple[float | None, ...] | None = None
     max_check_m: tuple[float | None, ...] | None = None
+    check_point_test: CheckPointTest | None = None
     parameters: tuple[ParameterFigure, ...] | None = None
     direct_georeferencing: DirectGeoreferencing | None = None
     gates: tuple[GateResult, ...] = ()

@@ -51,6 +51,27 @@ class LeftOutFigure(_Figure):
     rmse_m: tuple[float | None, ...]
 
 
+class CheckPointFigure(_Figure):
+    """Differences at check points beside what their σ let expect; east, north, up, null without any."""
+
+    points: tuple[int, ...]
+    rmse_m: tuple[float | None, ...]
+    predicted_rmse_m: tuple[float | None, ...]
+    predicted_low_m: tuple[float | None, ...]
+    predicted_high_m: tuple[float | None, ...]
+    ratio: tuple[float | None, ...]
+    degrees_of_freedom: tuple[float | None, ...]
+    mean_m: tuple[float | None, ...]
+    mean_limit_m: tuple[float | None, ...]
+    confidence: float
+    over_limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether no figure is above its limit."""
+        return self.over_limit <= 1.0
+
+
 class FreeNetworkFigure(_Figure):
     """The open directions of the datum of a free network, and whose approximate values fix them."""
 
@@ -272,6 +293,7 @@ class AdjustmentFigures(_Figure):
     global_test: GlobalTestFigure | None = None
     datum: tuple[DatumFigure, ...] = ()
     k_fold: LeftOutFigure | None = None
+    check_point_test: CheckPointFigure | None = None
     free_network: FreeNetworkFigure | None = None
     image_rms_px: tuple[float | None, ...] | None = None
     critical_value: float | None = None
@@ -305,6 +327,7 @@ _GATE_WORDS = {
     "sigma0": "σ0",
     "rmse_control_m": "RMS at control points",
     "rmse_check_m": "RMS at check points",
+    "check_over_limit": "check points over their limits",
     "max_check_m": "largest difference at check points",
     "direct_georeferencing_rmse_m": "RMS at check points georeferenced directly",
     "direct_georeferencing_max_m": "largest difference at check points georeferenced directly",

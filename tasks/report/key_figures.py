@@ -42,6 +42,9 @@ def verdict(material: Material) -> Verdict:
         kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
     else:
         kept = "no limits are set in the project"
+    checked = material.figures.check_point_test
+    if checked is not None and not checked.passed:
+        good, test = False, f"the check points are beyond their limits, and {test}"
     link = "and" if good else "but"
     return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
 

@@ -52,6 +52,12 @@ class Gates(Settings):
     rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
 
+    check_over_limit: Gate | None = Field(
+        default=None,
+        description="RMS and mean at check points over the limits that their σ let expect "
+        "(`adjustment.confidence`), the largest of all: `{ max = 1.0 }` lets none of them miss its limit.",
+    )
+
     direct_georeferencing_rmse_m: AxisGate | None = Field(
         default=None,
         description="RMS of the differences at independent check points, georeferenced directly.",
