@@ -52,20 +52,29 @@ class ParameterFigure(BaseModel):
 
 
 class CheckPointTest(BaseModel):
-    """RMS and mean at check points beside the limits that their σ let expect; null without a point.
+    """RMS and mean at check points beside what their σ let expect; east, north, up, null without a point.
 
-    ``over_limit`` is the largest of them over its limit.
+    ``ratio`` is the found over the predicted RMS, ``over_limit`` the largest figure over its upper limit.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
+    points: tuple[int, ...]
     rmse_m: tuple[float | None, ...]
+    predicted_rmse_m: tuple[float | None, ...]
     predicted_low_m: tuple[float | None, ...]
     predicted_high_m: tuple[float | None, ...]
+    ratio: tuple[float | None, ...]
+    degrees_of_freedom: tuple[float | None, ...]
     mean_m: tuple[float | None, ...]
     mean_limit_m: tuple[float | None, ...]
     confidence: float
     over_limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether no figure is above its limit."""
+        return self.over_limit <= 1.0
 
 
 class DirectGeoreferencing(BaseModel):

@@ -114,7 +114,7 @@ def _checked(summary: Summary) -> list[tuple[str, str]]:
         for low, high in zip(found.predicted_low_m, found.predicted_high_m, strict=True)
     )
     means = ", ".join("–" if limit is None else f"±{_number(limit, 3)}" for limit in found.mean_limit_m)
-    verdict = "within their limits" if found.over_limit <= 1.0 else "beyond their limits"
+    verdict = "within their limits" if found.passed else "beyond their limits"
     return [
         (f"  expected ({100 * found.confidence:g} %)", f"{limits} m"),
         ("mean check X, Y, Z", _components(found.mean_m)),

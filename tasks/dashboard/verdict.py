@@ -105,7 +105,7 @@ def _verdict(run: EndedRun) -> tuple[Light, str]:
         of = f"{len(missed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit is"
         return "bad", f"{of} not kept: {named}."
     kept = f"all {len(gates)} limits are kept" if gates else "no limits are set in the project"
-    checked = run.figures.check_point_test
+    checked = run.summary.check_point_test
     if checked is not None and not checked.passed:
         return "attention", f"{kept}, but the check points are beyond their limits."
     test, sigma0 = run.figures.global_test, run.summary.sigma0

@@ -51,27 +51,6 @@ class LeftOutFigure(_Figure):
     rmse_m: tuple[float | None, ...]
 
 
-class CheckPointFigure(_Figure):
-    """Differences at check points beside what their σ let expect; east, north, up, null without any."""
-
-    points: tuple[int, ...]
-    rmse_m: tuple[float | None, ...]
-    predicted_rmse_m: tuple[float | None, ...]
-    predicted_low_m: tuple[float | None, ...]
-    predicted_high_m: tuple[float | None, ...]
-    ratio: tuple[float | None, ...]
-    degrees_of_freedom: tuple[float | None, ...]
-    mean_m: tuple[float | None, ...]
-    mean_limit_m: tuple[float | None, ...]
-    confidence: float
-    over_limit: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether no figure is above its limit."""
-        return self.over_limit <= 1.0
-
-
 class FreeNetworkFigure(_Figure):
     """The open directions of the datum of a free network, and whose approximate values fix them."""
 
@@ -293,7 +272,6 @@ class AdjustmentFigures(_Figure):
     global_test: GlobalTestFigure | None = None
     datum: tuple[DatumFigure, ...] = ()
     k_fold: LeftOutFigure | None = None
-    check_point_test: CheckPointFigure | None = None
     free_network: FreeNetworkFigure | None = None
     image_rms_px: tuple[float | None, ...] | None = None
     critical_value: float | None = None

@@ -33,6 +33,9 @@ def verdict(material: Material) -> Verdict:
     what = "The free network" if free is not None and free.defect else "The block"
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
+    checked = material.summary.check_point_test
+    if checked is not None and not checked.passed:
+        test, good = f"the check points are beyond their limits, and {test}", False
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
@@ -42,9 +45,6 @@ def verdict(material: Material) -> Verdict:
         kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
     else:
         kept = "no limits are set in the project"
-    checked = material.figures.check_point_test
-    if checked is not None and not checked.passed:
-        good, test = False, f"the check points are beyond their limits, and {test}"
     link = "and" if good else "but"
     return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from tasks.report.figures import CheckPointFigure
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, components, numbers, text_column
+from tasks.summary import CheckPointTest
 
 AXES = ("dx", "dy", "dz")
 #: What the columns of control points begin with that come from adjustments without the point.
@@ -108,7 +108,7 @@ def statistics(material: Material) -> Table:
 
 def check_test_table(material: Material) -> Table:
     """Check points beside what their σ let expect, a row for each coordinate."""
-    found = material.figures.check_point_test
+    found = material.summary.check_point_test
     columns = (
         text_column("way", ""),
         Column("points", "points"),
@@ -127,7 +127,7 @@ def check_test_table(material: Material) -> Table:
     return Table("check-point-test", "Check points against their predicted σ", columns, rows, note)
 
 
-def _test_row(found: CheckPointFigure, k: int) -> Row:
+def _test_row(found: CheckPointTest, k: int) -> Row:
     """One coordinate of the test."""
     rms, low, high = (float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m))
     beyond = rms > high or abs(found.mean_m[k] or 0.0) > (found.mean_limit_m[k] or 0.0)
