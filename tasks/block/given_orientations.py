@@ -78,7 +78,7 @@ class GivenOrientations:
     time_s : (n,) NaN where not known.
     x_in_map : (n, 3) position as delivered, in the project's CRS.
     observed : (n, 3) the same in the local frame.
-    position_sigma : (n, 3) along grid east, grid north, up, metres.
+    position_sigma : (n, 3) along grid east, grid north, up, metres; NaN where no position was delivered.
     local_from_grid : (n, 3, 3) at each position.
     local_from_enu : (n, 3, 3) likewise, true north.
     angles : (n, 3) radians: ω, φ, κ of the camera against the grid, or heading, pitch, roll of the body.
@@ -191,6 +191,11 @@ class GivenOrientations:
     def has_attitude(self) -> Bools:
         """(n,) whether all three angles are known."""
         return np.asarray(np.isfinite(self.angles).all(axis=1))
+
+    @property
+    def position_observed(self) -> Bools:
+        """(n,) whether the position was delivered; else it is approximate."""
+        return np.asarray(np.isfinite(self.position_sigma).all(axis=1))
 
     @property
     def body_from_camera(self) -> Floats:

@@ -6,7 +6,8 @@
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
-The three angles of an exposure may be left empty together: it has no attitude then.
+The three angles of an exposure may be left empty together: it has no attitude then. So may its x, y, z: it has
+no position then.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
@@ -67,7 +68,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns; some of the three angles given.
+        With file and line: see `tasks.formats.text_table`; missing columns; some of the three angles or coordinates given.
     """
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)
@@ -81,7 +82,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
         strip=table.text("strip", may_be_empty=True),
         flight=_optional_text(table, "flight"),
         time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
-        position=table.numbers(_XYZ),
+        position=table.all_or_none(_XYZ),
         angles=table.all_or_none(angles),
         sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
         sigma_angles=table.numbers(sigmas, may_be_empty=True),

@@ -53,7 +53,8 @@ class ExposureRecords:
     file : the file they came from.
     image, camera, strip, flight : names, text (n,); null where the row gives none.
     time_s : (n,) seconds on any scale that is continuous within a flight.
-    position : (n, 3) x (east), y (north), z in the CRS and heights the project file declares.
+    position : (n, 3) x (east), y (north), z in the CRS and heights the project file declares; NaN where an
+        exposure has none.
     angles : (n, 3) in the declared unit: ω, φ, κ (also for phi-omega-kappa), or heading, pitch, roll.
     sigma_position, sigma_angles : (n, 3) in the units of their quantities and in the same order.
     line : (n,) 1-based line of each row.

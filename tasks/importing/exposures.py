@@ -24,6 +24,7 @@ from tasks.importing.exposure_angles import (
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
+from tasks.importing.missing_positions import completed_positions
 from tasks.importing.source_rows import Places, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
@@ -97,23 +98,28 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
     refuse_sigmas(places, np.hstack([records.sigma_position, records.sigma_angles]), records.image)
-    refuse_outside_area(frame, records.position, places, records.image, "exposure")
-    position = transfer.positions(records.position)
-    refuse_without_image((frame, project), records.position, position, places, records.image)
-    angles = convert_angles(
-        records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
-    )
+    completed, without_position = completed_positions(records)
+    unknown = np.isnan(completed).any(axis=1)
+    # What has no place gets any: it takes no part.
+    somewhere = np.where(unknown[:, None], completed[~unknown][:1], completed)
+    refuse_outside_area(frame, somewhere, places, records.image, "exposure")
+    position = transfer.positions(somewhere)
+    refuse_without_image((frame, project), somewhere, position, places, records.image)
+    angles = convert_angles(records, source.angles, source.sigma.attitude_deg, transfer, somewhere, position)
     sigma = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
+    sigma = turned_sigmas(transfer, sigma, somewhere, position)
+    sigma[np.isnan(records.position).any(axis=1)] = np.nan
     problems = (
         unit_suspicion(records, source.angles),
+        without_position,
         _without_attitude(records),
         _accuracy_note(transfer, records),
     )
     return _Converted(
         records,
         camera,
-        position,
-        turned_sigmas(transfer, sigma, records.position, position),
+        np.where(unknown[:, None], np.nan, position),
+        sigma,
         angles,
         source.position,
         tuple(problem for problem in problems if problem is not None),

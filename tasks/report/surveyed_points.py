@@ -123,13 +123,19 @@ def check_test_table(material: Material) -> Table:
         text_column("verdict", "verdict"),
     )
     rows = () if found is None else tuple(_test_row(found, k) for k in range(3) if found.points[k])
-    note = "" if found is None else f"All limits together hold with a probability of {100 * found.confidence:g} %."
+    note = (
+        ""
+        if found is None
+        else f"All limits together hold with a probability of {100 * found.confidence:g} %."
+    )
     return Table("check-point-test", "Check points against their predicted σ", columns, rows, note)
 
 
 def _test_row(found: CheckPointTest, k: int) -> Row:
     """One coordinate of the test."""
-    rms, low, high = (float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m))
+    rms, low, high = (
+        float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m)
+    )
     beyond = rms > high or abs(found.mean_m[k] or 0.0) > (found.mean_limit_m[k] or 0.0)
     metres = (found.rmse_m[k], found.predicted_rmse_m[k], low, high)
     return Row(

@@ -98,7 +98,8 @@ def test_the_survey_has_one_scale_whatever_sigma0_is(block: Path) -> None:
     for axis in AXES:
         assert checked.loc[name, f"sigma_{axis}_m"] > 0.02
         assert left_out.loc[name, f"sigma_loo_{axis}_m"] == pytest.approx(
-            checked.loc[name, f"sigma_{axis}_m"], rel=2.0 * abs(again["sigma0"] / summary["sigma0"] - 1.0) + 1e-3
+            checked.loc[name, f"sigma_{axis}_m"],
+            rel=2.0 * abs(again["sigma0"] / summary["sigma0"] - 1.0) + 1e-3,
         )
 
 

@@ -93,15 +93,16 @@ IMAGE_POINTS = TableSchema(
 
 EXPOSURES = TableSchema(
     "exposures",
-    "GNSS/INS or given orientation of an image, in the CRS of the project.",
+    "GNSS/INS or given orientation of an image, in the CRS of the project. Without sigma_x_m to sigma_z_m the "
+    "position was not delivered: it is approximate, from the neighbours in the strip, or null, and no observation.",
     (
         IMAGE,
         CAMERA,
         STRIP,
         FLIGHT,
         number("time_s", "s", "time on the scale of the delivery", nullable=True),
-        *position("position"),
-        *sigmas(XYZ, "m"),
+        *position("position", nullable=True),
+        *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
         text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
