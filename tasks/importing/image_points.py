@@ -20,10 +20,11 @@ from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.image_point_units import in_millimetres, refuse_wrong_unit
+from tasks.importing.image_point_units import in_format, in_millimetres
 from tasks.importing.source_rows import Places, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
+from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.storage.notes import Notes
 
 Codes = NDArray[np.int64]
@@ -32,13 +33,14 @@ _EXAMPLES = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Converted:
-    """One input in millimetres, with the number of the exposure of each row."""
+    """One input in millimetres, with the number of the exposure of each row, and of rows that were left out."""
 
     records: ImagePointRecords
     exposure: Codes
     xy_mm: Floats
     sigma_mm: Floats
     problems: tuple[str, ...]
+    outside: int
 
 
 def usable_image_points(
@@ -46,19 +48,21 @@ def usable_image_points(
     exposures: pd.DataFrame,
     cameras: pd.DataFrame,
     surveyed: Sequence[str] | None = None,
+    outside_share: float = OUTSIDE_FORMAT_SHARE,
 ) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
     """Columns of ``image_points.parquet``, further columns of the files, and notes.
 
-    Points seen in one image only are dropped, counted and said, except those in `surveyed`.
+    Points seen in one image only are dropped, counted and said, except those in `surveyed`; so are points
+    outside the format, up to `outside_share` of a file.
 
     Raises
     ------
     InputError
-        For an image without exposure, a point measured twice in an image, coordinates outside the image,
-        standard deviations that are not positive.
+        For an image without exposure, a point measured twice in an image, more coordinates outside the
+        image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    inputs = [_converted(source, exposures, known) for source in sources]
+    inputs = [_converted(source, exposures, known, outside_share) for source in sources]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
     image = pa.concat_arrays([r.image for r in records])
@@ -90,7 +94,10 @@ def usable_image_points(
 
 
 def _converted(
-    source: ImagePointsInput, exposures: pd.DataFrame, cameras: Mapping[str, FrameCamera]
+    source: ImagePointsInput,
+    exposures: pd.DataFrame,
+    cameras: Mapping[str, FrameCamera],
+    outside_share: float,
 ) -> _Converted:
     records = IMAGE_POINT_FORMATS[source.format](source.file)
     places = Places.of_files([source.file], [records.line])
@@ -99,13 +106,29 @@ def _converted(
     names = list(cameras)
     camera = pd.Index(names).get_indexer(pd.Index(exposures["camera"]))[exposure].astype(np.int64)
     models = [cameras[name] for name in names]
-    suspicion = refuse_wrong_unit(records, source.unit, models, camera, places)
+    found = in_format(records, source.unit, models, camera, places, outside_share)
+    if not found.inside.all():
+        records, exposure, camera = _only(records, found.inside), exposure[found.inside], camera[found.inside]
     pixel_mm = np.array([model.pixel_size * 1e3 for model in models])[camera][:, None]
     scale = pixel_mm if source.unit == "px" else np.array(1.0 if source.unit == "mm" else 1e-3)
     default = IMAGE_POINT_SIGMA_PX * pixel_mm if source.sigma is None else np.array(source.sigma) * scale
     sigma = np.where(np.isnan(records.sigma), default, records.sigma * scale)
     xy = in_millimetres(records.xy, source.unit, models, camera)
-    return _Converted(records, exposure, xy, sigma, () if suspicion is None else (suspicion,))
+    return _Converted(records, exposure, xy, sigma, found.remarks, int((~found.inside).sum()))
+
+
+def _only(records: ImagePointRecords, kept: NDArray[np.bool_]) -> ImagePointRecords:
+    """The rows (n,) that are kept."""
+    chosen = pa.array(np.flatnonzero(kept))
+    return ImagePointRecords(
+        records.file,
+        records.image.take(chosen),
+        records.point.take(chosen),
+        records.xy[kept],
+        records.sigma[kept],
+        records.line[kept],
+        {name: values.take(chosen) for name, values in records.extra.items()},
+    )
 
 
 def _exposure_of_rows(records: ImagePointRecords, exposures: pd.DataFrame, places: Places) -> Codes:
@@ -153,7 +176,8 @@ def _notes(
             "the adjustment."
         )
     counts = {
-        "image_points_read": len(exposure),
+        "image_points_read": len(exposure) + sum(entry.outside for entry in inputs),
+        "outside_format": sum(entry.outside for entry in inputs),
         "image_points": kept,
         "object_points": len(single) - dropped,
         "single_ray_points": dropped,

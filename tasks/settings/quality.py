@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field, model_validator
 
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositiveTriple
 
 
+#: Image points outside the format are left out up to this part of a file: mismatches, not another camera.
+OUTSIDE_FORMAT_SHARE = 0.001
+
+
 class ChecksSettings(Settings):
     """When something looks wrong before the adjustment."""
+
+    outside_format_share: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        default=OUTSIDE_FORMAT_SHARE,
+        description="Part of the image points of a file that may lie outside the format of their image: they "
+        "are left out, and that is said. More are an error, 0 allows none. Default 0.001: a wrong unit, "
+        "camera or pixel size puts far more outside.",
+    )
 
     min_intersection_angle_deg: Positive = Field(
         default=1.0,
