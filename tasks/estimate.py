@@ -110,7 +110,11 @@ class _Estimated:
 
 
 def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estimated:
-    options = replace(_options(settings), joint_points=tested_points(prepared.block, prepared.surveyed))
+    options = replace(
+        _options(settings),
+        joint_points=tested_points(prepared.block, prepared.surveyed),
+        divisions=prepared.divisions,
+    )
     try:
         block, result, selection = _adjusted(prepared.block, prepared.observations, settings, options)
     except NotComputableError as error:

@@ -86,6 +86,7 @@ def usable_image_points(
         "y_mm": xy[:, 1],
         "sigma_x_mm": sigma[:, 0],
         "sigma_y_mm": sigma[:, 1],
+        "input_file": _file_names(records).take(pa.array(places.file[kept])),
     }
     extra = joined([r.extra for r in records], [len(r.line) for r in records])
     notes = _notes(inputs, point.dictionary, single, len(kept), exposure, exposures)
@@ -128,6 +129,17 @@ def _only(records: ImagePointRecords, kept: NDArray[np.bool_]) -> ImagePointReco
         records.sigma[kept],
         records.line[kept],
         {name: values.take(chosen) for name, values in records.extra.items()},
+    )
+
+
+def _file_names(records: Sequence[ImagePointRecords]) -> pa.Array:
+    """Names of the files, with their folder where two are alike."""
+    names = [entry.file.name for entry in records]
+    return pa.array(
+        [
+            f"{entry.file.parent.name}/{name}" if names.count(name) > 1 else name
+            for entry, name in zip(records, names, strict=True)
+        ]
     )
 
 
