@@ -3,7 +3,7 @@
 | file | columns |
 |---|---|
 | image points | image, point, x, y [, sx, sy] |
-| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
+| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
 The three angles of an exposure may be left empty together: it has no attitude then. So may its x, y, z: it has
@@ -31,6 +31,7 @@ from tasks.plain_text import trouble_in
 
 _XYZ = ("x", "y", "z")
 _SIGMA_XYZ = ("sx", "sy", "sz")
+_RATES = ("rate_roll", "rate_pitch", "rate_yaw")
 _MOST_COLUMNS = 1_000
 _NOT_BLANK = re.compile(rb"\S")
 # How others head a standard deviation: before or behind the quantity.
@@ -73,8 +74,8 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)
     required = ("image", "camera", "strip", *_XYZ, *angles)
-    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas)
-    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas))
+    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas, *_RATES)
+    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas, *_RATES))
     return ExposureRecords(
         file=path,
         image=table.text("image"),
@@ -87,6 +88,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
         sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
         sigma_angles=table.numbers(sigmas, may_be_empty=True),
         line=table.line,
+        rates=table.all_or_none(_RATES),
         extra=extra,
     )
 

@@ -19,6 +19,7 @@ from tasks.formats.register import EXPOSURE_FORMATS
 from tasks.importing.declared_flights import with_declared_flights
 from tasks.importing.exposure_angles import (
     ConvertedAngles,
+    body_rates,
     convert_angles,
     refuse_impossible_angles,
     unit_suspicion,
@@ -43,6 +44,7 @@ class _Converted:
     position: Floats
     sigma_position: Floats
     angles: ConvertedAngles
+    rates: Floats
     kind: str
     problems: tuple[str, ...]
 
@@ -80,6 +82,7 @@ def exposure_columns(
         ("sigma_omega_deg sigma_phi_deg sigma_kappa_deg", [a.sigma_omega_phi_kappa for a in angles]),
         ("heading_deg pitch_deg roll_deg", [a.heading_pitch_roll for a in angles]),
         ("sigma_heading_deg sigma_pitch_deg sigma_roll_deg", [a.sigma_heading_pitch_roll for a in angles]),
+        ("rate_roll_deg_s rate_pitch_deg_s rate_yaw_deg_s", [entry.rates for entry in inputs]),
     ):
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
     problems = (*(problem for entry in inputs for problem in entry.problems), *about_extra(records))
@@ -121,6 +124,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         np.where(unknown[:, None], np.nan, position),
         sigma,
         angles,
+        body_rates(records, source.angles),
         source.position,
         tuple(problem for problem in problems if problem is not None),
     )

@@ -106,6 +106,12 @@ EXPOSURES = TableSchema(
         *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
+        *(
+            number(
+                f"rate_{name}_deg_s", "deg/s", f"how fast the body turned about its axis {way}", nullable=True
+            )
+            for name, way in (("roll", "forward"), ("pitch", "right"), ("yaw", "down"))
+        ),
         text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
     ),
     ("image",),
