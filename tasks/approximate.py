@@ -203,8 +203,8 @@ def _require_positions(measured: pd.DataFrame) -> None:
     names = list(missing["image"])
     listed = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
     raise InputError(
-        f"Positions are missing: {len(names):,} measured images have none, and fewer than two others of their "
-        f"strip have one ({listed}).",
+        f"Positions are missing: {len(names):,} measured images have none, and fewer than two others of "
+        f"their strip have one ({listed}).",
         "Deliver approximate positions with a large σ, name the strips, or take these images out.",
         entity=f"image {names[0]}",
     )

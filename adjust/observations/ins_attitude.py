@@ -37,8 +37,8 @@ class InsAttitudes:
         log( R_INSᵀ · R_b · exp(ω Δt_f) ) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
 
     a rotation vector in body axes: roll, pitch, yaw errors. R_INS is local from body as observed,
-    R_c local from camera, T the nominal mounting, b the boresight misalignment, ω the rates of the body and Δt
-    the time offset of flight f, by which the trajectory was read too late; without rates it turns nothing.
+    R_c local from camera, T the nominal mounting, b the boresight misalignment, ω the rates of the body and
+    Δt the time offset of flight f, by which the trajectory was read too late; it turns nothing without rates.
 
     Attributes
     ----------

@@ -69,7 +69,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns; some of the three angles or coordinates given.
+        With file and line: see `tasks.formats.text_table`; missing columns; some of angles or coordinates.
     """
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)

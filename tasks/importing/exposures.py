@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
@@ -102,7 +102,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     refuse_impossible_angles(records, source.angles, places)
     refuse_sigmas(places, np.hstack([records.sigma_position, records.sigma_angles]), records.image)
     completed, without_position = completed_positions(records)
-    unknown = np.isnan(completed).any(axis=1)
+    unknown: Bools = np.asarray(np.isnan(completed).any(axis=1))
     # What has no place gets any: it takes no part.
     somewhere = np.where(unknown[:, None], completed[~unknown][:1], completed)
     refuse_outside_area(frame, somewhere, places, records.image, "exposure")

@@ -137,7 +137,7 @@ def _hint(
     camera: NDArray[np.int64],
     outside_share: float,
 ) -> str:
-    """Another unit in which the points fit better: fewer outside, half of them inside, spread over the image."""
+    """Another unit in which the points fit better: fewer outside, most inside, spread over the image."""
     best, least = "", max(outside_share, 1e-12)
     for unit in _UNITS:
         part, inside = _over_format(xy, unit, cameras, camera)

@@ -33,7 +33,7 @@ _EXAMPLES = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Converted:
-    """One input in millimetres, with the number of the exposure of each row, and of rows that were left out."""
+    """One input in millimetres, with the exposure of each row, and the number of rows that were left out."""
 
     records: ImagePointRecords
     exposure: Codes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats, Ints
 from tasks.errors import InputError
 from tasks.formats.records import ExposureRecords
 
@@ -23,7 +23,7 @@ def completed_positions(records: ExposureRecords) -> tuple[Floats, str | None]:
     InputError
         If no row has a position.
     """
-    missing = np.isnan(records.position).any(axis=1)
+    missing: Bools = np.asarray(np.isnan(records.position).any(axis=1))
     if not missing.any():
         return records.position, None
     if missing.all():
@@ -34,22 +34,22 @@ def completed_positions(records: ExposureRecords) -> tuple[Floats, str | None]:
         )
     position = records.position.copy()
     keys = pd.DataFrame({"flight": records.flight.to_pylist(), "strip": records.strip.to_pylist()})
-    for rows in keys.groupby(["flight", "strip"], dropna=False).indices.values():
+    strip = keys.groupby(["flight", "strip"], dropna=False).ngroup().to_numpy()
+    for number in np.unique(strip[missing & keys["strip"].notna().to_numpy()]):
+        rows = np.flatnonzero(strip == number)
         known, unknown = rows[~missing[rows]], rows[missing[rows]]
-        if records.strip[int(rows[0])].is_valid and len(known) > 1 and len(unknown):
+        if len(known) > 1:
             position[unknown] = _on_the_line(records, rows, known, unknown)
     names = [str(records.image[int(row)]) for row in np.flatnonzero(missing)]
     listed = ", ".join(names[:_EXAMPLES]) + (", …" if len(names) > _EXAMPLES else "")
     return position, (
-        f"{records.file.name}: {len(names):,} exposures have no position ({listed}): there is no GNSS observation "
-        "of them, and approximate ones are taken from their strips."
+        f"{records.file.name}: {len(names):,} exposures have no position ({listed}): there is no GNSS "
+        "observation of them, and approximate ones are taken from their strips."
     )
 
 
-def _on_the_line(
-    records: ExposureRecords, rows: np.ndarray, known: np.ndarray, unknown: np.ndarray
-) -> Floats:
-    """Positions (k, 3) on the line through the two nearest known exposures of the strip, beyond its ends, too."""
+def _on_the_line(records: ExposureRecords, rows: Ints, known: Ints, unknown: Ints) -> Floats:
+    """Positions (k, 3) on the line through the two nearest known exposures, beyond the ends, too."""
     along = np.full(len(records.image), np.nan)
     if np.isfinite(records.time_s[rows]).all():
         along[rows] = records.time_s[rows]

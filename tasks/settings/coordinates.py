@@ -80,9 +80,9 @@ class Angles(Settings):
     )
     rate_axes: Literal["forward-right-down", "forward-left-up"] | None = Field(
         default=None,
-        description="Axes of the body about which the columns rate_roll, rate_pitch, rate_yaw say how fast it "
-        "turned, in `unit` per second, as a trajectory processor writes them (SBET: `forward-right-down`). "
-        "With rates a time offset turns attitudes, too.",
+        description="Axes of the body about which the columns rate_roll, rate_pitch, rate_yaw say how fast "
+        "it turned, in `unit` per second, as a trajectory processor writes them (SBET: "
+        "`forward-right-down`). With rates a time offset turns attitudes, too.",
     )
 
 

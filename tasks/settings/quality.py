@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositiveTriple
 
-
 #: Image points outside the format are left out up to this part of a file: mismatches, not another camera.
 OUTSIDE_FORMAT_SHARE = 0.001
 

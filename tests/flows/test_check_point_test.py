@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from flows.aerial_triangulation import aerial_triangulation
 from flows.command.result_table import result_table
 from flows.project_run import RunOutcome, RunRequest, carry_out
-from rich.console import Console
 
 AXES = ("dx", "dy", "dz")
 GATE = "gates.check_over_limit={max=1.0}"

@@ -1,4 +1,4 @@
-"""Exposures that were delivered without a position: no observation, and found by the adjustment all the same."""
+"""Exposures that were delivered without a position: no observation, and oriented by image points."""
 
 from __future__ import annotations
 

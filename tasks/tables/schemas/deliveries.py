@@ -94,8 +94,9 @@ IMAGE_POINTS = TableSchema(
 
 EXPOSURES = TableSchema(
     "exposures",
-    "GNSS/INS or given orientation of an image, in the CRS of the project. Without sigma_x_m to sigma_z_m the "
-    "position was not delivered: it is approximate, from the neighbours in the strip, or null, and no observation.",
+    "GNSS/INS or given orientation of an image, in the CRS of the project. Without sigma_x_m to sigma_z_m "
+    "the position was not delivered: it is approximate, from the neighbours in the strip, or null, and no "
+    "observation.",
     (
         IMAGE,
         CAMERA,
