@@ -125,6 +125,8 @@ def key_figures(reported: Reported) -> Iterator[Item]:
 def check_points_tested(reported: Reported) -> Iterator[Item]:
     """Found figures from check_points.parquet; limits from summary.json."""
     test, table = reported.summary["check_point_test"], reported.table("check_points")
+    if test is None:
+        return
     for k, (way, axis) in enumerate((("east", "dx"), ("north", "dy"), ("up", "dz"))):
         d = table[f"{axis}_m"].to_numpy(np.float64)
         rms, predicted = np.sqrt(np.mean(d**2)), np.sqrt(np.mean(table[f"sigma_{axis}_m"] ** 2))
