@@ -87,7 +87,7 @@ IMAGE_POINTS = TableSchema(
         number("y_mm", "mm", "y in the image system: from the format centre against rows"),
         number("sigma_x_mm", "mm", "standard deviation of x_mm"),
         number("sigma_y_mm", "mm", "standard deviation of y_mm"),
-        text("input_file", "name of the file it was delivered in"),
+        text("input_file", "name of the file it was delivered in", nullable=True),
     ),
     ("image", "point"),
 )
