@@ -15,6 +15,7 @@ from adjust.options import AdjustmentOptions
 from adjust.quality.control_checks import ControlCheck, k_fold, leave_one_out
 from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.global_test import global_test
+from adjust.quality.joint_cofactor import JointCofactor, joint_cofactors
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
 from adjust.quality.rejection import SnoopingRule
 from adjust.quality.s_transformation import with_inner_constraints
@@ -136,9 +137,19 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         search.taken_back,
         singly,
         by_fold,
+        _joint_cofactor(adjusted, options.joint_points),
         times,
         _free_network(adjusted),
     )
+
+
+def _joint_cofactor(adjusted: Adjusted, wanted: tuple[int, ...]) -> JointCofactor | None:
+    """Joint cofactors of the wanted points that take part; None in a free network with open directions."""
+    points = np.array(wanted, dtype=np.int64)
+    points = points[adjusted.system.active_point[points]]
+    if len(points) == 0 or adjusted.solution.movements is not None:
+        return None
+    return JointCofactor(points, joint_cofactors(adjusted.system, adjusted.solution, points))
 
 
 def _free_network(adjusted: Adjusted) -> FreeNetwork | None:

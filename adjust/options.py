@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from adjust.parameters import InnerConstraints
+from adjust.quality.observation_parts import Division
 
 #: The variable that says how many threads an adjustment may use at once; not set: one for each processor.
 THREADS_VARIABLE = "AEROCAL_THREADS"
@@ -36,8 +37,11 @@ class AdjustmentOptions:
     most_passes : passes of rejection after which it is given up.
     confidence : of the global test.
     variance_components : whether the weights of the groups are estimated from the residuals.
+    divisions : groups whose observations have weights by where they come from, one division a group.
     control_folds : into how many folds the control points are dealt to be predicted without their own one;
         None for no such check.
+    joint_points : indices of object points, ascending, whose joint cofactors are wanted; those that take no
+        part are left out. Some hundred at most.
     correlation_times : whether the correlation times of groups with errors correlated over time are.
     free_network : unknowns whose approximate values carry what the observations leave open of the datum
         (inner constraints); None: an open datum is an error.
@@ -52,7 +56,9 @@ class AdjustmentOptions:
     most_passes: int = 50
     confidence: float = 0.95
     variance_components: bool = False
+    divisions: tuple[Division, ...] = ()
     control_folds: int | None = None
+    joint_points: tuple[int, ...] = ()
     correlation_times: bool = False
     free_network: InnerConstraints | None = None
     threads: int = field(default_factory=available_threads)

@@ -14,6 +14,7 @@ from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
 from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.global_test import GlobalTest
+from adjust.quality.joint_cofactor import JointCofactor
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
@@ -140,6 +141,8 @@ class AdjustmentResult:
     taken_back : number of observations that had been rejected and fit in the end.
     left_out_singly : control points from the adjustment without each; None where there are no control points.
     left_out_by_fold : control points from the adjustment without their fold; None where not asked for.
+    joint_cofactor : of the object points for which it was asked; None without any, and where approximate
+        values carry part of the datum: coordinates then mean nothing.
     correlation_times : of the groups with errors correlated over time; empty where none were to be estimated.
     free_network : where the approximate values were allowed to carry the datum; the cofactors are
         those of its inner constraints.
@@ -160,5 +163,6 @@ class AdjustmentResult:
     taken_back: int = 0
     left_out_singly: ControlCheck | None = None
     left_out_by_fold: ControlCheck | None = None
+    joint_cofactor: JointCofactor | None = None
     correlation_times: tuple[CorrelationTime, ...] = ()
     free_network: FreeNetwork | None = None

@@ -15,14 +15,12 @@ from adjust.arrays import Bools, Floats
 from adjust.data_snooping import Search, snoop
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjuster
+from adjust.quality.observation_parts import Part, correlations_of, parts_of
 from adjust.quality.rejection import SnoopingRule
 from adjust.quality.variance_components import (
     CONVERGED,
     LEAST_REDUNDANCY,
-    Part,
-    correlations_of,
     helmert_step,
-    parts_of,
     redundancy_of,
     reweighted,
     robust_factors,
@@ -104,7 +102,7 @@ def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | No
     InconsistentBlockError : if the weights do not settle.
     """
     options = adjuster.options
-    parts = parts_of(search.given)
+    parts = parts_of(search.given, options.divisions)
     frozen = np.full(len(parts), not options.variance_components)
     if options.correlation_times:
         parts += correlations_of(search.given)

@@ -56,6 +56,7 @@ def prepare_block(
         exposures=read["exposures"],
         cameras=read["cameras"],
         control_points=control["control_points"],
+        outside_format_share=project.checks.outside_format_share,
     )
     approximate = approximate_block(
         store,

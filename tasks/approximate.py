@@ -27,7 +27,7 @@ from tasks.plausibility.control import ControlDifferences, check_control, contro
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.flight_direction import check_flight_direction
 from tasks.plausibility.misalignment import misalignment
-from tasks.plausibility.orientations import check_orientations, ray_residuals
+from tasks.plausibility.orientations import check_orientations, residuals_px
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -174,7 +174,7 @@ def oriented_images(
     Raises
     ------
     InputError
-        If no measured image can be oriented.
+        If no measured image can be oriented, or one has no position.
     """
     own = exposures[exposures["image"].isin(measured["image"].unique())]
     mountings = Mountings.from_table(cameras[cameras["camera"].isin(own["camera"].unique())])
@@ -182,6 +182,7 @@ def oriented_images(
         raise InputError(
             "No image point lies in an image of the exposures.", "Check that both name the images alike."
         )
+    _require_positions(own)
     frame = local_frame(map_frame, own[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     given = GivenOrientations.from_tables(own, mountings, map_frame, frame)
     given = with_track_attitudes(given, frame, measured)
@@ -192,6 +193,21 @@ def oriented_images(
             "Give ω, φ, κ or heading, pitch, roll, or name the strips: a strip shows the heading.",
         )
     return given.only(given.has_attitude), frame, unoriented
+
+
+def _require_positions(measured: pd.DataFrame) -> None:
+    """Refuse measured images (rows of exposures) that have no position, not even an approximate one."""
+    missing = measured[measured[["x_m", "y_m", "z_m"]].isna().any(axis=1)]
+    if len(missing) == 0:
+        return
+    names = list(missing["image"])
+    listed = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
+    raise InputError(
+        f"Positions are missing: {len(names):,} measured images have none, and fewer than two others of "
+        f"their strip have one ({listed}).",
+        "Deliver approximate positions with a large σ, name the strips, or take these images out.",
+        entity=f"image {names[0]}",
+    )
 
 
 def _intersected(
@@ -208,24 +224,30 @@ def _intersected(
     rays, _ = image_point_observations(measured, given.image, points, given.camera)
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
     state = block.approximate_state()
-    intersection = intersect(rays, state, len(points))
+    placed = rays.only(np.flatnonzero(given.position_observed[rays.image]))
+    intersection = intersect(placed, state, len(points))
     height = _height(state, intersection)
     limits = tie_limits(given, checks, height)
-    turned = misalignment(given, rays, state, len(points), limits) if misaligned else None
+    turned = misalignment(given, placed, state, len(points), limits) if misaligned else None
     if turned is not None:
         given = turned.given
         state = block_of(
             frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
         ).approximate_state()
-        intersection = intersect(rays, state, len(points))
+        intersection = intersect(placed, state, len(points))
         height = _height(state, intersection)
         limits = tie_limits(given, checks, height)
-    suspicions = check_orientations(given, rays, state, len(points), limits)
+    suspicions = check_orientations(given, placed, state, len(points), limits)
+    intersection = _with_approximate_positions(intersection, rays, state)
 
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    residual_px = ray_residuals(rays, state, len(points), pixel_size).residual_px
+    residual_px = residuals_px(rays, state, intersection, pixel_size)
     largest = np.zeros(len(points))
-    np.maximum.at(largest, rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])))
+    # Approximate positions miss by far, and that says nothing against a point.
+    length = np.where(
+        given.position_observed[rays.image], np.hypot(residual_px[:, 0], residual_px[:, 1]), 0.0
+    )
+    np.maximum.at(largest, rays.point, np.nan_to_num(length))
     status = np.array([_STATUS[IntersectionStatus(code)] for code in intersection.status], dtype=object)
     usable = intersection.usable
     status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = _WEAK_ANGLE
@@ -247,6 +269,17 @@ def _intersected(
         height,
         tuple(suspicions),
         () if turned is None else (turned.sentence,),
+    )
+
+
+def _with_approximate_positions(found: Intersection, rays: ImagePoints, state: State) -> Intersection:
+    """Intersections of the delivered positions; of all rays where those are too few."""
+    too_few = found.status == IntersectionStatus.FEWER_THAN_TWO_RAYS
+    both = intersect(rays, state, len(too_few))
+    return Intersection(
+        np.where(too_few[:, None], both.object_point, found.object_point),
+        np.where(too_few, both.angle, found.angle),
+        np.where(too_few, both.status, found.status),
     )
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
+from adjust.quality.observation_parts import Division
 from adjust.solve.normal_equations import Observations
 from tasks.approximate import USED, oriented_images
 from tasks.block.block_input import (
@@ -29,6 +30,7 @@ from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
 from tasks.block.strip_motion import require_motion
+from tasks.block.variance_divisions import divisions_of
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings
@@ -56,6 +58,7 @@ class AssembledBlock:
     never_used : rows of the image points that are of no object point.
     cameras : cameras.parquet.
     fields : given residual grids.
+    divisions : parts of the groups with standard deviations of their own.
     """
 
     frames: tuple[MapFrame, AdjustmentFrame]
@@ -67,6 +70,7 @@ class AssembledBlock:
     cameras: pd.DataFrame
     calibration: BlockSelfCalibration | None
     fields: Fields
+    divisions: tuple[Division, ...]
 
     @property
     def lever_arms(self) -> tuple[tuple[str, ...], Floats]:
@@ -103,6 +107,7 @@ def assembled_block(
         delivered.cameras,
         calibration,
         fields,
+        divisions_of(observations, given, measured["input_file"].to_numpy(dtype=object)[rows], settings),
     )
 
 

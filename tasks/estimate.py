@@ -20,6 +20,7 @@ from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
 from tasks.assembled_block import AssembledBlock, DeliveredTables, assembled_block
 from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
+from tasks.block.check_point_test import check_point_sentences, check_point_test, tested_points
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
 from tasks.block.model_test_tables import ExaminedModel, write_model_alternatives
@@ -109,9 +110,13 @@ class _Estimated:
 
 
 def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estimated:
-    options = _options(settings)
+    options = replace(
+        _options(settings),
+        joint_points=tested_points(prepared.block, prepared.surveyed),
+        divisions=prepared.divisions,
+    )
     try:
-        block, result, selection = _adjusted(prepared.block, prepared.observations, settings)
+        block, result, selection = _adjusted(prepared.block, prepared.observations, settings, options)
     except NotComputableError as error:
         slips = suspicions_without_rejection(
             *prepared.lever_arms, prepared.block, prepared.observations, options
@@ -160,8 +165,10 @@ def _written(
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
     write_residual_autocorrelation(folder, cameras, grids)
     slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
+    checked = check_point_test(adjusted, settings.confidence)
     said = (
         *slips,
+        *check_point_sentences(checked),
         *(item.sentence for item in findings),
         *adjustment_problems(adjusted, settings),
         *about_shared_readings(prepared.given),
@@ -169,6 +176,8 @@ def _written(
         *residual_grid_sentences(cameras, grids, settings.confidence),
     )
     figures = adjustment_figures(adjusted, settings, parameters) | {
+        "check_point_test": checked,
+        "check_over_limit": None if checked is None else checked["over_limit"],
         "self_calibration": own_figures,
         "model_findings": [item.to_json() for item in findings],
         **examined.figures(),
@@ -204,10 +213,9 @@ def _options(settings: AdjustmentSettings) -> AdjustmentOptions:
 
 
 def _adjusted(
-    block: Block, observations: Observations, settings: AdjustmentSettings
+    block: Block, observations: Observations, settings: AdjustmentSettings, options: AdjustmentOptions
 ) -> tuple[Block, AdjustmentResult, SelectedAdjustment | None]:
     """Run the adjustment and report its progress; with additional parameters, choose those that are kept."""
-    options = _options(settings)
     _log.info(
         "bundle_adjustment: %d images, %d object points, %d observations, %d unknowns",
         len(block.images),

@@ -19,6 +19,7 @@ from tasks.importing.image_points import usable_image_points
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
 from tasks.settings.project import ProjectSettings
+from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.storage.artifact import Artifact
 from tasks.storage.notes import Notes, write_notes
 from tasks.storage.store import stored
@@ -75,6 +76,7 @@ def import_image_points(
     exposures: Artifact,
     cameras: Artifact,
     control_points: Artifact | None = None,
+    outside_format_share: float = OUTSIDE_FORMAT_SHARE,
 ) -> None:
     """Write ``image_points.parquet`` and notes.
 
@@ -93,7 +95,9 @@ def import_image_points(
             "calibrate`.",
         )
     surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
-    columns, extra, notes = usable_image_points(sources, read_table(exposures), read_table(cameras), surveyed)
+    columns, extra, notes = usable_image_points(
+        sources, read_table(exposures), read_table(cameras), surveyed, outside_format_share
+    )
     write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
     write_notes(folder, notes)
 

@@ -140,6 +140,9 @@ def _write_exposures(
         **_xyz(np.round(positions, _COORDINATE_DIGITS)),
         **dict(zip(names, np.round(np.rad2deg(angles), _ANGLE_DIGITS).T, strict=True)),
     }
+    if any(simulation.trajectory.rate_deg_s):
+        rates = np.round(np.rad2deg(block.truth.trajectory.rate), _ANGLE_DIGITS)
+        columns |= dict(zip(("rate_roll", "rate_pitch", "rate_yaw"), rates.T, strict=True))
     _write_csv(path, columns)
 
 

@@ -51,6 +51,32 @@ class ParameterFigure(BaseModel):
     status: str | None = None
 
 
+class CheckPointTest(BaseModel):
+    """RMS and mean at check points beside what their σ let expect; east, north, up, null without a point.
+
+    ``ratio`` is the found over the predicted RMS, ``over_limit`` the largest figure over its upper limit.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    points: tuple[int, ...]
+    rmse_m: tuple[float | None, ...]
+    predicted_rmse_m: tuple[float | None, ...]
+    predicted_low_m: tuple[float | None, ...]
+    predicted_high_m: tuple[float | None, ...]
+    ratio: tuple[float | None, ...]
+    degrees_of_freedom: tuple[float | None, ...]
+    mean_m: tuple[float | None, ...]
+    mean_limit_m: tuple[float | None, ...]
+    confidence: float
+    over_limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether no figure is above its limit."""
+        return self.over_limit <= 1.0
+
+
 class DirectGeoreferencing(BaseModel):
     """Figures of the direct-georeferencing check.
 
@@ -84,6 +110,7 @@ class Summary(BaseModel):
     rmse_control_m: tuple[float | None, ...] | None = None
     rmse_check_m: tuple[float | None, ...] | None = None
     max_check_m: tuple[float | None, ...] | None = None
+    check_point_test: CheckPointTest | None = None
     parameters: tuple[ParameterFigure, ...] | None = None
     direct_georeferencing: DirectGeoreferencing | None = None
     gates: tuple[GateResult, ...] = ()

@@ -3,7 +3,7 @@
 Position and attitude of an exposure are six observation equations (``gnss_position``, ``ins_attitude``) for
 its six elements, so with given system parameters p they have one solution without residuals,
 
-    R_c = R_INS R_B(b) T,    X0 = A − R_INS l − s − β − d (t − t_k) − v Δt,
+    R_c = R_INS exp(−ω Δt) R_B(b) T,    X0 = A − R_INS exp(−ω Δt) l − s − β − d (t − t_k) − v Δt,
 
 and the same equations, linearised and solved for the elements, say what the errors of the observations and of
 the parameters make of them:
@@ -81,7 +81,7 @@ def direct_orientations(
     if not (gnss.stochastic.present.all() and ins.stochastic.present.all()):
         raise InconsistentBlockError("A position or an attitude lacks a component.")
     inertial_from_body = rotation.from_roll_pitch_yaw(system[BORESIGHT])[ins.camera]
-    local_from_camera = ins.observed @ inertial_from_body @ ins.body_from_camera
+    local_from_camera = ins.at_exposure(system) @ inertial_from_body @ ins.body_from_camera
     state = State(gnss.observed, local_from_camera, np.zeros((0, 3)), system)
     # The projection centre enters its equation linearly, so one correction is exact.
     correction = np.einsum("nij,nj->ni", gnss.local_from_enu, gnss.linearize(state).misclosure)

@@ -74,6 +74,23 @@ def predicted_rms(errors: Sensitivity, own_variance: Floats) -> PredictedRms:
     )
 
 
+def rms_of_covariance(covariance: Floats) -> PredictedRms:
+    """Prediction for errors of known covariance matrix (q, q).
+
+    Raises
+    ------
+    ValueError : if there are no errors, or they are all zero.
+    """
+    q, trace = len(covariance), float(np.trace(covariance))
+    if q == 0 or not trace > 0.0:
+        raise ValueError("There is nothing to predict a root mean square of.")
+    return PredictedRms(
+        float(np.sqrt(trace / q)),
+        trace**2 / float(np.sum(covariance**2)),
+        float(np.sqrt(max(covariance.sum(), 0.0))) / q,
+    )
+
+
 def _squared_norm(matrix: scipy.sparse.csr_array) -> float:
     return float(np.sum(scipy.sparse.csr_array(matrix).data ** 2))
 

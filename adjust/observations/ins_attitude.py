@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -10,7 +11,21 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, State, Unit
+from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, TIME_OFFSET, State, Unit
+
+
+@dataclass(frozen=True, eq=False)
+class BodyRates:
+    """How the body turns at the moments of exposure.
+
+    Attributes
+    ----------
+    flight : (n,) index of the flight, whose time offset they go with.
+    rate : (n, 3) radians per second about the body axes forward, right, down; zero where not known.
+    """
+
+    flight: Ints
+    rate: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,10 +34,11 @@ class InsAttitudes:
 
     The observation is zero when
 
-        log( R_INSᵀ · R_c · Tᵀ · R_B(b)ᵀ ) = 0
+        log( R_INSᵀ · R_b · exp(ω Δt_f) ) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
 
     a rotation vector in body axes: roll, pitch, yaw errors. R_INS is local from body as observed,
-    R_c local from camera, T the nominal mounting, b the boresight misalignment.
+    R_c local from camera, T the nominal mounting, b the boresight misalignment, ω the rates of the body and
+    Δt the time offset of flight f, by which the trajectory was read too late; it turns nothing without rates.
 
     Attributes
     ----------
@@ -31,6 +47,7 @@ class InsAttitudes:
     observed : (n, 3, 3) local from body (forward, right, down).
     body_from_camera : (n, 3, 3) nominal mounting T.
     stochastic : components roll, pitch, yaw in radians, small rotations in body axes.
+    turning : rates of the body; without them a time offset acts on positions alone.
     """
 
     image: Ints
@@ -38,6 +55,7 @@ class InsAttitudes:
     observed: Floats
     body_from_camera: Floats
     stochastic: StochasticModel
+    turning: BodyRates | None = None
 
     name: ClassVar[str] = "ins_attitudes"
     components: ClassVar[tuple[str, ...]] = ("roll", "pitch", "yaw")
@@ -51,9 +69,9 @@ class InsAttitudes:
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state.
 
-        With v = log M and M = R_INSᵀ R_c Tᵀ R_Bᵀ, a small rotation δ of the camera turns M into
-        M · exp(R_B T δ) and a change of the boresight into M · exp(−E db), so both derivatives
-        carry J_r⁻¹(v) and are exact.
+        With v = log M and M = R_INSᵀ R_c Tᵀ R_Bᵀ D, D = exp(ω Δt), a small rotation δ of the camera turns M
+        into M · exp(Dᵀ R_B T δ), a change of the boresight into M · exp(−Dᵀ E db) and one of the time offset
+        into M · exp(ω dΔt), so all derivatives carry J_r⁻¹(v) and are exact.
         """
         boresight = state.system[BORESIGHT][self.camera]
         inertial_from_camera = rotation.from_roll_pitch_yaw(boresight) @ self.body_from_camera
@@ -62,16 +80,31 @@ class InsAttitudes:
             @ state.local_from_camera[self.image]
             @ np.swapaxes(inertial_from_camera, 1, 2)
         )
-        computed = rotation.log(difference)
+        turned = self._turned(state.system)
+        computed = rotation.log(difference if turned is None else difference @ turned)
         inverse = rotation.right_jacobian_inverse(computed)
-        of_rotation = inverse @ inertial_from_camera
+        of_body = inverse if turned is None else inverse @ np.swapaxes(turned, 1, 2)
+        of_rotation = of_body @ inertial_from_camera
         exterior = np.concatenate([np.zeros_like(of_rotation), of_rotation], axis=2)
-        of_boresight = -inverse @ rotation.roll_pitch_yaw_jacobian(boresight)
-        terms = (
+        of_boresight = -of_body @ rotation.roll_pitch_yaw_jacobian(boresight)
+        terms = [
             Term(EXTERIOR_ORIENTATION, self.image, exterior),
             Term(BORESIGHT, self.camera, of_boresight),
-        )
-        return Linearization(-computed, terms)
+        ]
+        if self.turning is not None and turned is not None:
+            terms.append(Term(TIME_OFFSET, self.turning.flight, inverse @ self.turning.rate[:, :, None]))
+        return Linearization(-computed, tuple(terms))
+
+    def at_exposure(self, system: Mapping[str, Floats]) -> Floats:
+        """Attitudes local from body (n, 3, 3) at the exposures: the observed ones less the time offset."""
+        turned = self._turned(system)
+        return self.observed if turned is None else self.observed @ np.swapaxes(turned, 1, 2)
+
+    def _turned(self, system: Mapping[str, Floats]) -> Floats | None:
+        """exp(ω Δt) (n, 3, 3); None without rates or time offset."""
+        if self.turning is None or TIME_OFFSET not in system:
+            return None
+        return rotation.exp(self.turning.rate * system[TIME_OFFSET][self.turning.flight])
 
     def without(self, rejected: Bools) -> Self:
         """The same group with the attitudes (n,) that are rejected taken out."""

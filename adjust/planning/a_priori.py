@@ -21,7 +21,7 @@ from adjust.observations.direct import DirectObservations
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     FAMILIES,
@@ -252,6 +252,7 @@ def _attitudes(network: PlannedNetwork, block: Block, model: CalibrationModel) -
         network.local_from_body[rows],
         block.body_from_camera[rows],
         _over_time(weights, network, rows, model.ins_correlation_time),
+        BodyRates(exposures.flight[rows], exposures.rate[rows]),
     )
 
 

@@ -94,6 +94,7 @@ def _exposures(network: PlannedNetwork, strips: tuple[AddedStrip, ...]) -> Plann
         np.repeat(np.arange(len(strips)), count) + len(network.strips),
         np.concatenate(time),
         _SPEED * np.einsum("nij,nj->ni", axes, forward),
+        np.zeros((n, 3)),
         centre,
         axes @ ENU_FROM_NED @ level @ in_body,
         np.tile(np.sqrt(np.nanmean(given.position_sigma**2, axis=0)), (n, 1))

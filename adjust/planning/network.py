@@ -28,6 +28,7 @@ class PlannedExposures:
     camera, flight, strip : (n,) indices.
     time : (n,) seconds.
     velocity : (n, 3) m/s, local frame.
+    rate : (n, 3) rad/s about the body axes; zero where not known.
     projection_centre : (n, 3) metres, local frame.
     local_from_camera : (n, 3, 3).
     position_sigma : (n, 3) metres, along the axes below; NaN where no position is observed.
@@ -41,6 +42,7 @@ class PlannedExposures:
     strip: Ints
     time: Floats
     velocity: Floats
+    rate: Floats
     projection_centre: Floats
     local_from_camera: Floats
     position_sigma: Floats

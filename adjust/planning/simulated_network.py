@@ -27,6 +27,7 @@ def simulated_network(specification: BlockSpecification) -> PlannedNetwork:
         plan.strip,
         flown.time,
         flown.velocity,
+        flown.rate,
         flown.projection_centre,
         truth.state.local_from_camera,
         np.tile(noise.stated_gnss, (n, 1)),

@@ -31,6 +31,20 @@ class _Mixed:
     of_border: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class JointCofactor:
+    """Joint cofactor matrix of some object points.
+
+    Attributes
+    ----------
+    points : (k,) indices of the points, ascending.
+    matrix : (k, 3, k, 3) for σ0 = 1, local axes, m².
+    """
+
+    points: Ints
+    matrix: Floats
+
+
 def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
     """Cofactor matrix (k, 3, k, 3) of object points (k,), all different and active; local axes, m²."""
     k, n = len(points), system.layout.images
@@ -40,13 +54,12 @@ def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
     joint = np.zeros((k, 3, k, 3))
     for j in range(k):
         rays = np.flatnonzero(mixed.point == j)
-        for c in range(3):
-            of_exposures = np.zeros((n, 6))
-            np.add.at(of_exposures, mixed.image[rays], mixed.of_rays[rays] @ own[j, :, c])
-            x, border = solution.factorization.factor.solve(of_exposures, mixed.of_border[j] @ own[j, :, c])
-            projected = np.einsum("kgi,g->ki", mixed.of_border, border)
-            np.add.at(projected, mixed.point, np.einsum("rqi,rq->ri", mixed.of_rays, x[mixed.image]))
-            joint[:, :, j, c] = np.einsum("kil,kl->ki", own, projected)
+        of_exposures = np.zeros((n, 6, 3))
+        np.add.at(of_exposures, mixed.image[rays], mixed.of_rays[rays] @ own[j])
+        x, border = solution.factorization.factor.solve(of_exposures, mixed.of_border[j] @ own[j])
+        projected = np.einsum("kgi,gc->kic", mixed.of_border, border)
+        np.add.at(projected, mixed.point, np.einsum("rqi,rqc->ric", mixed.of_rays, x[mixed.image]))
+        joint[:, :, j] = np.einsum("kil,klc->kic", own, projected)
     joint[np.arange(k), :, np.arange(k), :] += own
     return joint
 

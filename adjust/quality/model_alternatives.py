@@ -87,14 +87,18 @@ class ObservationAlternative:
     ----------
     group : name of the group.
     change : (n, m) what b = 1 adds to the computed observations.
+    also : what it changes of another group.
     """
 
     group: str
     change: Floats
+    also: ObservationAlternative | None = None
 
-    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:  # noqa: ARG002
+    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
         """The change, of the group it belongs to."""
-        return self.change if group.name == self.group else None
+        if group.name == self.group:
+            return self.change
+        return None if self.also is None else self.also.column(group, equations)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,6 @@ estimated is one more part of its group and shares S; see :mod:`adjust.quality.c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +30,7 @@ from adjust.parameters import State
 from adjust.quality import correlation_time
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.observation_parts import Part
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
 from adjust.quality.residual_operator import residuals_of
 from adjust.solve.gauss_newton import Solution
@@ -40,12 +40,6 @@ from adjust.solve.normal_equations import Observations, System
 LEAST_REDUNDANCY = 10.0
 #: Change of any factor below which the iteration may end.
 CONVERGED = 0.01
-_PARTS: Mapping[str, tuple[tuple[str, tuple[int, ...]], ...]] = {
-    "image_points": (("", (0, 1)),),
-    "control_points": (("plan", (0, 1)), ("height", (2,))),
-    "gnss_positions": (("plan", (0, 1)), ("height", (2,))),
-    "ins_attitudes": (("roll and pitch", (0, 1)), ("yaw", (2,))),
-}
 # Median of |x| of a standard normal variable.
 _MEDIAN = 0.6745
 # Σ ‖(R z)_g‖² over so many degrees of freedom pins S_gg to √(2/800) = 5 %, its root to half of that.
@@ -54,24 +48,6 @@ _ROUGHLY_PROBED = 200.0
 _MOST_PROBES = 40
 # Step of log σ that is allowed beside one of a correlation time.
 _TOGETHER = 0.5
-
-
-@dataclass(frozen=True)
-class Part:
-    """The components of a group of observations that share one variance component.
-
-    Attributes
-    ----------
-    group : index of the group in ``Observations.groups``.
-    name : name of the group, and what the part is called where a group has several.
-    components : indices of its components.
-    is_correlation : it stands for the correlation time of the group instead; its factor multiplies that.
-    """
-
-    group: int
-    name: str
-    components: tuple[int, ...]
-    is_correlation: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,37 +78,22 @@ class VarianceComponent:
         return bool(np.isfinite(self.degrees_of_freedom))
 
 
-def parts_of(observations: Observations) -> tuple[Part, ...]:
-    """All parts: those of image points, control, GNSS, INS, and one for each family of priors."""
-    parts = []
-    for index, group in enumerate(observations.groups):
-        whole = (("", tuple(range(len(group.components)))),)
-        for word, components in _PARTS.get(group.name, whole):
-            parts.append(Part(index, f"{group.name} {word}".strip(), components))
-    return tuple(parts)
-
-
-def correlations_of(observations: Observations) -> tuple[Part, ...]:
-    """A part for the correlation time of every group whose errors are correlated over time."""
-    return tuple(
-        Part(index, group.name, tuple(range(len(group.components))), is_correlation=True)
-        for index, group in enumerate(observations.groups)
-        if group.stochastic.over_time is not None and isinstance(group, CorrelatedOverTime)
-    )
-
-
 def reweighted(observations: Observations, parts: tuple[Part, ...], factors: Floats) -> Observations:
     """The observations with the standard deviations of every part multiplied by its factor.
 
     The factor of a correlation multiplies the correlation time.
     """
-    of_groups = [np.ones(len(group.components)) for group in observations.groups]
+    divided = {part.group for part in parts if part.rows is not None}
+    of_groups = [
+        np.ones((len(group.image) if index in divided else 1, len(group.components)))
+        for index, group in enumerate(observations.groups)
+    ]
     stretched = np.ones(len(observations.groups))
     for part, factor in zip(parts, factors, strict=True):
         if part.is_correlation:
             stretched[part.group] *= factor
         else:
-            of_groups[part.group][list(part.components)] *= factor
+            of_groups[part.group][part.place] *= factor
     return Observations(
         observations.image_points.rescaled(of_groups[0]),
         tuple(
@@ -158,7 +119,7 @@ def variance_factors(
     factors = np.ones(len(parts))
     for k, part in enumerate(parts):
         redundancy = redundancy_of(residuals, part)
-        total = float(squares[part.group][list(part.components)].sum())
+        total = float(squares[part.group][part.place].sum())
         # Correlated components may share Ω so that a part of it is negative; it then says nothing.
         if redundancy > 0.0 and total > 0.0 and not part.is_correlation:
             factors[k] = np.sqrt(total / redundancy)
@@ -171,9 +132,8 @@ def robust_factors(residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...
     for k, part in enumerate(parts):
         if part.is_correlation:
             continue
-        columns = list(part.components)
-        controlled = np.nan_to_num(residuals[part.group].control[:, columns]) >= UNCONTROLLED
-        size = np.abs(residuals[part.group].standardized[:, columns])[controlled]
+        controlled = np.nan_to_num(residuals[part.group].control[part.place]) >= UNCONTROLLED
+        size = np.abs(residuals[part.group].standardized[part.place])[controlled]
         if size.size and np.median(size) > 0.0:
             factors[k] = float(np.median(size)) / _MEDIAN
     return factors
@@ -181,15 +141,14 @@ def robust_factors(residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...
 
 def redundancy_of(residuals: tuple[GroupResiduals, ...], part: Part) -> float:
     """Sum of the redundancy numbers of a part."""
-    return float(np.nansum(residuals[part.group].redundancy[:, list(part.components)]))
+    return float(np.nansum(residuals[part.group].redundancy[part.place]))
 
 
 def _component_squares(group: ObservationGroup, residuals: GroupResiduals) -> Floats:
-    """Σ v_i (P v)_i over the observations, for each component (m,); their sum is vᵀPv."""
+    """v_i (P v)_i of every component (n, m); their sum is vᵀPv."""
     model = group.stochastic
     clean = np.where(model.present, np.nan_to_num(residuals.residual), 0.0)
-    squares: Floats = np.sum(clean * model.weighted(clean), axis=0)
-    return squares
+    return np.asarray(clean * model.weighted(clean))
 
 
 def variance_components(
@@ -240,7 +199,7 @@ def variance_components(
             )
             lower, upper = (float(factors[k] * limit) for limit in limits)
         model = system.observations.groups[part.group].stochastic
-        sigma = model.sigma[:, list(part.components)][model.present[:, list(part.components)]]
+        sigma = model.sigma[part.place][model.present[part.place]]
         results.append(
             VarianceComponent(
                 part,
@@ -342,8 +301,7 @@ def trace_matrix(
                 one, its = with_signs[other.group], found[other.group]
                 if other.is_correlation:
                     its = correlation_time.along_derivative(groups[other.group].stochastic, its)
-                columns = list(other.components)
-                traces[g, h] += float(np.sum(one[:, columns] * its[:, columns])) / probes
+                traces[g, h] += float(np.sum(one[other.place] * its[other.place])) / probes
     symmetric: Floats = 0.5 * (traces + traces.T)
     return symmetric
 
@@ -353,7 +311,6 @@ def _signs(
 ) -> tuple[Floats, ...]:
     """Whitened vectors (n, m) of all groups: random signs on one part, zero elsewhere."""
     vectors = tuple(np.zeros(group.stochastic.present.shape) for group in groups)
-    columns = list(part.components)
-    present: Bools = groups[part.group].stochastic.present[:, columns]
-    vectors[part.group][:, columns] = np.where(present, random.choice((-1.0, 1.0), present.shape), 0.0)
+    present: Bools = groups[part.group].stochastic.present[part.place]
+    vectors[part.group][part.place] = np.where(present, random.choice((-1.0, 1.0), present.shape), 0.0)
     return vectors

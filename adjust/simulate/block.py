@@ -17,7 +17,7 @@ from adjust.observations.direct import DirectObservations
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     FAMILIES,
     GNSS_DRIFT,
@@ -221,6 +221,7 @@ class SimulatedBlock:
             self.measured.local_from_body,
             block.body_from_camera,
             self._over_time(self.specification.noise.stated_ins, correlation_time),
+            BodyRates(self.truth.plan.flight, self.truth.trajectory.rate),
         )
 
     def _priors(self, block: Block) -> list[DirectObservations]:
@@ -287,8 +288,12 @@ def measure(specification: BlockSpecification, truth: BlockTruth, seed: int) -> 
 
     ins = white_noise(noise, streams, Source.INS_NOISE, np.array(noise.ins), len(truth.plan.images))
     ins += ins_markov_noise(noise, streams, truth.trajectory.time, truth.plan.strip)
-    # log(R_INSᵀ R_true) is the residual, so the observed attitude is the true one turned back by it.
-    attitude = truth.trajectory.local_from_body @ np.swapaxes(rotation.exp(ins), 1, 2)
+    # log(R_INSᵀ R_b exp(ω Δt)) is the residual, so the observed attitude is the one at the time of the
+    # trajectory turned back by it.
+    offset = truth.state.system[TIME_OFFSET][truth.plan.flight, 0]
+    offset = offset + wrong.time_error * np.isin(truth.plan.strip, wrong.strips)
+    later = rotation.exp(truth.trajectory.rate * offset[:, None])
+    attitude = truth.trajectory.local_from_body @ later @ np.swapaxes(rotation.exp(ins), 1, 2)
     return Measurements(
         xy,
         surveyed,

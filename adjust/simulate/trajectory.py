@@ -29,11 +29,13 @@ class FlightVariation:
     position : along, across, in height, metres.
     attitude : roll, pitch, heading of single exposures, radians.
     crab : heading of a strip against its track, radians.
+    rate : of the turning of single exposures about the body axes, radians per second.
     """
 
     position: tuple[float, float, float] = (3.0, 3.0, 5.0)
     attitude: tuple[float, float, float] = (np.deg2rad(1.0), np.deg2rad(1.0), np.deg2rad(0.5))
     crab: float = np.deg2rad(3.0)
+    rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +48,14 @@ class Trajectory:
     local_from_body : (n, 3, 3) attitude of the inertial unit.
     time : (n,) seconds.
     velocity : (n, 3) m/s, local frame.
+    rate : (n, 3) rad/s about the body axes forward, right, down.
     """
 
     projection_centre: Floats
     local_from_body: Floats
     time: Floats
     velocity: Floats
+    rate: Floats
 
 
 def fly(
@@ -74,7 +78,8 @@ def fly(
     heading = plan.heading + crab[plan.strip] + wobble[:, 2]
     ned_from_body = rotation.ned_from_body(np.stack([heading, wobble[:, 1], wobble[:, 0]], -1))
     local_from_body = frame.local_from_enu(centre) @ ENU_FROM_NED @ ned_from_body
-    return Trajectory(centre, local_from_body, time, velocities(centre, time, plan.strip))
+    rate = random.standard_normal((n, 3)) * variation.rate
+    return Trajectory(centre, local_from_body, time, velocities(centre, time, plan.strip), rate)
 
 
 def velocities(position: Floats, time: Floats, strip: Ints) -> Floats:

@@ -98,9 +98,29 @@ def _figures(summary: Summary) -> Table:
         ("RMS control X, Y, Z", _components(summary.rmse_control_m)),
         ("RMS check X, Y, Z", _components(summary.rmse_check_m)),
     ]
+    rows += _checked(summary)
     for name, value in rows:
         table.add_row(name, value)
     return table
+
+
+def _checked(summary: Summary) -> list[tuple[str, str]]:
+    """Check points against their predicted σ; nothing without them."""
+    found = summary.check_point_test
+    if found is None:
+        return []
+    limits = ", ".join(
+        "–" if low is None else f"{_number(low, 3)} to {_number(high, 3)}"
+        for low, high in zip(found.predicted_low_m, found.predicted_high_m, strict=True)
+    )
+    means = ", ".join("–" if limit is None else f"±{_number(limit, 3)}" for limit in found.mean_limit_m)
+    verdict = "within their limits" if found.passed else "beyond their limits"
+    return [
+        (f"  expected ({100 * found.confidence:g} %)", f"{limits} m"),
+        ("mean check X, Y, Z", _components(found.mean_m)),
+        (f"  expected ({100 * found.confidence:g} %)", f"{means} m"),
+        ("check points are", verdict),
+    ]
 
 
 def _parameters(summary: Summary) -> Table:

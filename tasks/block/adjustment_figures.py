@@ -71,8 +71,8 @@ def adjustment_figures(
         "rmse_control_m": _rmse(control),
         "rmse_check_m": _rmse(check),
         "max_check_m": _largest(check),
-        "leave_one_out": left_out_figures(result.left_out_singly, adjusted.sigma0),
-        "k_fold": left_out_figures(result.left_out_by_fold, adjusted.sigma0),
+        "leave_one_out": left_out_figures(result.left_out_singly, result, adjusted.sigma0),
+        "k_fold": left_out_figures(result.left_out_by_fold, result, adjusted.sigma0),
         "parameters": [
             {str(name): value for name, value in row.items()} for row in parameters.to_dict("records")
         ],

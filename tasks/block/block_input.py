@@ -19,7 +19,7 @@ from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
@@ -249,7 +249,16 @@ def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> Ins
         given.local_from_body()[observed],
         given.body_from_camera[observed],
         over_time(model, given, observed, settings.ins_correlation_s),
+        _body_rates(given, observed),
     )
+
+
+def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:
+    """Rates of some images (k,); None where none was delivered."""
+    rate = given.rates[rows]
+    if not np.isfinite(rate).any():
+        return None
+    return BodyRates(given.flight_of_image[rows], np.nan_to_num(rate))
 
 
 def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | None:

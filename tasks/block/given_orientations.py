@@ -24,6 +24,7 @@ from tasks.errors import InputError
 from tasks.importing.cameras import frame_cameras
 
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_BODY = ("roll", "pitch", "yaw")
 AngleOrder = Literal["omega-phi-kappa", "phi-omega-kappa"]
 
 
@@ -78,12 +79,13 @@ class GivenOrientations:
     time_s : (n,) NaN where not known.
     x_in_map : (n, 3) position as delivered, in the project's CRS.
     observed : (n, 3) the same in the local frame.
-    position_sigma : (n, 3) along grid east, grid north, up, metres.
+    position_sigma : (n, 3) along grid east, grid north, up, metres; NaN where no position was delivered.
     local_from_grid : (n, 3, 3) at each position.
     local_from_enu : (n, 3, 3) likewise, true north.
     angles : (n, 3) radians: ω, φ, κ of the camera against the grid, or heading, pitch, roll of the body.
     angle_sigma : (n, 3) radians.
     is_heading : (n,) which of the two.
+    rates : (n, 3) of the body about its axes forward, right, down, rad/s; NaN where not delivered.
     attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
     """
 
@@ -101,6 +103,7 @@ class GivenOrientations:
     angles: Floats
     angle_sigma: Floats
     is_heading: Bools
+    rates: Floats
     attitude_observed: Bools
 
     @classmethod
@@ -136,6 +139,7 @@ class GivenOrientations:
             np.deg2rad(np.where(choose, heading, grid)),
             np.deg2rad(np.where(choose, sigma_heading, sigma_grid)),
             is_heading,
+            np.deg2rad(exposures[[f"rate_{name}_deg_s" for name in _BODY]].to_numpy(np.float64)),
             np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
         )
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
@@ -193,6 +197,11 @@ class GivenOrientations:
         return np.asarray(np.isfinite(self.angles).all(axis=1))
 
     @property
+    def position_observed(self) -> Bools:
+        """(n,) whether the position was delivered; else it is approximate."""
+        return np.asarray(np.isfinite(self.position_sigma).all(axis=1))
+
+    @property
     def body_from_camera(self) -> Floats:
         """Nominal mounting T of each image, (n, 3, 3)."""
         return np.asarray(self.mountings.body_from_camera[self.camera])
@@ -247,5 +256,6 @@ class GivenOrientations:
             angles=self.angles[index],
             angle_sigma=self.angle_sigma[index],
             is_heading=self.is_heading[index],
+            rates=self.rates[index],
             attitude_observed=self.attitude_observed[index],
         )

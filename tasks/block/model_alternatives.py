@@ -219,12 +219,20 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
     for number, flight in enumerate(material.given.flights):
         moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
         if moving.any() and (of_times is None or not of_times.free[number].any()):
-            yield Alternative(
-                "time_offset", flight, "all", "", "s", 1.0, ObservationAlternative(gnss.name, moving)
-            )
+            change = ObservationAlternative(gnss.name, moving, _turned_meanwhile(material, number))
+            yield Alternative("time_offset", flight, "all", "", "s", 1.0, change)
     height = material.block.frame.height(material.block.projection_centre)[gnss.image]
     if np.ptp(height) > 0.5 * np.abs(np.median(height)):
         yield _scaled("gnss_height_scale", gnss.name, _columns(2, height - height.mean()))
+
+
+def _turned_meanwhile(material: _Material, flight: int) -> ObservationAlternative | None:
+    """What the time offset of a flight does to attitudes whose rates are known."""
+    ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
+    if ins is None or ins.turning is None:
+        return None
+    turned = np.where((ins.turning.flight == flight)[:, None], ins.turning.rate, 0.0)
+    return ObservationAlternative(ins.name, turned)
 
 
 def _of_attitudes(material: _Material) -> Iterator[Alternative]:

@@ -86,6 +86,7 @@ def paired_orientations(
     if external:
         _require_projection_centres(adjusted)
     complete = exposures[_OPK].notna().all(axis=1) | exposures[_HEADING].notna().all(axis=1)
+    complete &= exposures["sigma_x_m"].notna()
     observed = exposures[complete & exposures["image"].isin(adjusted["image"])]
     if observed.empty:
         raise InputError(
@@ -104,7 +105,9 @@ def paired_orientations(
 
 
 def _require_projection_centres(adjusted: pd.DataFrame) -> None:
-    wrong = adjusted[(adjusted["position"] != "projection_centre") | adjusted[_OPK].isna().any(axis=1)]
+    wrong = adjusted[
+        (adjusted["position"] != "projection_centre") | adjusted[[*_XYZ, *_OPK]].isna().any(axis=1)
+    ]
     if len(wrong):
         raise InputError(
             f"{len(wrong):,} adjusted orientations are not projection centres with ω, φ, κ.",

@@ -11,7 +11,7 @@ from collections.abc import Collection
 
 HEADINGS = "strips flown in opposite or crossing directions"
 HEIGHTS = "a second flying height or strong relief"
-SPEEDS = "varying ground speeds"
+SPEEDS = "delivered rates of the body or varying ground speeds"
 TILTS = "strong tilts alone"
 CONTROL = "observed GNSS positions or well distributed control points"
 SURVEYED = "well distributed control points"

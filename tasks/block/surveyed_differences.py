@@ -10,7 +10,7 @@ import pandas as pd
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.control_point import ControlPoints
 from adjust.quality.control_checks import ControlCheck
-from adjust.result import ObservationStatus
+from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
@@ -20,8 +20,9 @@ from tasks.tables.parquet import write_table
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
     """control_residuals.parquet and check_points.parquet: computed − given along east, north, up.
 
-    The predicted standard deviation of a control residual is that of v (√(σ² − q)). That of a point that
-    took no part, as a check point or because it was rejected, contains its survey (√(σ² + q)).
+    The predicted standard deviation of a control residual is that of v, σ0 √(σ² − q). That of a point that
+    took no part, as a check point, because it was rejected or as it would be left out, is √(σ² + σ0² q): σ0
+    is of what was adjusted, so a survey that was not stands as stated, here and everywhere.
     """
     for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):
         table = surveyed_differences(adjusted, is_check)
@@ -102,12 +103,12 @@ def _with_left_out(adjusted: AdjustedBlock, table: pd.DataFrame) -> pd.DataFrame
     """
     result = adjusted.result
     difference, sigma = np.full((len(table), 3), np.nan), np.full((len(table), 3), np.nan)
-    control = next((item.group for item in result.groups if isinstance(item.group, ControlPoints)), None)
+    control = _control(result)
     if control is not None and result.left_out_singly is not None:
         names = pd.Index(np.array(adjusted.block.points, dtype=object)[control.point])
         row = names.get_indexer(pd.Index(table["point"]))
         difference[row >= 0] = result.left_out_singly.difference[row[row >= 0]]
-        sigma[row >= 0] = _sigma(result.left_out_singly, adjusted.sigma0)[row[row >= 0]]
+        sigma[row >= 0] = _sigma(result.left_out_singly, control, adjusted.sigma0)[row[row >= 0]]
     left_out = {
         **xyz_columns("loo_{}_m", ("dx", "dy", "dz"), difference),
         **xyz_columns("sigma_loo_{}_m", ("dx", "dy", "dz"), sigma),
@@ -115,12 +116,13 @@ def _with_left_out(adjusted: AdjustedBlock, table: pd.DataFrame) -> pd.DataFrame
     return table.assign(**left_out)
 
 
-def left_out_figures(check: ControlCheck | None, sigma0: float) -> JSON:
+def left_out_figures(check: ControlCheck | None, result: AdjustmentResult, sigma0: float) -> JSON:
     """Root mean square and largest differences, in metres and over their σ; null where nothing is known."""
-    if check is None or not np.isfinite(check.difference).any():
+    control = _control(result)
+    if check is None or control is None or not np.isfinite(check.difference).any():
         return None
     known = np.isfinite(check.difference)
-    ratio = check.difference / _sigma(check, sigma0)
+    ratio = check.difference / _sigma(check, control, sigma0)
     return {
         "folds": len(np.unique(check.fold)),
         "points": int(known.any(axis=1).sum()),
@@ -130,9 +132,16 @@ def left_out_figures(check: ControlCheck | None, sigma0: float) -> JSON:
     }
 
 
-def _sigma(check: ControlCheck, sigma0: float) -> Floats:
-    """Predicted standard deviations (n, 3), metres."""
-    return np.asarray(sigma0 * np.sqrt(np.diagonal(check.cofactor, axis1=1, axis2=2)))
+def _sigma(check: ControlCheck, control: ControlPoints, sigma0: float) -> Floats:
+    """Predicted standard deviations (n, 3), metres; the survey is in the cofactors and stays as stated."""
+    survey = control.stochastic.sigma**2
+    of_points = np.diagonal(check.cofactor, axis1=1, axis2=2) - survey
+    return np.asarray(np.sqrt(survey + sigma0**2 * of_points))
+
+
+def _control(result: AdjustmentResult) -> ControlPoints | None:
+    """The control points as they were weighted."""
+    return next((item.group for item in result.groups if isinstance(item.group, ControlPoints)), None)
 
 
 def _each_axis(values: Floats, known: Bools, figure: str) -> list[JSON]:

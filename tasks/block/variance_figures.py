@@ -128,11 +128,13 @@ def variance_sentences(result: AdjustmentResult) -> list[str]:
 
 
 def part_words(part: str) -> str:
-    """A part of the observations as people write it: ``GNSS positions in height``."""
+    """A part of the observations as people write it: ``GNSS positions in height of flight 2``."""
+    part, joint, origin = part.partition(" of ")
     group, _, components = part.partition(" ")
     words = group.replace("_", " ").replace("prior:", "the priors of ").replace(":", " ")
     words = words.replace("gnss", "GNSS").replace("ins ", "INS ")
-    return f"{words} in {components}" if components in ("plan", "height") else f"{words} {components}".strip()
+    what = f"{words} in {components}" if components in ("plan", "height") else f"{words} {components}".strip()
+    return f"{what}{joint}{origin}"
 
 
 def with_estimated_sigmas(surveyed: SurveyedPoints, result: AdjustmentResult) -> SurveyedPoints:

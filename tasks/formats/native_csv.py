@@ -3,10 +3,11 @@
 | file | columns |
 |---|---|
 | image points | image, point, x, y [, sx, sy] |
-| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
+| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
-The three angles of an exposure may be left empty together: it has no attitude then.
+The three angles of an exposure may be left empty together: it has no attitude then. So may its x, y, z: it has
+no position then.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
@@ -30,6 +31,7 @@ from tasks.plain_text import trouble_in
 
 _XYZ = ("x", "y", "z")
 _SIGMA_XYZ = ("sx", "sy", "sz")
+_RATES = ("rate_roll", "rate_pitch", "rate_yaw")
 _MOST_COLUMNS = 1_000
 _NOT_BLANK = re.compile(rb"\S")
 # How others head a standard deviation: before or behind the quantity.
@@ -67,13 +69,13 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns; some of the three angles given.
+        With file and line: see `tasks.formats.text_table`; missing columns; some of angles or coordinates.
     """
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)
     required = ("image", "camera", "strip", *_XYZ, *angles)
-    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas)
-    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas))
+    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas, *_RATES)
+    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas, *_RATES))
     return ExposureRecords(
         file=path,
         image=table.text("image"),
@@ -81,11 +83,12 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
         strip=table.text("strip", may_be_empty=True),
         flight=_optional_text(table, "flight"),
         time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
-        position=table.numbers(_XYZ),
+        position=table.all_or_none(_XYZ),
         angles=table.all_or_none(angles),
         sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
         sigma_angles=table.numbers(sigmas, may_be_empty=True),
         line=table.line,
+        rates=table.all_or_none(_RATES),
         extra=extra,
     )
 

@@ -53,10 +53,13 @@ class ExposureRecords:
     file : the file they came from.
     image, camera, strip, flight : names, text (n,); null where the row gives none.
     time_s : (n,) seconds on any scale that is continuous within a flight.
-    position : (n, 3) x (east), y (north), z in the CRS and heights the project file declares.
+    position : (n, 3) x (east), y (north), z in the CRS and heights the project file declares; NaN where an
+        exposure has none.
     angles : (n, 3) in the declared unit: ω, φ, κ (also for phi-omega-kappa), or heading, pitch, roll.
     sigma_position, sigma_angles : (n, 3) in the units of their quantities and in the same order.
     line : (n,) 1-based line of each row.
+    rates : (n, 3) of the body about its axes, in the unit of the angles per second; None: the file has none,
+        NaN where a row gives none.
     declared_angle_unit : the unit a header of the file itself names, None if it names none.
     extra : further columns of the file, text (n,), verbatim.
     """
@@ -72,6 +75,7 @@ class ExposureRecords:
     sigma_position: Floats
     sigma_angles: Floats
     line: Lines
+    rates: Floats | None = None
     declared_angle_unit: Literal["deg", "gon", "rad"] | None = None
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
 

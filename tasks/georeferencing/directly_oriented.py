@@ -131,11 +131,11 @@ def _observed_images(delivery: Delivery) -> tuple[GivenOrientations, AdjustmentF
     given, frame, unoriented = oriented_images(
         delivery.exposures, delivery.cameras, delivery.measured, delivery.map_frame
     )
-    observed = given.attitude_observed
+    observed = given.attitude_observed & given.position_observed
     if not observed.any():
         raise InputError(
-            "None of the measured images has an attitude: nothing can be georeferenced directly.",
-            "Give ω, φ, κ or heading, pitch, roll in the exposures.",
+            "None of the measured images has position and attitude: nothing can be georeferenced directly.",
+            "Give x, y, z and ω, φ, κ or heading, pitch, roll in the exposures.",
         )
     others = [name for name, known in zip(given.image, observed, strict=True) if not known]
     return given.only(observed), frame, tuple(sorted([*unoriented, *others]))

@@ -103,7 +103,7 @@ def coverage_remarks(
     """What takes no part."""
     if oriented.not_oriented:
         yield (
-            "Measured images without an attitude of their own take no part "
+            "Measured images without position or attitude of their own take no part "
             f"({len(oriented.not_oriented)}): {_listed(oriented.not_oriented)}."
         )
     if not_intersected:

@@ -83,6 +83,34 @@ def refuse_impossible_angles(records: ExposureRecords, declared: Angles, places:
     )
 
 
+def body_rates(records: ExposureRecords, declared: Angles) -> Floats:
+    """Rates (n, 3) of the body about its axes forward, right, down, degrees per second; NaN for none.
+
+    Raises
+    ------
+    InputError
+        If the file has rates and their axes are not declared, or the other way round.
+    """
+    given = records.rates is not None and bool(np.isfinite(records.rates).any())
+    if given and declared.rate_axes is None:
+        raise InputError(
+            "The file gives rates (rate_roll, rate_pitch, rate_yaw), and their axes are not declared.",
+            'Declare angles.rate_axes = "forward-right-down" or "forward-left-up".',
+            file=records.file,
+        )
+    if declared.rate_axes is not None and not given:
+        raise InputError(
+            "The axes of rates are declared (angles.rate_axes), and the file has none.",
+            "Add the columns rate_roll, rate_pitch, rate_yaw, or leave rate_axes out.",
+            file=records.file,
+        )
+    if records.rates is None:
+        return np.full_like(records.angles, np.nan)
+    to_degrees = 1.0 if declared.unit == "deg" else np.degrees(RADIANS_PER_UNIT[declared.unit])
+    signs = (1.0, 1.0, 1.0) if declared.rate_axes == "forward-right-down" else (1.0, -1.0, -1.0)
+    return np.asarray(records.rates * to_degrees * signs)
+
+
 def unit_suspicion(records: ExposureRecords, declared: Angles) -> str | None:
     """A sentence if the range of the third angle is not one that degrees are written in."""
     heading = records.angles[:, 0] if declared.order == "heading-pitch-roll" else records.angles[:, 2]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
@@ -20,11 +20,13 @@ from tasks.formats.register import EXPOSURE_FORMATS
 from tasks.importing.declared_flights import with_declared_flights
 from tasks.importing.exposure_angles import (
     ConvertedAngles,
+    body_rates,
     convert_angles,
     refuse_impossible_angles,
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
+from tasks.importing.missing_positions import completed_positions
 from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
@@ -48,6 +50,7 @@ class _Converted:
     position: Floats
     sigma_position: Floats
     angles: ConvertedAngles
+    rates: Floats
     kind: str
     problems: tuple[str, ...]
 
@@ -85,6 +88,7 @@ def exposure_columns(
         ("sigma_omega_deg sigma_phi_deg sigma_kappa_deg", [a.sigma_omega_phi_kappa for a in angles]),
         ("heading_deg pitch_deg roll_deg", [a.heading_pitch_roll for a in angles]),
         ("sigma_heading_deg sigma_pitch_deg sigma_roll_deg", [a.sigma_heading_pitch_roll for a in angles]),
+        ("rate_roll_deg_s rate_pitch_deg_s rate_yaw_deg_s", [entry.rates for entry in inputs]),
     ):
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
     problems = (*(problem for entry in inputs for problem in entry.problems), *about_extra(records))
@@ -104,26 +108,32 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     refuse_impossible_angles(records, source.angles, places)
     refuse_sigmas(places, records.sigma_position, records.image, METRES)
     refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
-    refuse_outside_area(frame, records.position, places, records.image, "exposure")
-    position = transfer.positions(records.position)
-    refuse_without_image((frame, project), records.position, position, places, records.image)
-    refuse_damaged_geoid(frame, records.position)
+    completed, without_position = completed_positions(records)
+    unknown: Bools = np.asarray(np.isnan(completed).any(axis=1))
+    # What has no place gets any: it takes no part.
+    somewhere = np.where(unknown[:, None], completed[~unknown][:1], completed)
+    refuse_outside_area(frame, somewhere, places, records.image, "exposure")
+    position = transfer.positions(somewhere)
+    refuse_without_image((frame, project), somewhere, position, places, records.image)
+    refuse_damaged_geoid(frame, somewhere)
     refuse_damaged_geoid(project, position)
-    angles = convert_angles(
-        records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
-    )
+    angles = convert_angles(records, source.angles, source.sigma.attitude_deg, transfer, somewhere, position)
     sigma = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
+    sigma = turned_sigmas(transfer, sigma, somewhere, position)
+    sigma[np.isnan(records.position).any(axis=1)] = np.nan
     problems = (
         unit_suspicion(records, source.angles),
+        without_position,
         _without_attitude(records),
         _accuracy_note(transfer, records),
     )
     return _Converted(
         records,
         camera,
-        position,
-        turned_sigmas(transfer, sigma, records.position, position),
+        np.where(unknown[:, None], np.nan, position),
+        sigma,
         angles,
+        body_rates(records, source.angles),
         source.position,
         (
             *(problem for problem in problems if problem is not None),

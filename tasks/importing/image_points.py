@@ -22,10 +22,11 @@ from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.image_point_units import in_millimetres, refuse_wrong_unit
+from tasks.importing.image_point_units import in_format, in_millimetres
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
+from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.storage.notes import Notes
 
 Codes = NDArray[np.int64]
@@ -38,13 +39,14 @@ _SIGMAS = SigmaRange(1e-3, 1e4, "px")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Converted:
-    """One input in millimetres, with the number of the exposure of each row."""
+    """One input in millimetres, with the exposure of each row, and the number of rows that were left out."""
 
     records: ImagePointRecords
     exposure: Codes
     xy_mm: Floats
     sigma_mm: Floats
     problems: tuple[str, ...]
+    outside: int
 
 
 def usable_image_points(
@@ -52,19 +54,21 @@ def usable_image_points(
     exposures: pd.DataFrame,
     cameras: pd.DataFrame,
     surveyed: Sequence[str] | None = None,
+    outside_share: float = OUTSIDE_FORMAT_SHARE,
 ) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
     """Columns of ``image_points.parquet``, further columns of the files, and notes.
 
-    Points seen in one image only are dropped, counted and said, except those in `surveyed`.
+    Points seen in one image only are dropped, counted and said, except those in `surveyed`; so are points
+    outside the format, up to `outside_share` of a file.
 
     Raises
     ------
     InputError
-        For an image without exposure, a point measured twice in an image, coordinates outside the image,
-        standard deviations that are not positive.
+        For an image without exposure, a point measured twice in an image, more coordinates outside the
+        image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    inputs = [_converted(source, exposures, known) for source in sources]
+    inputs = [_converted(source, exposures, known, outside_share) for source in sources]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
     image = pa.concat_arrays([r.image for r in records])
@@ -91,6 +95,7 @@ def usable_image_points(
         "y_mm": xy[:, 1],
         "sigma_x_mm": sigma[:, 0],
         "sigma_y_mm": sigma[:, 1],
+        "input_file": _file_names(records).take(pa.array(places.file[kept])),
     }
     extra = joined([r.extra for r in records], [len(r.line) for r in records])
     notes = _notes(inputs, point.dictionary, single, len(kept), exposure, exposures)
@@ -99,7 +104,10 @@ def usable_image_points(
 
 
 def _converted(
-    source: ImagePointsInput, exposures: pd.DataFrame, cameras: Mapping[str, FrameCamera]
+    source: ImagePointsInput,
+    exposures: pd.DataFrame,
+    cameras: Mapping[str, FrameCamera],
+    outside_share: float,
 ) -> _Converted:
     records = IMAGE_POINT_FORMATS[source.format](source.file)
     places = Places.of_files([source.file], [records.line])
@@ -107,7 +115,10 @@ def _converted(
     names = list(cameras)
     camera = pd.Index(names).get_indexer(pd.Index(exposures["camera"]))[exposure].astype(np.int64)
     models = [cameras[name] for name in names]
-    suspicion = refuse_wrong_unit(records, source.unit, models, camera, places)
+    found = in_format(records, source.unit, models, camera, places, outside_share)
+    if not found.inside.all():
+        records, exposure, camera = _only(records, found.inside), exposure[found.inside], camera[found.inside]
+        places = Places.of_files([source.file], [records.line])
     pixel_mm = np.array([model.pixel_size * 1e3 for model in models])[camera][:, None]
     scale = pixel_mm if source.unit == "px" else np.array(1.0 if source.unit == "mm" else 1e-3)
     refuse_sigmas(places, records.sigma * scale / pixel_mm, records.point, _SIGMAS)
@@ -115,7 +126,7 @@ def _converted(
     sigma = np.where(np.isnan(records.sigma), default, records.sigma * scale)
     xy = in_millimetres(records.xy, source.unit, models, camera)
     remarks = about_missing_sigmas(records.file, records.sigma, np.isfinite(records.xy), "sigma")
-    return _Converted(records, exposure, xy, sigma, (*([suspicion] if suspicion else []), *remarks))
+    return _Converted(records, exposure, xy, sigma, (*found.remarks, *remarks), int((~found.inside).sum()))
 
 
 def _refuse_nothing_to_intersect(
@@ -130,6 +141,31 @@ def _refuse_nothing_to_intersect(
             "Deliver the image points of all images, with the same name for the same point.",
             file=records[0].file,
         )
+
+
+def _only(records: ImagePointRecords, kept: NDArray[np.bool_]) -> ImagePointRecords:
+    """The rows (n,) that are kept."""
+    chosen = pa.array(np.flatnonzero(kept))
+    return ImagePointRecords(
+        records.file,
+        records.image.take(chosen),
+        records.point.take(chosen),
+        records.xy[kept],
+        records.sigma[kept],
+        records.line[kept],
+        {name: values.take(chosen) for name, values in records.extra.items()},
+    )
+
+
+def _file_names(records: Sequence[ImagePointRecords]) -> pa.Array:
+    """Names of the files, with their folder where two are alike."""
+    names = [entry.file.name for entry in records]
+    return pa.array(
+        [
+            f"{entry.file.parent.name}/{name}" if names.count(name) > 1 else name
+            for entry, name in zip(records, names, strict=True)
+        ]
+    )
 
 
 def _exposure_of_rows(records: ImagePointRecords, exposures: pd.DataFrame, places: Places) -> Codes:
@@ -177,7 +213,8 @@ def _notes(
             "the adjustment."
         )
     counts = {
-        "image_points_read": len(exposure),
+        "image_points_read": len(exposure) + sum(entry.outside for entry in inputs),
+        "outside_format": sum(entry.outside for entry in inputs),
         "image_points": kept,
         "object_points": len(single) - dropped,
         "single_ray_points": dropped,

@@ -84,6 +84,7 @@ def _exposures(given: GivenOrientations, adjustment: AdjustmentSettings) -> Plan
         given.strip_of_image,
         _times(given, given.strip_of_image),
         motion.velocity,
+        np.nan_to_num(given.rates),
         centre,
         local_from_camera,
         given.position_sigma if "gnss" in adjustment.observe else np.full((n, 3), np.nan),

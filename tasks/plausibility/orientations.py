@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.approximate.intersection import intersect
+from adjust.approximate.intersection import Intersection, intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
@@ -55,14 +55,18 @@ def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floa
     ----------
     pixel_size : (images,) metres.
     """
-    intersection = intersect(rays, state, points)
-    misclosure = rays.misclosure(replace(state, object_point=intersection.object_point))
-    misclosure[~intersection.usable[rays.point]] = np.nan
-    residual_px = -misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0])
+    residual_px = residuals_px(rays, state, intersect(rays, state, points), pixel_size)
     length = np.hypot(residual_px[:, 0], residual_px[:, 1])
     several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
     length = np.where(np.isfinite(length), length, np.inf)[several]
     return RayResiduals(residual_px, float(np.median(length)) if len(length) else 0.0)
+
+
+def residuals_px(rays: ImagePoints, state: State, found: Intersection, pixel_size: Floats) -> Floats:
+    """Column and row residuals (n, 2) at intersections, px; NaN where the point could not be intersected."""
+    misclosure = rays.misclosure(replace(state, object_point=found.object_point))
+    misclosure[~found.usable[rays.point]] = np.nan
+    return np.asarray(-misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0]))
 
 
 def check_orientations(

@@ -305,6 +305,7 @@ _GATE_WORDS = {
     "sigma0": "σ0",
     "rmse_control_m": "RMS at control points",
     "rmse_check_m": "RMS at check points",
+    "check_over_limit": "check points over their limits",
     "max_check_m": "largest difference at check points",
     "direct_georeferencing_rmse_m": "RMS at check points georeferenced directly",
     "direct_georeferencing_max_m": "largest difference at check points georeferenced directly",

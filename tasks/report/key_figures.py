@@ -33,6 +33,9 @@ def verdict(material: Material) -> Verdict:
     what = "The free network" if free is not None and free.defect else "The block"
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
+    checked = material.summary.check_point_test
+    if checked is not None and not checked.passed:
+        test, good = f"the check points are beyond their limits, and {test}", False
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"

@@ -98,6 +98,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         key_figures.gate_table(material.summary.gates),
         histogram.standardized_table(material),
         surveyed_points.statistics(material),
+        surveyed_points.check_test_table(material),
         surveyed_points.point_table(material, is_check=False),
         surveyed_points.point_table(material, is_check=True),
         orientation_precision.orientation_table(material),

@@ -9,7 +9,8 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.report.material import Material
-from tasks.report.table import Column, Row, Table, components, numbers, text_column
+from tasks.report.table import Column, Number, Row, Table, components, numbers, text_column
+from tasks.summary import CheckPointTest
 
 AXES = ("dx", "dy", "dz")
 #: What the columns of control points begin with that come from adjustments without the point.
@@ -103,6 +104,53 @@ def statistics(material: Material) -> Table:
     )
     caption = "Differences at control and check points"
     return Table("surveyed-statistics", caption, columns, tuple(rows), _folds(material))
+
+
+def check_test_table(material: Material) -> Table:
+    """Check points beside what their σ let expect, a row for each coordinate."""
+    found = material.summary.check_point_test
+    columns = (
+        text_column("way", ""),
+        Column("points", "points"),
+        Column("rms", "RMS", "m"),
+        Column("predicted", "predicted RMS", "m"),
+        Column("low", "limits, from", "m"),
+        Column("high", "to", "m"),
+        Column("ratio", "RMS/predicted"),
+        Column("degrees", "degrees of freedom"),
+        Column("mean", "mean", "m"),
+        Column("mean_limit", "its limit ±", "m"),
+        text_column("verdict", "verdict"),
+    )
+    rows = () if found is None else tuple(_test_row(found, k) for k in range(3) if found.points[k])
+    note = (
+        ""
+        if found is None
+        else f"All limits together hold with a probability of {100 * found.confidence:g} %."
+    )
+    return Table("check-point-test", "Check points against their predicted σ", columns, rows, note)
+
+
+def _test_row(found: CheckPointTest, k: int) -> Row:
+    """One coordinate of the test."""
+    rms, low, high = (
+        float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m)
+    )
+    beyond = rms > high or abs(found.mean_m[k] or 0.0) > (found.mean_limit_m[k] or 0.0)
+    metres = (found.rmse_m[k], found.predicted_rmse_m[k], low, high)
+    return Row(
+        _HEADINGS[k],
+        (
+            _HEADINGS[k],
+            Number(found.points[k]),
+            *numbers(metres, 3),
+            Number(found.ratio[k], 2),
+            Number(found.degrees_of_freedom[k], 1),
+            *numbers((found.mean_m[k],), 3, plus=True),
+            Number(found.mean_limit_m[k], 3),
+            "beyond its limits" if beyond else "smaller than expected" if rms < low else "as expected",
+        ),
+    )
 
 
 def _folds(material: Material) -> str:

@@ -21,6 +21,7 @@ FreeParameter: TypeAlias = Literal[
     "focal_length",
     "principal_point",
 ]
+VarianceDivision: TypeAlias = Literal["file", "camera", "flight"]
 ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
 
 
@@ -150,6 +151,12 @@ class AdjustmentSettings(Settings):
         "points, control in plan and in height, GNSS in plan and in height, INS roll and pitch, INS yaw, and "
         "the priors of each kind of parameter; what has a redundancy below 10 keeps its stated σ. Systematic "
         "errors that are not modelled end up in these factors.",
+    )
+    variance_components_by: tuple[VarianceDivision, ...] = Field(
+        default=(),
+        description="Where variance components are estimated, for which parts of the groups separately: "
+        "image points by `file` (manual and automatic ones are delivered apart) and by `camera`; GNSS and "
+        "INS by `flight`.",
     )
     control_folds: Annotated[Whole, Field(ge=2)] | None = Field(
         default=None,

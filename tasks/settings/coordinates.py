@@ -101,6 +101,12 @@ class Angles(Settings):
         "meridian convergence is applied exactly); `true-north` and `local`: east, north, up at each "
         'exposure. With crs = "local" it is the axes of the project itself.'
     )
+    rate_axes: Literal["forward-right-down", "forward-left-up"] | None = Field(
+        default=None,
+        description="Axes of the body about which the columns rate_roll, rate_pitch, rate_yaw say how fast "
+        "it turned, in `unit` per second, as a trajectory processor writes them (SBET: "
+        "`forward-right-down`). With rates a time offset turns attitudes, too.",
+    )
 
 
 #: Heights above the ellipsoid.

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field, model_validator
 
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Finite, Positive, PositiveTriple
 
+#: Image points outside the format are left out up to this part of a file: mismatches, not another camera.
+OUTSIDE_FORMAT_SHARE = 0.001
+
 
 class ChecksSettings(Settings):
     """When something looks wrong before the adjustment."""
+
+    outside_format_share: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        default=OUTSIDE_FORMAT_SHARE,
+        description="Part of the image points of a file that may lie outside the format of their image: they "
+        "are left out, and that is said. More are an error, 0 allows none. Default 0.001: a wrong unit, "
+        "camera or pixel size puts far more outside.",
+    )
 
     min_intersection_angle_deg: Positive = Field(
         default=1.0,
@@ -51,6 +63,12 @@ class Gates(Settings):
     rmse_control_m: AxisGate | None = Field(default=None, description="RMS of the control residuals.")
     rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
+
+    check_over_limit: Gate | None = Field(
+        default=None,
+        description="RMS and mean at check points over the limits that their σ let expect "
+        "(`adjustment.confidence`), the largest of all: `{ max = 1.0 }` lets none of them miss its limit.",
+    )
 
     direct_georeferencing_rmse_m: AxisGate | None = Field(
         default=None,

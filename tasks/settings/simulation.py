@@ -162,6 +162,11 @@ class SimulatedTrajectory(Settings):
         default=(1.0, 1.0, 0.5), description="σ of roll, pitch, heading of an exposure, degrees."
     )
     crab_deg: NotNegative = Field(default=3.0, description="σ of the crab angle of a strip, degrees.")
+    rate_deg_s: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="σ of how fast the body turns at an exposure about its axes forward, right, down, "
+        "degrees per second. Where it turns, the exposures are delivered with rates.",
+    )
 
 
 class SimulatedTerrain(Settings):

@@ -57,6 +57,9 @@ def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlV
     noise = simulation.noise
     place: dict[str, TomlValue] = {"crs": simulation.project.crs, "heights": "ellipsoidal"}
     order = simulation.project.angles
+    turning: dict[str, TomlValue] = (
+        {"rate_axes": "forward-right-down"} if any(simulation.trajectory.rate_deg_s) else {}
+    )
     reference = "true-north" if order == "heading-pitch-roll" else "grid"
     inputs: dict[str, TomlValue] = {
         "image_points": {
@@ -70,7 +73,7 @@ def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlV
             "format": "csv",
             **place,
             "position": "antenna",
-            "angles": {"order": order, "unit": "deg", "reference": reference},
+            "angles": {"order": order, "unit": "deg", "reference": reference, **turning},
             "sigma": {
                 "position_m": [float(sigma) for sigma in block.specification.noise.stated_gnss],
                 "attitude_deg": [

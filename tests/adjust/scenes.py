@@ -25,7 +25,7 @@ from adjust.observations.direct import DirectObservations
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     BORESIGHT,
@@ -86,6 +86,7 @@ class Plan:
     ``free`` says for each family which parameters are unknown: anything that broadcasts to
     the values. ``priors`` gives a standard deviation (SI) with which a family is observed
     directly. ``additional``: every camera has a set of additional parameters of its own.
+    ``turning``: the body turns at the exposures, and the rates are delivered.
     ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
     those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
@@ -111,6 +112,7 @@ class Plan:
     sigma_gnss_m: float = 0.05
     sigma_ins_rad: float = 0.005 * DEGREE
     sigma_control_m: float = 0.03
+    turning: bool = False
     gnss_correlation_s: float | None = None
     ins_correlation_s: float | None = None
 
@@ -156,9 +158,12 @@ def two_strips(**switches: object) -> Scene:
         weights = _over_time(
             StochasticModel.from_sigma(np.full((n, 3), plan.sigma_ins_rad)), motion, plan.ins_correlation_s
         )
-        # log(R_INSᵀ R_b) = v for the true R_b: R_INS = R_b exp(−v).
-        observed = attitude @ rotation.exp(-drawn)
-        others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights))
+        rates = np.random.default_rng(12).normal(0.0, DEGREE, (n, 3)) if plan.turning else np.zeros((n, 3))
+        # log(R_INSᵀ R_b exp(ω Δt)) = v for the true R_b: R_INS = R_b exp(ω Δt) exp(−v).
+        later = rotation.exp(rates * system[TIME_OFFSET][flight_of_image])
+        observed = attitude @ later @ rotation.exp(-drawn)
+        turning = BodyRates(flight_of_image, rates) if plan.turning else None
+        others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights, turning))
     for family, sigma in plan.priors.items():
         shape = system[family].shape
         given = system[family] + _drawn(noise, sigma, shape)

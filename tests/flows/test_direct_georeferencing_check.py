@@ -288,7 +288,7 @@ def test_a_flight_without_attitudes_cannot_be_checked(other_flight: Path, tmp_pa
     exposures.to_csv(tmp_path / "f" / "exposures.csv", index=False)
     outcome = run(project, tmp_path / "out")
     assert outcome.summary.status == "input_error"
-    assert "None of the measured images has an attitude" in str(outcome.error)
+    assert "None of the measured images has position and attitude" in str(outcome.error)
 
 
 def test_without_strips_there_are_no_models_and_it_is_said(other_flight: Path, tmp_path: Path) -> None:

@@ -83,6 +83,7 @@ def expected(reported: Reported) -> Expected:
         key_figures,
         groups,
         surveyed,
+        check_points_tested,
         orientations,
         object_points,
         parameters,
@@ -119,6 +120,21 @@ def key_figures(reported: Reported) -> Iterator[Item]:
         values = summary[name] or [None] * size
         for index in range(size):
             yield ("key-figures", name, f"value_{index}"), values[index]
+
+
+def check_points_tested(reported: Reported) -> Iterator[Item]:
+    """Found figures from check_points.parquet; limits from summary.json."""
+    test, table = reported.summary["check_point_test"], reported.table("check_points")
+    if test is None:
+        return
+    for k, (way, axis) in enumerate((("east", "dx"), ("north", "dy"), ("up", "dz"))):
+        d = table[f"{axis}_m"].to_numpy(np.float64)
+        rms, predicted = np.sqrt(np.mean(d**2)), np.sqrt(np.mean(table[f"sigma_{axis}_m"] ** 2))
+        figures = {"points": float(len(d)), "rms": rms, "predicted": predicted, "mean": d.mean()}
+        figures |= {"ratio": rms / predicted, "degrees": test["degrees_of_freedom"][k]}
+        figures |= {"low": test["predicted_low_m"][k], "high": test["predicted_high_m"][k]}
+        for column, value in (figures | {"mean_limit": test["mean_limit_m"][k]}).items():
+            yield ("check-point-test", way, column), float(value)
 
 
 def groups(reported: Reported) -> Iterator[Item]:

@@ -87,3 +87,22 @@ def test_a_wrong_specification_ends_with_two_and_one_line(tmp_path: Path) -> Non
     assert "Did you mean 'uce-low'?" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "a").exists()
+
+
+def test_a_time_offset_is_found_with_the_rates_of_the_body_and_a_lever_arm_beside_it(tmp_path: Path) -> None:
+    changes = (
+        "truth.time_offset_s=0.005",
+        "truth.lever_arm_m=[0.35, -0.1, 0.0]",
+        "trajectory.rate_deg_s=[1.0, 1.0, 1.0]",
+        'project.free=["boresight", "gnss_shift", "lever_arm", "time_offset"]',
+    )
+    _adjusted(tmp_path, "uce-high", *changes)
+    exposures = pd.read_csv(tmp_path / "exposures.csv")
+    assert np.std(exposures[["rate_roll", "rate_pitch", "rate_yaw"]].to_numpy()) == pytest.approx(
+        1.0, rel=0.3
+    )
+    found = pd.read_parquet(tmp_path / "results" / "parameters.parquet").set_index("parameter")
+    offset, arm = found.loc["time_offset"], found.loc["lever_arm_x"]
+    # Left in the attitudes, 5 ms at 1 °/s would be 5 mdeg, twice the noise of roll and pitch.
+    assert abs(offset["value"] - 0.005) < 4.0 * offset["sigma"] < 0.004
+    assert abs(arm["value"] - 0.35) < 4.0 * arm["sigma"]

@@ -116,6 +116,7 @@ class Delivery:
             exposures=read["exposures"],
             cameras=read["cameras"],
             control_points=self.control(*overrides)["control_points"] if control else None,
+            outside_format_share=self.project(*overrides).checks.outside_format_share,
         )
 
     def control(self, *overrides: str) -> Outputs:

@@ -263,3 +263,40 @@ def test_the_camera_table_holds_certificate_and_mounting(delivery):
     assert (row["principal_point_x_mm"], row["principal_point_y_mm"]) == (0.01, -0.02)
     assert row["mount_deg"] == 90
     assert row[["lever_arm_x_m", "lever_arm_y_m", "lever_arm_z_m"]].tolist() == [0.1, 0.2, -0.3]
+
+
+RATES = """\
+image,camera,strip,x,y,z,omega,phi,kappa,rate_roll,rate_pitch,rate_yaw
+I1,CAM,S1,500000,5300000,2000,0.1,-0.2,10,1.0,-0.5,0.25
+I2,CAM,S1,500400,5300100,2001,0.2,-0.1,11,,,
+I3,CAM,S2,500800,5300200,2002,-0.3,0.1,-170,0,0,0
+"""
+RATE_COLUMNS = ["rate_roll_deg_s", "rate_pitch_deg_s", "rate_yaw_deg_s"]
+
+
+@pytest.mark.parametrize(
+    ("axes", "unit", "expected"),
+    [
+        ("forward-right-down", "deg", [1.0, -0.5, 0.25]),
+        ("forward-left-up", "deg", [1.0, 0.5, -0.25]),
+        ("forward-right-down", "gon", [0.9, -0.45, 0.225]),
+    ],
+)
+def test_rates_are_about_the_declared_axes_in_the_unit_of_the_angles(delivery, axes, unit, expected):
+    delivery.write(exposures=RATES)
+    overrides = (f"inputs.exposures.angles.rate_axes={axes}", f"inputs.exposures.angles.unit={unit}")
+    table = delivery.table(delivery.exposures(*overrides), "exposures").set_index("image")
+    np.testing.assert_allclose(table.loc["I1", RATE_COLUMNS].to_numpy(np.float64), expected, rtol=1e-12)
+    assert table.loc["I2", RATE_COLUMNS].isna().all()
+
+
+def test_rates_whose_axes_are_not_declared_are_an_error_and_so_are_declared_ones_that_are_missing(delivery):
+    axes = "inputs.exposures.angles.rate_axes=forward-left-up"
+    with pytest.raises(InputError, match="the file has none"):
+        delivery.exposures(axes)
+    delivery.write(exposures=RATES)
+    with pytest.raises(InputError, match="their axes are not declared"):
+        delivery.exposures()
+    delivery.write(exposures=RATES.replace("1.0,-0.5,0.25", "1.0,,0.25"))
+    with pytest.raises(InputError, match="'rate_pitch' is empty here"):
+        delivery.exposures(axes)

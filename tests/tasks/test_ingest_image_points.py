@@ -148,6 +148,52 @@ def test_one_point_outside_the_image_is_named(delivery):
     assert "1 of 8 points" in raised.value.what
 
 
+def scattered(factor: float = 1.0, outside: int = 0, count: int = 1000) -> str:
+    """Image points all over the format (mm × factor), the first few outside of it."""
+    xy = np.random.default_rng(4).uniform([-25.0, -20.0], [25.0, 20.0], size=(count, 2))
+    xy[:outside] = [40.0, 1.0]
+    lines = [f"I{1 + i % 2},P{i // 2},{x * factor:.4f},{y * factor:.4f}" for i, (x, y) in enumerate(xy)]
+    return "\n".join(["image,point,x,y", *lines]) + "\n"
+
+
+def test_few_points_outside_the_format_are_left_out_and_said(delivery):
+    delivery.write(points=scattered(outside=1))
+    outputs = delivery.image_points()
+    notes = delivery.notes(outputs)
+    # With one of two rays lost, the point has a single one left.
+    assert len(delivery.table(outputs, "image_points")) == 998
+    assert notes.figures["counts"]["outside_format"] == 1
+    assert notes.figures["counts"]["image_points_read"] == 1000
+    said = next(text for text in notes.problems if "outside their image" in text)
+    assert said == (
+        "points.csv: 1 of 1,000 points lie outside their image and are left out; the first is 'P0' in 'I1' "
+        "(line 2)."
+    )
+
+
+@pytest.mark.parametrize("share", ["0", "0.001"])
+def test_more_points_outside_than_the_share_are_an_error_without_another_unit(delivery, share):
+    delivery.write(points=scattered(outside=1 if share == "0" else 2))
+    with pytest.raises(InputError) as raised:
+        delivery.image_points(f"checks.outside_format_share={share}")
+    assert raised.value.line == 2
+    assert "of 1,000 points do" in raised.value.what
+    assert "unit =" not in raised.value.remedy
+
+
+def test_a_share_that_is_stated_is_left_out(delivery):
+    delivery.write(points=scattered(outside=100))
+    outputs = delivery.image_points("checks.outside_format_share=0.1")
+    assert delivery.notes(outputs).figures["counts"]["outside_format"] == 100
+
+
+def test_another_unit_is_named_where_it_fits_better_though_not_all_fit(delivery):
+    delivery.write(points=scattered(1000.0, outside=20))
+    with pytest.raises(InputError) as raised:
+        delivery.image_points()
+    assert 'In µm 98 % of them would fit: declare unit = "um"' in raised.value.remedy
+
+
 def test_a_pixel_outside_the_border_is_still_inside(delivery):
     delivery.change("points", "I3,P2,-16,18", "I3,P2,-25.004,20.004")
     assert len(delivery.table(delivery.image_points(), "image_points")) == 7

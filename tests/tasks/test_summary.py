@@ -24,6 +24,7 @@ FIELDS = {
     "rmse_control_m",
     "rmse_check_m",
     "max_check_m",
+    "check_point_test",
     "parameters",
     "direct_georeferencing",
     "gates",

@@ -97,23 +97,32 @@ IMAGE_POINTS = TableSchema(
         number("y_mm", "mm", "y in the image system: from the format centre against rows"),
         number("sigma_x_mm", "mm", "standard deviation of x_mm"),
         number("sigma_y_mm", "mm", "standard deviation of y_mm"),
+        text("input_file", "name of the file it was delivered in", nullable=True),
     ),
     ("image", "point"),
 )
 
 EXPOSURES = TableSchema(
     "exposures",
-    "GNSS/INS or given orientation of an image, in the CRS of the project.",
+    "GNSS/INS or given orientation of an image, in the CRS of the project. Without sigma_x_m to sigma_z_m "
+    "the position was not delivered: it is approximate, from the neighbours in the strip, or null, and no "
+    "observation.",
     (
         IMAGE,
         CAMERA,
         STRIP,
         FLIGHT,
         number("time_s", "s", "time on the scale of the delivery", nullable=True),
-        *position("position"),
-        *sigmas(XYZ, "m"),
+        *position("position", nullable=True),
+        *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
+        *(
+            number(
+                f"rate_{name}_deg_s", "deg/s", f"how fast the body turned about its axis {way}", nullable=True
+            )
+            for name, way in (("roll", "forward"), ("pitch", "right"), ("yaw", "down"))
+        ),
         text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
     ),
     ("image",),

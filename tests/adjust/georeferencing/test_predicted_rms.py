@@ -9,7 +9,7 @@ from scipy import stats
 
 from adjust.arrays import Floats
 from adjust.georeferencing.error_sources import CalibrationErrors, Sensitivity
-from adjust.georeferencing.predicted_rms import predicted_largest, predicted_rms
+from adjust.georeferencing.predicted_rms import predicted_largest, predicted_rms, rms_of_covariance
 
 
 def answering(parameters: Floats, factor: Floats | None = None) -> Sensitivity:
@@ -83,3 +83,15 @@ def test_a_covariance_with_perfect_correlations_has_a_factor() -> None:
     covariance = correlation * np.outer(sigma, sigma)
     factor = CalibrationErrors({}, covariance).factor
     np.testing.assert_allclose(factor @ factor.T, covariance, rtol=1e-12, atol=1e-20)
+
+
+def test_a_full_covariance_gives_the_same_prediction_as_the_sources_it_comes_from() -> None:
+    random = np.random.default_rng(3)
+    matrix, own = random.normal(size=(12, 4)), random.uniform(0.1, 2.0, 12)
+    found = rms_of_covariance(matrix @ matrix.T + np.diag(own))
+    expected = predicted_rms(answering(matrix), own)
+    assert found.rms == pytest.approx(expected.rms)
+    assert found.degrees_of_freedom == pytest.approx(expected.degrees_of_freedom)
+    assert found.sigma_of_mean == pytest.approx(expected.sigma_of_mean)
+    with pytest.raises(ValueError, match="nothing to predict"):
+        rms_of_covariance(np.zeros((3, 3)))

@@ -35,7 +35,14 @@ def scene() -> Scene:
     strips = {"gnss_strip_bias": True, "gnss_drift": True, "time_offset": True}
     free = {**ALL_FREE, **strips, ADDITIONAL_PARAMETERS: True}
     return two_strips(
-        cameras=2, flights=2, additional=True, free=free, priors=priors, noise_seed=31, start_seed=32
+        cameras=2,
+        flights=2,
+        additional=True,
+        turning=True,
+        free=free,
+        priors=priors,
+        noise_seed=31,
+        start_seed=32,
     )
 
 
@@ -164,7 +171,7 @@ def test_the_contract_finds_a_derivative_that_is_only_nearly_right() -> None:
     sound = GROUPS["ins_attitudes"]
     assert isinstance(sound, InsAttitudes)
     broken = LinearisedAttitudes(
-        sound.image, sound.camera, sound.observed, sound.body_from_camera, sound.stochastic
+        sound.image, sound.camera, sound.observed, sound.body_from_camera, sound.stochastic, sound.turning
     )
     assert largest_derivative_error(broken, STATE) > 1e-3
 
@@ -188,7 +195,11 @@ def test_the_contract_finds_a_wrong_sign() -> None:
 @pytest.mark.parametrize("name", list(GROUPS))
 def test_misclosure_vanishes_at_the_truth_without_noise(name: str) -> None:
     exact = two_strips(
-        cameras=2, flights=2, free={**ALL_FREE, "time_offset": True}, priors=dict.fromkeys(FAMILIES, 0.01)
+        cameras=2,
+        flights=2,
+        turning=True,
+        free={**ALL_FREE, "time_offset": True},
+        priors=dict.fromkeys(FAMILIES, 0.01),
     )
     group = next(group for group in exact.observations.groups if group.name == name)
     misclosure = group.linearize(exact.truth).misclosure[group.stochastic.present]
@@ -267,6 +278,9 @@ def test_the_order_of_observations_does_not_matter(name: str) -> None:
             since_middle=group.motion.since_middle[order],
             velocity=group.motion.velocity[order],
         )
+    if name == "ins_attitudes":
+        turning = group.turning
+        changed["turning"] = replace(turning, flight=turning.flight[order], rate=turning.rate[order])
     model = group.stochastic
     changed["stochastic"] = replace(
         model, whitener=model.whitener[order], present=model.present[order], sigma=model.sigma[order]

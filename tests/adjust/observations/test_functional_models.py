@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     GNSS_DRIFT,
@@ -137,6 +139,23 @@ def test_a_boresight_roll_shows_as_the_roll_error_of_the_attitude() -> None:
     np.testing.assert_allclose(group.linearize(known).misclosure, 0.0, atol=1e-15)
     ignored = group.linearize(state_of(local_from_camera=camera)).misclosure
     np.testing.assert_allclose(ignored, [-misaligned], atol=1e-15)
+
+
+def test_attitudes_read_later_are_turned_by_the_rates_and_by_nothing_else() -> None:
+    body = ENU_FROM_NED @ rotation.ned_from_body(np.deg2rad([120.0, 4.0, -3.0]))
+    mounting, rate = nominal_mounting(90), np.deg2rad([1.0, -0.5, 2.0])
+    # 5 ms at 1 °/s are 5 mdeg.
+    late = rotation.exp(0.005 * rate)
+    group = InsAttitudes(ONE, ONE, (body @ late)[None], mounting[None], UNIT, BodyRates(ONE, rate[None]))
+    camera = body @ mounting
+    known = state_of(local_from_camera=camera, time_offset=[0.005])
+    np.testing.assert_allclose(group.linearize(known).misclosure, 0.0, atol=1e-15)
+    np.testing.assert_allclose(group.at_exposure(known.system), [body], atol=1e-15)
+    ignored = group.linearize(state_of(local_from_camera=camera, time_offset=[0.0])).misclosure
+    np.testing.assert_allclose(np.rad2deg(ignored), [[0.005, -0.0025, 0.010]], atol=1e-12)
+    without_rates = replace(group, turning=None).linearize(known)
+    np.testing.assert_allclose(without_rates.misclosure, ignored, atol=1e-15)
+    assert TIME_OFFSET not in {term.block for term in without_rates.terms}
 
 
 def survey(frame: object, given: list[float], height: float, sigma: list[float]) -> ControlPoints:

@@ -25,8 +25,9 @@ from adjust.quality.correlation_time import (
     stated_or_estimated,
     zeta_of,
 )
+from adjust.quality.observation_parts import correlations_of, parts_of
 from adjust.quality.redundancy import group_residuals
-from adjust.quality.variance_components import correlations_of, parts_of, redundancy_of, trace_matrix
+from adjust.quality.variance_components import redundancy_of, trace_matrix
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_cofactor, full_covariance
 from adjust.solve.gauss_newton import iterate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,17 @@ import pytest
 from scipy import stats
 
 from adjust.adjustment import adjust_block
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.block import Block
+from adjust.errors import InconsistentBlockError
+from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT
 from adjust.quality.cofactor import cofactor
+from adjust.quality.observation_parts import Division, parts_of
 from adjust.quality.redundancy import group_residuals
 from adjust.quality.residual_operator import residuals_of
 from adjust.quality.variance_components import (
-    parts_of,
     redundancy_of,
     reweighted,
     trace_matrix,
@@ -158,6 +161,91 @@ def test_gross_errors_and_wrong_weights_are_told_apart(large: SimulatedBlock) ->
     for name, (_, lower, upper, redundancy) in found_over_true(result).items():
         if redundancy >= 100.0:
             assert lower < 1.0 < upper, name
+
+
+def noisier(values: Floats, chosen: Ints, sigma: Floats, ratio: float, seed: int) -> Floats:
+    """Values (n, m) of which the chosen rows have `ratio` times the noise σ (n, m) they were drawn with."""
+    found = values.copy()
+    more = np.random.default_rng(seed).normal(size=(len(chosen), values.shape[1]))
+    found[chosen] += np.sqrt(ratio**2 - 1.0) * sigma[chosen] * more
+    return found
+
+
+def of_two_origins(large: SimulatedBlock, seed: int) -> tuple[Block, Observations, tuple[Division, ...]]:
+    """Every third image point manual with 3 µm, the others automatic with 1.5 µm, both stated 2 µm; and GNSS
+    positions of which those of the later images have 2.5 times the stated σ.
+    """
+    measured = large.measured_again(seed)
+    block = measured.block(FREE)
+    observations = measured.observations(block)
+    rays = observations.image_points
+    gnss = next(group for group in observations.others if isinstance(group, GnssPositions))
+    manual = np.arange(len(rays.image)) % 3 == 0
+    later = gnss.image >= np.median(gnss.image)
+    xy = noisier(rays.xy, np.flatnonzero(manual), rays.sigma, 2.0, seed)
+    position = noisier(gnss.observed, np.flatnonzero(later), gnss.stochastic.sigma, 2.5, seed + 1000)
+    stated = replace(rays, xy=xy, sigma=rays.sigma * (2.0 / 1.5))
+    others = tuple(
+        replace(gnss, observed=position) if group is gnss else group for group in observations.others
+    )
+    divisions = (
+        Division("image_points", ("automatic.csv", "manual.csv"), manual.astype(np.int64)),
+        Division("gnss_positions", ("flight 1", "flight 2"), later.astype(np.int64)),
+    )
+    return block, Observations(stated, others), divisions
+
+
+TRUE_FACTORS = {
+    "image_points of automatic.csv": 0.75,
+    "image_points of manual.csv": 1.5,
+    "gnss_positions plan of flight 1": 1.0,
+    "gnss_positions plan of flight 2": 2.5,
+}
+
+
+def test_points_of_two_files_and_positions_of_two_flights_get_their_own_sigma(large: SimulatedBlock) -> None:
+    block, observations, divisions = of_two_origins(large, 0)
+    result = estimated(block, observations, divisions=divisions)
+    found = {item.part.name: item for item in result.variance_components}
+    for name, true in TRUE_FACTORS.items():
+        assert found[name].lower < true < found[name].upper, name
+        assert found[name].upper / found[name].lower < 2.5, name
+    # The parts share the redundancy of their group, and all of them that of the block.
+    for index, group in enumerate(result.groups):
+        own = [item.redundancy for item in found.values() if item.part.group == index]
+        assert sum(own) == pytest.approx(group.redundancy_sum)
+    assert sum(item.redundancy for item in found.values()) == pytest.approx(result.test.redundancy, rel=1e-9)
+    # A point keeps the σ of its file.
+    manual = divisions[0].of_observation == 1
+    sigma = result.groups[0].sigma
+    assert np.median(sigma[manual]) / np.median(sigma[~manual]) == pytest.approx(2.0, rel=0.1)
+
+
+def test_one_component_for_both_files_is_neither(large: SimulatedBlock) -> None:
+    block, observations, _ = of_two_origins(large, 0)
+    found = {item.part.name: item for item in estimated(block, observations).variance_components}
+    assert 0.75 < found["image_points"].lower < found["image_points"].upper < 1.5
+
+
+def test_a_division_of_other_observations_is_refused(large: SimulatedBlock) -> None:
+    block = large.block(FREE)
+    wrong = Division("image_points", ("a",), np.zeros(3, dtype=np.int64))
+    with pytest.raises(InconsistentBlockError, match="of 3 observations"):
+        estimated(block, large.observations(block), divisions=(wrong,))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_intervals_of_divided_groups_hold_the_truth_as_often_as_they_say(large: SimulatedBlock) -> None:
+    trials, misses = 60, dict.fromkeys(TRUE_FACTORS, 0)
+    for seed in range(trials):
+        block, observations, divisions = of_two_origins(large, seed)
+        result = estimated(block, observations, divisions=divisions)
+        found = {item.part.name: item for item in result.variance_components}
+        for name, true in TRUE_FACTORS.items():
+            misses[name] += not found[name].lower < true < found[name].upper
+    for name, missed in misses.items():
+        assert missed <= stats.binom.isf(1e-3, trials, 1.0 - CONFIDENCE), (name, missed)
 
 
 @pytest.fixture(scope="module")

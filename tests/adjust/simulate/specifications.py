@@ -18,6 +18,7 @@ from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.system import SystemSpecification
 from adjust.simulate.terrain import TerrainShape
+from adjust.simulate.trajectory import FlightVariation
 from adjust.simulate.truth import BlockSpecification
 
 HEIGHT = 1000.0
@@ -44,6 +45,7 @@ def small_specification(**changes: object) -> BlockSpecification:
         points=PointSpecification(count=150),
         noise=NOISE,
         survey=(SurveyLayout("grid", columns=3, rows=3),),
+        variation=FlightVariation(rate=(np.deg2rad(1.0),) * 3),
         terrain=TerrainShape(mean=200.0, relief=15.0),
         system=SystemSpecification(boresight=(2e-3, -1e-3, 4e-3), gnss_shift=(-0.26, 0.12, 0.29)),
         seed=5,

@@ -27,7 +27,10 @@ def correlation(size: int, **pairs: float) -> np.ndarray:
         (("principal_point_x", "gnss_shift_y"), "strips flown in opposite or crossing directions separate"),
         (("lever_arm_y", "principal_point_y"), "a second flying height or strong relief separates"),
         (("lever_arm_z", "gnss_shift_z"), "strong tilts alone separate them"),
-        (("lever_arm_x", "time_offset"), "varying ground speeds separate them"),
+        (
+            ("lever_arm_x", "time_offset"),
+            "delivered rates of the body or varying ground speeds separate them",
+        ),
         (("gnss_shift_x", "lever_arm_x"), "strips flown in opposite or crossing directions separate"),
         (("boresight_yaw", "lever_arm_x"), "hold one of them or give it a prior"),
     ],
