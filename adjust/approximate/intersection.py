@@ -47,8 +47,8 @@ class Intersection:
 def intersect(image_points: ImagePoints, state: State, points: int) -> Intersection:
     """Intersect the rays of ``points`` object points with the orientations of a state.
 
-    Least squares on the collinearity equations with the weights of the image points; the object
-    points of the state are not used.
+    Least squares on the collinearity equations of the ideal image points with the weights of the measured
+    ones; the object points of the state are not used.
     """
     rays = image_points
     object_point, angle, status = intersection_kernel.intersect(
@@ -58,7 +58,7 @@ def intersect(image_points: ImagePoints, state: State, points: int) -> Intersect
         state.projection_centre,
         state.local_from_camera,
         state.system[INTERIOR_ORIENTATION],
-        rays.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,
+        rays.straight(state, np.zeros(0, dtype=np.int64)).xy,
         rays.inverse_sigma,
     )
     return Intersection(object_point, angle, status)

@@ -133,7 +133,7 @@ def _seams(specification: ImageErrorSpecification, camera: FrameCamera) -> Float
 def image_format_of(specification: ImageErrorSpecification, camera: FrameCamera) -> ImageFormat:
     """The image of a camera with the seams of its tiles; calibration axes are image axes."""
     x, y = (float(seam) for seam in _seams(specification, camera))
-    return format_in_calibration_axes(camera.half_format, 0, Tiles((-x, x), (-y, y)))
+    return format_in_calibration_axes(camera.half_format, 0, Tiles((-x, x), (-y, y)), camera.focal_length)
 
 
 def _additional(

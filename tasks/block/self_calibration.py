@@ -129,7 +129,7 @@ def self_calibration_of(
                 largest[entity, column] = effect.largest[place[name]]
                 rms[entity, column] = effect.rms[place[name]]
     return BlockSelfCalibration(
-        SelfCalibration(names, tuple(of_camera[camera] for camera in camera_of_entity), entity_of_image),
+        SelfCalibration.of(names, tuple(of_camera[camera] for camera in camera_of_entity), entity_of_image),
         SystemParameters(additional_family(names, tuple(units.values())), entities, values, free),
         largest,
         rms,
@@ -176,9 +176,10 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
     """The image of a camera (a row of cameras.parquet) in calibration axes."""
     pixel = float(str(camera["pixel_um"])) * _UM
     half = (0.5 * int(str(camera["columns"])) * pixel, 0.5 * int(str(camera["rows"])) * pixel)
+    focal_length = float(str(camera["focal_length_mm"])) * _MM
     layout = camera["tiles"]
     if not isinstance(layout, str):
-        return format_in_calibration_axes(half, turn)
+        return format_in_calibration_axes(half, turn, focal_length=focal_length)
     given = json.loads(layout)
     tiles = Tiles(
         tuple(seam * _MM for seam in given["seams_x_mm"]),
@@ -186,7 +187,7 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
         given["blend_mm"] * _MM,
         given["perspective"],
     )
-    return format_in_calibration_axes(half, turn, tiles)
+    return format_in_calibration_axes(half, turn, tiles, focal_length)
 
 
 def _entities(images: CalibratedImages, per: str) -> tuple[tuple[str, ...], tuple[int, ...], Ints]:

@@ -18,7 +18,7 @@ from adjust.camera.additional.register import REGISTER, AdditionalParameters
 from adjust.camera.additional.selection import SelectedTerms
 
 # UltraCam Eagle: 13080 × 20010 pixels of 5.2 µm, columns along flight.
-_FORMAT = ImageFormat(34.008e-3, 52.026e-3)
+_FORMAT = ImageFormat(34.008e-3, 52.026e-3, focal_length=0.080)
 _MICROMETRE = 1e-6
 # Longer tables are folded.
 _MOST_ROWS = 30

@@ -23,17 +23,18 @@ Contract = Callable[[ParameterSet, ImageFormat], None]
 
 MICROMETRE = 1e-6
 _UNIT = re.compile(r"1|(1/)?(µm|mm|m)[²³⁴-⁹]?")
-_NAME = re.compile(r"\w+")  # no sign that the text of a selection uses
+_TERM = re.compile(r"\w+")  # no sign that the text of a selection uses
+_NAME = re.compile(r"\w[\w-]*")
 
-_UCE = ImageFormat(34.008e-3, 52.026e-3)
+_UCE = ImageFormat(34.008e-3, 52.026e-3, focal_length=0.08)
 _DMC_TILES = Tiles((-16e-3, 15e-3), (-28e-3, 27e-3))
 #: Images that sets are tested over, in calibration axes.
 FORMATS = {
     "UCE": _UCE,
     "UCE, blended outer8": replace(_UCE, tiles=Tiles((-11e-3, 11e-3), (-17e-3, 17e-3), 2e-3, "outer8")),
-    "DMC": ImageFormat(46.08e-3, 82.944e-3, _DMC_TILES),
-    "DMC, rotation8": ImageFormat(46.08e-3, 82.944e-3, replace(_DMC_TILES, perspective="rotation8")),
-    "UltraCam Eagle M3": ImageFormat(34.008e-3, 52.92e-3),
+    "DMC": ImageFormat(46.08e-3, 82.944e-3, _DMC_TILES, 0.12),
+    "DMC, rotation8": ImageFormat(46.08e-3, 82.944e-3, replace(_DMC_TILES, perspective="rotation8"), 0.12),
+    "UltraCam Eagle M3": ImageFormat(34.008e-3, 52.92e-3, focal_length=0.1005),
 }
 
 # A smaller singular value of the normalised columns counts as a defect. The worst of the sound sets, three
@@ -82,7 +83,7 @@ def says_what_its_terms_are(parameter_set: ParameterSet, image_format: ImageForm
     assert len(set(names)) == len(names) > 0, "names of terms repeat"
     assert set(parameter_set.terms_in(image_format)) == set(names), "variants of terms that do not exist"
     for term in parameter_set.terms_in(image_format).values():
-        assert _NAME.fullmatch(term.name), f"'{term.name}' cannot stand in a selection"
+        assert _TERM.fullmatch(term.name), f"'{term.name}' cannot stand in a selection"
         assert term.meaning.strip(), f"{term.name} has no meaning"
         assert _UNIT.fullmatch(term.unit), f"{term.name} has the unit '{term.unit}'"
         assert term.status in typing.get_args(Status), f"{term.name} has the status '{term.status}'"
