@@ -185,9 +185,7 @@ def _pairs(rays: ImagePoints, state: State, ideal: IdealRays, common: CommonPoin
     return _Pairs(left, right, base, np.cross(e_z, e_x), e_z, -interior[common.left, 0] / (length * depths))
 
 
-def _system_terms(
-    rays: ImagePoints, ideal: IdealRays, ray: Ints, of_ray: _Gradients
-) -> tuple[Term, ...]:
+def _system_terms(rays: ImagePoints, ideal: IdealRays, ray: Ints, of_ray: _Gradients) -> tuple[Term, ...]:
     """Derivatives (r, 1, d) by the interior orientation and the additional parameters."""
     of_measured = of_ray.by_measured[:, None, :]
     by_principal_point = -of_measured @ (of_ray.slope[:, :, :2] + np.eye(2))

@@ -109,7 +109,7 @@ def linearize_all(
 
 @kernel
 def directions(image, point, first, last, centres, rotations, points):
-    """u (last − first, 2) of the projected object points of some image points; zero behind the camera."""
+    """Directions u (last − first, 2) of the object points of some image points; zero behind the camera."""
     result = np.zeros((last - first, 2))
     for i in range(first, last):
         p1, p2, p3 = in_camera(image[i], point[i], centres, rotations, points)

@@ -7,7 +7,7 @@ An additional parameter a_k corrects the measured image coordinates:
 f_k is evaluated at measured coordinates, so nothing is iterated in the adjustment. The systematic image
 error is the negative of the correction. A form "x' = x − f P" of the literature has the sign turned here.
 
-The terms of a *forward* set are a distortion of the ideal image point, as packages of computer vision have it:
+The terms of a *forward* set are a distortion of the ideal image point, as computer vision has it:
 
     x̄ + Δ(x̄) = x_id + Σ f_k(x_id, y_id) a_k.
 """
@@ -63,7 +63,7 @@ class ImageFormat:
 
     @property
     def needed_focal_length(self) -> float:
-        """c of a set that cannot do without.
+        """The focal length c of a set that cannot do without.
 
         Raises
         ------

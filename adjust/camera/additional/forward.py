@@ -54,7 +54,7 @@ class Distortion:
         return self.parameters.first
 
     def basis(self, xy: Floats) -> Floats:
-        """d (n, 2, k) for each unit, at directions (n, 2)."""
+        """Distortions d (n, 2, k) for each unit, at directions (n, 2)."""
         return self.parameters.basis(xy)
 
 
@@ -76,7 +76,9 @@ def undistorted(distortion: Correction, distorted: Floats, values: Floats) -> tu
         slope = slope_of(d, u[rows]) + np.eye(2)
         regular = np.linalg.det(slope) > _LEAST_DETERMINANT
         missing = distorted[rows] - u[rows] - d(u[rows])
-        step = np.linalg.solve(np.where(regular[:, None, None], slope, np.eye(2)), missing[:, :, None])[:, :, 0]
+        step = np.linalg.solve(np.where(regular[:, None, None], slope, np.eye(2)), missing[:, :, None])[
+            :, :, 0
+        ]
         u[rows] += np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
         found[rows] = regular & (np.abs(step).max(axis=1) < _SETTLED)
     return u, found
