@@ -52,7 +52,7 @@ def _basis(xy: Floats, image_format: ImageFormat, names: tuple[str, ...]) -> Flo
                 of_u[:] = u
             case "b2":
                 of_u[:] = v
-    return result * np.array([c, -c])[:, None]
+    return np.asarray(result * np.array([c, -c])[:, None])
 
 
 SET = ParameterSet(
@@ -62,8 +62,8 @@ SET = ParameterSet(
     (*_LENS, *_SENSOR),
     _basis,
     "A distortion, evaluated at the ideal point: values of `brown` are no values of this set, neither with "
-    "their sign nor without; `aerocal convert-distortion` converts. k1 to k4 are strongly correlated with each "
-    "other and with the focal length.",
+    "their sign nor without; `aerocal convert-distortion` converts. k1 to k4 are strongly correlated with "
+    "each other and with the focal length.",
     formulas=__doc__ or "",
     comes_first=tuple(term.name for term in _LENS),
     direction="forward",
