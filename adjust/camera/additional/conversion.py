@@ -77,12 +77,7 @@ def converted(
         If the given distortion folds the image over, or the wanted parameters cannot be told from each other
         over the format.
     """
-    xy = _grid(given) - np.array(principal_point)
-    if not is_invertible(given, values, xy).all():
-        raise AdditionalParametersError(
-            "The given distortion folds the image over: points of the format have no ideal point.",
-            "Check the coefficients, their convention and the focal length.",
-        )
+    xy = refuse_folded(given, values, np.array(principal_point))
     ideal = ideal_from_measured(given, values, xy)
     found = np.zeros(len(wanted.names))
     for _ in range(_MOST_STEPS):
@@ -93,6 +88,22 @@ def converted(
             break
     corrected = xy + total_correction(wanted.only("correction"), xy, found[~wanted.forward])
     return Conversion(wanted, found, xy, corrected - ideal - distortion_at(wanted, found, ideal))
+
+
+def refuse_folded(parameters: AdditionalParameters, values: Floats, principal_point: Floats) -> Floats:
+    """Points (n, 2) over the format, metres from a principal point (2,), each of which has an ideal point.
+
+    Raises
+    ------
+    AdditionalParametersError : if the distortion folds the image over.
+    """
+    xy = _grid(parameters) - principal_point
+    if not is_invertible(parameters, values, xy).all():
+        raise AdditionalParametersError(
+            "The given distortion folds the image over: points of the format have no ideal point.",
+            "Check the coefficients, their convention and the focal length.",
+        )
+    return xy
 
 
 def _grid(parameters: AdditionalParameters) -> Floats:
