@@ -18,6 +18,15 @@ from adjust.camera.additional.correction import ideal_from_measured, measured_fr
 from adjust.camera.additional.effect import sigma_of_effect
 from adjust.camera.additional.register import AdditionalParameters
 from adjust.camera.additional.selection import SelectedTerms
+from adjust.camera.additional.self_calibration import SelfCalibration
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    State,
+)
 
 Contract = Callable[[ParameterSet, ImageFormat], None]
 
@@ -182,6 +191,67 @@ def leads_from_measured_to_ideal_and_back(parameter_set: ParameterSet, image_for
     assert same.mean() > 0.99
 
 
+def enters_the_image_points_with_exact_derivatives(
+    parameter_set: ParameterSet, image_format: ImageFormat
+) -> None:
+    """By its values, c, x0, y0, the projection centre and an object point; with effects of 5 µm each.
+
+    At points that stay in one tile: there the correction of every set is smooth.
+    """
+    names = independent_names(parameter_set)
+    parameters = AdditionalParameters((SelectedTerms(parameter_set, names),), image_format)
+    values = sigma_of_effect(parameters, 5 * MICROMETRE)[None, :]
+    c = image_format.needed_focal_length
+    xy = anywhere(image_format, 40)
+    count, images = len(xy), np.zeros(1, dtype=np.int64)
+    points = np.column_stack([xy * 10_000.0, np.full(count, -10_000.0 * c)])
+    rays = ImagePoints(
+        np.zeros(count, dtype=np.int64),
+        np.arange(count),
+        images,
+        xy,
+        np.ones((count, 2)),
+        np.ones(count, dtype=bool),
+        SelfCalibration.of(parameters.names, (parameters,), images),
+    )
+    system = {INTERIOR_ORIENTATION: np.array([[c, 0.0, 0.0]]), ADDITIONAL_PARAMETERS: values}
+    state = State(np.zeros((1, 3)), np.eye(3)[None], points, system)
+    terms = {term.block: term.jacobian for term in rays.linearize(state).terms}
+
+    def numeric(ahead: State, behind: State, step: float) -> Floats:
+        return (rays.misclosure(behind) - rays.misclosure(ahead)) / (2.0 * step)
+
+    def of_system(family: str, component: int, step: float) -> Floats:
+        change = np.zeros_like(system[family])
+        change[0, component] = step
+        return numeric(
+            *(
+                replace(state, system={**system, family: system[family] + sign * change})
+                for sign in (1.0, -1.0)
+            ),
+            step,
+        )
+
+    for component in range(3):
+        found = of_system(INTERIOR_ORIENTATION, component, 1e-8)
+        _assert_nearly_all_equal(found, terms[INTERIOR_ORIENTATION][:, :, component])
+        step = 1e-3 * np.eye(3)[component]
+        found = numeric(
+            replace(state, projection_centre=step[None]), replace(state, projection_centre=-step[None]), 1e-3
+        )
+        _assert_nearly_all_equal(found, terms[EXTERIOR_ORIENTATION][:, :, component])
+        _assert_nearly_all_equal(-found, terms[OBJECT_POINT][:, :, component])
+    for k, value in enumerate(values[0]):
+        found = of_system(ADDITIONAL_PARAMETERS, k, 0.1 * value)
+        _assert_nearly_all_equal(found, terms[ADDITIONAL_PARAMETERS][:, :, k])
+
+
+def _assert_nearly_all_equal(found: Floats, expected: Floats) -> None:
+    """But for a point that a step takes over a seam."""
+    differs = np.abs(found - expected).max(axis=1) > 1e-5 * np.abs(expected).max()
+    assert differs.sum() <= 1
+
+
 CONTRACTS: tuple[Contract, ...] = (
     says_what_its_terms_are,
     has_a_column_for_each_name,
@@ -191,4 +261,5 @@ CONTRACTS: tuple[Contract, ...] = (
     declares_true_combinations,
     is_smooth_but_for_seams,
     leads_from_measured_to_ideal_and_back,
+    enters_the_image_points_with_exact_derivatives,
 )
