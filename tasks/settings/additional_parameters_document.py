@@ -101,7 +101,7 @@ _CONVERTING = """\
 | COLMAP `FULL_OPENCV`, OpenCV rational | likewise if k4, k5, k6 are zero; others cannot be given |
 | Metashape | k1 to k4 as they stand; p1 = P2, p2 = P1; b1 = B1/f, b2 = B2/f, f in pixels |
 | fx, fy in pixels | c = fy times the pixel size, b1 = fx/fy − 1 |
-| cx, cy in pixels | x0 = (cx − columns/2), y0 = (rows/2 − cy) times the pixel size, with pixels from the corner |
+| cx, cy in pixels from the corner | x0, y0 = (cx − columns/2, rows/2 − cy) times the pixel size |
 | Australis, PhotoModeler, laboratories | no: these are corrections, `brown` or `brown_mm` |
 
 `aerocal convert-distortion PROJECT.toml --to brown_mm:K1-K3,P1,P2` converts what a camera of the project
