@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -10,8 +10,11 @@ import numpy as np
 from adjust.approximate import intersection_kernel
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.covisibility import point_starts
+
+_REFINEMENTS = 8
+_SETTLED = 1e-8  # metres
 
 
 class IntersectionStatus(IntEnum):
@@ -58,7 +61,30 @@ def intersect(image_points: ImagePoints, state: State, points: int) -> Intersect
         state.projection_centre,
         state.local_from_camera,
         state.system[INTERIOR_ORIENTATION],
-        rays.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,
+        rays.straight(state, np.zeros(0, dtype=np.int64)).xy,
         rays.inverse_sigma,
     )
-    return Intersection(object_point, angle, status)
+    found = Intersection(object_point, angle, status)
+    if rays.self_calibration is None or rays.self_calibration.forward is None:
+        return found
+    # The kernel weighs ideal points, which a distortion has moved apart or together.
+    return replace(found, object_point=_refined(rays, state, found))
+
+
+def _refined(rays: ImagePoints, state: State, found: Intersection) -> Floats:
+    """Object points (m, 3) with the least squares of the residuals in the distorted image."""
+    points, rows = found.object_point.copy(), np.flatnonzero(found.usable[rays.point])
+    usable = rays.only(rows)
+    weight = usable.inverse_sigma
+    for _ in range(_REFINEMENTS):
+        equations = usable.linearize(replace(state, object_point=points))
+        of_point = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
+        weighted = np.swapaxes(of_point * weight[:, :, None] ** 2, 1, 2)
+        normal, right = np.zeros((len(points), 3, 3)), np.zeros((len(points), 3))
+        np.add.at(normal, usable.point, weighted @ of_point)
+        np.add.at(right, usable.point, np.einsum("rij,rj->ri", weighted, equations.misclosure))
+        step = np.linalg.solve(normal[found.usable], right[found.usable][:, :, None])[:, :, 0]
+        points[found.usable] += step
+        if np.abs(step).max(initial=0.0) < _SETTLED:
+            break
+    return points

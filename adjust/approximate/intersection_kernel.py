@@ -44,7 +44,7 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
     of_exterior = np.zeros((1, 2, 6))
     of_system = np.zeros((1, 2, 3))
     of_point = np.zeros((1, 2, 3))
-    no_slope = np.zeros((1, 2, 2))
+    no_slope = np.zeros((1, 2, 5))
     no_basis = np.zeros((1, 2, 0))
     for j in range(m):
         first = point_start[j]

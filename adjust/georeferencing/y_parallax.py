@@ -97,11 +97,43 @@ class _Pairs:
         return left, right
 
 
+@dataclass(frozen=True, eq=False)
+class _Gradients:
+    """Derivatives of the parallaxes by what r rays are made of.
+
+    The ray is (c u, −c) with c (u + d(u)) = x̄ + Δ and x̄ = x − x0: g in the ray is h = g (I + ∂d/∂u)⁻¹ in the
+    measured point.
+
+    Attributes
+    ----------
+    in_camera : (r, 3) the rays.
+    by_ray : (r, 3) g.
+    slope : (r, 2, 5) see ``IdealRays``.
+    """
+
+    in_camera: Floats
+    by_ray: Floats
+    slope: Floats
+
+    @cached_property
+    def by_measured(self) -> Floats:
+        """(r, 2) h, by the measured point."""
+        distorting = np.swapaxes(self.slope[:, :, 2:4], 1, 2) + np.eye(2)
+        return np.asarray(np.linalg.solve(distorting, self.by_ray[:, :2, None])[:, :, 0])
+
+    @property
+    def by_focal_length(self) -> Floats:
+        """(r,) g u − h (u + d) − g_z, by c."""
+        u = -self.in_camera[:, :2] / self.in_camera[:, 2:]
+        through = np.sum(self.by_ray[:, :2] * u - self.by_measured * (u + self.slope[:, :, 4]), axis=1)
+        return np.asarray(through - self.by_ray[:, 2])
+
+
 def y_parallaxes(rays: ImagePoints, sources: ErrorSources, common: CommonPoints) -> YParallaxes:
     """y-parallaxes of common points with the orientations of the sources, and what they come from."""
     state = sources.orientations.state
     names = () if rays.self_calibration is None else rays.self_calibration.names
-    ideal = rays.ideal(state, np.arange(len(names)), with_slope=True)
+    ideal = rays.straight(state, np.arange(len(names)))
     pairs = _pairs(rays, state, ideal, common)
     of_left_ray, of_right_ray = pairs.gradients(state.local_from_camera)
     of_base = pairs.scale[:, None] * pairs.across
@@ -109,7 +141,12 @@ def y_parallaxes(rays: ImagePoints, sources: ErrorSources, common: CommonPoints)
     of_right = np.concatenate([of_base, np.cross(pairs.right.in_camera, of_right_ray)], axis=1)
     gradient = np.concatenate([of_left_ray, of_right_ray])
     ray, q = np.concatenate([common.left, common.right]), len(common.model)
-    noise = np.sum((gradient[:, :2] * rays.sigma[ray]) ** 2, axis=1)
+    of_ray = _Gradients(
+        np.concatenate([pairs.left.in_camera, pairs.right.in_camera]),
+        gradient,
+        np.broadcast_to(ideal.slope, (len(rays.image), 2, 5))[ray],
+    )
+    noise = np.sum((of_ray.by_measured * rays.sigma[ray]) ** 2, axis=1)
     length = np.linalg.norm(pairs.base, axis=1)
     of_direction = [length * np.sum(of_base * axis, axis=1) for axis in (pairs.e_y, pairs.e_z)]
     errors = sensitivity(
@@ -118,7 +155,7 @@ def y_parallaxes(rays: ImagePoints, sources: ErrorSources, common: CommonPoints)
         np.tile(np.arange(q), 2),
         rays.image[ray],
         np.concatenate([of_left, of_right])[:, None, :],
-        _system_terms(rays, ideal, ray, gradient),
+        _system_terms(rays, ideal, ray, of_ray),
     )
     return YParallaxes(
         common,
@@ -148,17 +185,14 @@ def _pairs(rays: ImagePoints, state: State, ideal: IdealRays, common: CommonPoin
     return _Pairs(left, right, base, np.cross(e_z, e_x), e_z, -interior[common.left, 0] / (length * depths))
 
 
-def _system_terms(rays: ImagePoints, ideal: IdealRays, ray: Ints, gradient: Floats) -> tuple[Term, ...]:
-    """Derivatives (r, 1, d) by the interior orientation and the additional parameters.
-
-    The ray is (x̄ + Δ, ȳ + Δ, −c) with x̄ = x − x0, so x0, y0 enter by −(I + ∂Δ/∂(x̄, ȳ)).
-    """
-    slope = np.broadcast_to(ideal.slope, (len(rays.image), 2, 2))[ray] + np.eye(2)
-    in_plane = gradient[:, None, :2]
-    of_interior = np.concatenate([-gradient[:, None, 2:], -in_plane @ slope], axis=2)
+def _system_terms(rays: ImagePoints, ideal: IdealRays, ray: Ints, of_ray: _Gradients) -> tuple[Term, ...]:
+    """Derivatives (r, 1, d) by the interior orientation and the additional parameters."""
+    of_measured = of_ray.by_measured[:, None, :]
+    by_principal_point = -of_measured @ (of_ray.slope[:, :, :2] + np.eye(2))
+    of_interior = np.concatenate([of_ray.by_focal_length[:, None, None], by_principal_point], axis=2)
     image = rays.image[ray]
     terms = [Term(INTERIOR_ORIENTATION, rays.camera_of_image[image], of_interior)]
     if rays.self_calibration is not None:
         entity = rays.self_calibration.entity_of_image[image]
-        terms.append(Term(ADDITIONAL_PARAMETERS, entity, in_plane @ ideal.basis[ray]))
+        terms.append(Term(ADDITIONAL_PARAMETERS, entity, of_measured @ ideal.basis[ray]))
     return tuple(terms)

@@ -29,9 +29,10 @@ class IdealRays:
 
     Attributes
     ----------
-    xy : (r, 2) measured + Δ, metres, image system.
-    basis : (r, 2, t) derivatives of Δ by t additional parameters: Δ for a unit of each.
-    slope : (r, 2, 2) ∂Δ/∂(x̄, ȳ); (1, 2, 2) zeros where it is not needed or there is none.
+    xy : (r, 2) measured + Δ − D, metres, image system; of straight rays the ideal point.
+    basis : (r, 2, t) derivatives of Δ − D by t additional parameters.
+    slope : (r, 2, 5) ∂Δ/∂(x̄, ȳ), ∂d/∂u and d side by side; (1, 2, 5) zeros where they are not needed or there
+        are none.
     """
 
     xy: Floats
@@ -45,9 +46,10 @@ class ImagePoints:
 
     The observation is zero when the ray through the measured point meets the object point:
 
-        x̄ + Δx = −c p1/p3,    ȳ + Δy = −c p2/p3,    p = R_cᵀ (X − X0)
+        x̄ + Δ = c (u + d),    u = −(p1, p2)/p3,    p = R_cᵀ (X − X0)
 
-    with x̄ = x − x0, ȳ = y − y0 and the correction Δ(x̄, ȳ) of the additional parameters.
+    with x̄ = (x − x0, y − y0), the correction Δ(x̄) of the additional parameters and the distortion d(u) of
+    those among them that are forward sets; D = c d.
 
     Attributes
     ----------
@@ -57,7 +59,7 @@ class ImagePoints:
     sigma : (n, 2) metres.
     active : (n,) false for rejected observations.
     self_calibration : the additional parameters of every image; None where there are none.
-    offset : (n, 2) metres, added to the ideal image points whatever Δ is; None for nothing.
+    offset : (n, 2) metres, added to the image points whatever Δ is; None for nothing.
     """
 
     image: Ints
@@ -96,26 +98,77 @@ class ImagePoints:
     ) -> IdealRays:
         """The image points first … last − 1, corrected by the additional parameters of a state.
 
+        The distortion D is that of the point where the state projects the object point to.
+
         Parameters
         ----------
         components : (t,) the additional parameters whose basis is wanted.
         with_slope : whether ∂Δ/∂(x̄, ȳ) is wanted.
         """
-        part = slice(first, len(self.image) if last is None else last)
+        last = len(self.image) if last is None else last
+        corrected = self._corrected(state, components, with_slope, slice(first, last))
+        if self.self_calibration is None or self.self_calibration.forward is None:
+            return corrected
+        direction = image_point_kernel.directions(
+            self.image,
+            self.point,
+            first,
+            last,
+            state.projection_centre,
+            state.local_from_camera,
+            state.object_point,
+        )
+        distorted, d, c = self._distorted(state, components, corrected, direction, slice(first, last))
+        return replace(distorted, xy=corrected.xy - c * d)
+
+    def straight(self, state: State, components: Ints) -> IdealRays:
+        """All image points made ideal with the additional parameters of a state, without object points.
+
+        Basis and slopes are those of ``ideal`` there.
+        """
+        everything = slice(0, len(self.image))
+        corrected = self._corrected(state, components, True, everything)
+        if self.self_calibration is None or self.self_calibration.forward is None:
+            return corrected
+        interior = state.system[INTERIOR_ORIENTATION][self.camera_of_image[self.image]]
+        values = state.system[ADDITIONAL_PARAMETERS]
+        direction = self.self_calibration.forward.undistorted(
+            self.image, (corrected.xy - interior[:, 1:]) / interior[:, :1], values
+        )
+        distorted, _, c = self._distorted(state, components, corrected, direction, everything)
+        return replace(distorted, xy=interior[:, 1:] + c * direction)
+
+    def _corrected(self, state: State, components: Ints, with_slope: bool, part: slice) -> IdealRays:
+        """Some image points with Δ and its derivatives, without any distortion."""
         xy, image = self.xy[part], self.image[part]
-        no_slope = np.zeros((1, 2, 2))
+        no_slope = np.zeros((1, 2, 5))
         shifted = xy if self.offset is None else xy + self.offset[part]
-        if self.self_calibration is None:
+        model = self.self_calibration
+        if model is None:
             return IdealRays(shifted, np.zeros((len(xy), 2, 0)), no_slope)
         values = state.system[ADDITIONAL_PARAMETERS]
         reduced = xy - state.system[INTERIOR_ORIENTATION][self.camera_of_image[image], 1:]
-        model = self.self_calibration
-        if len(components):
-            correction, basis = model.evaluate(image, reduced, values, components)
-        else:
-            correction, basis = model.correction(image, reduced, values), np.zeros((len(xy), 2, 0))
-        slope = model.slope(image, reduced, values) if with_slope and np.any(values) else no_slope
+        correction, basis = model.evaluate(image, reduced, values, components)
+        if not (with_slope and np.any(values)):
+            return IdealRays(shifted + correction, basis, no_slope)
+        slope = np.zeros((len(xy), 2, 5))
+        slope[:, :, :2] = model.slope(image, reduced, values)
         return IdealRays(shifted + correction, basis, slope)
+
+    def _distorted(
+        self, state: State, components: Ints, corrected: IdealRays, direction: Floats, part: slice
+    ) -> tuple[IdealRays, Floats, Floats]:
+        """The rays with the derivatives of the distortion at directions u (r, 2); d (r, 2); and c (r, 1)."""
+        assert self.self_calibration is not None
+        model = self.self_calibration.forward
+        assert model is not None
+        image, values = self.image[part], state.system[ADDITIONAL_PARAMETERS]
+        c = state.system[INTERIOR_ORIENTATION][self.camera_of_image[image], :1]
+        d, basis = model.evaluate(image, direction, values, components)
+        slope = np.empty((len(image), 2, 5))
+        slope[:, :, :2] = corrected.slope[:, :, :2]
+        slope[:, :, 2:4], slope[:, :, 4] = model.slope(image, direction, values), d
+        return IdealRays(corrected.xy, corrected.basis - c[:, :, None] * basis, slope), d, c
 
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state, not whitened; derivatives exact."""

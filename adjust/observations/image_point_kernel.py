@@ -2,13 +2,14 @@
 
 Every other kernel calls this one, so the model stands in one place:
 
-    p = Rᵀ (X − X0),    x̄ + Δx + v_x = −c p1/p3,    ȳ + Δy + v_y = −c p2/p3
+    p = Rᵀ (X − X0),    u = −(p1, p2)/p3,    x̄ + Δ + v = c u + D
 
-with x̄ = x − x0, ȳ = y − y0 and the correction Δ(x̄, ȳ) = Σ f_k a_k of the additional parameters. Kernels
-get x + Δx, y + Δy (``ideal``), the basis f_k of the parameters that are free, and the slope ∂Δ/∂(x̄, ȳ).
+with x̄ = (x − x0, y − y0), the correction Δ(x̄) of the additional parameters and the distortion
+D = c d(u) of their forward sets. Kernels get x + Δ − D (``ideal``), the basis f_k of the parameters that are
+free (∂Δ/∂a_k or −∂D/∂a_k), and the slopes ∂Δ/∂x̄, ∂d/∂u and d side by side (``slope``).
 
-Derivatives of v: Jp Rᵀ (object point), −Jp Rᵀ (projection centre), Jp [p]× (small rotation in the
-camera frame), (−p1/p3, −p2/p3) (c), the columns of I + ∂Δ/∂(x̄, ȳ) (x0, y0) and −f_k (a_k), with
+Derivatives of v, with M = I + ∂d/∂u: M Jp Rᵀ (object point), −M Jp Rᵀ (projection centre), M Jp [p]× (small
+rotation in the camera frame), u + d (c), the columns of I + ∂Δ/∂x̄ (x0, y0) and −f_k (a_k), with
 Jp = [[−c/p3, 0, c p1/p3²], [0, −c/p3, c p2/p3²]].
 """
 
@@ -56,25 +57,29 @@ def linearize_ray(
     wy = inverse_sigma[ray, 1]
     misclosure[row, 0] = (ideal[corrected, 0] - interior[camera, 1] - c * a) * wx
     misclosure[row, 1] = (ideal[corrected, 1] - interior[camera, 2] - c * b) * wy
-    # Jp, whitened: d(x, y)/dp
-    jx1 = -c * inverse * wx
-    jx3 = c * p1 * inverse * inverse * wx
-    jy2 = -c * inverse * wy
-    jy3 = c * p2 * inverse * inverse * wy
+    # M Jp, whitened: d(x, y)/dp
+    depth = c * inverse
+    jx1 = -depth * (1.0 + slope[sloped, 0, 2]) * wx
+    jx2 = -depth * slope[sloped, 0, 3] * wx
+    jy1 = -depth * slope[sloped, 1, 2] * wy
+    jy2 = -depth * (1.0 + slope[sloped, 1, 3]) * wy
+    jx3 = jx1 * a + jx2 * b
+    jy3 = jy1 * a + jy2 * b
     for k in range(3):
-        of_point[row, 0, k] = jx1 * rotations[exposure, k, 0] + jx3 * rotations[exposure, k, 2]
-        of_point[row, 1, k] = jy2 * rotations[exposure, k, 1] + jy3 * rotations[exposure, k, 2]
+        r1, r2, r3 = rotations[exposure, k, 0], rotations[exposure, k, 1], rotations[exposure, k, 2]
+        of_point[row, 0, k] = jx1 * r1 + jx2 * r2 + jx3 * r3
+        of_point[row, 1, k] = jy1 * r1 + jy2 * r2 + jy3 * r3
         of_exterior[row, 0, k] = -of_point[row, 0, k]
         of_exterior[row, 1, k] = -of_point[row, 1, k]
-    # Jp [p]x
-    of_exterior[row, 0, 3] = -jx3 * p2
+    # M Jp [p]x
+    of_exterior[row, 0, 3] = jx2 * p3 - jx3 * p2
     of_exterior[row, 0, 4] = -jx1 * p3 + jx3 * p1
-    of_exterior[row, 0, 5] = jx1 * p2
+    of_exterior[row, 0, 5] = jx1 * p2 - jx2 * p1
     of_exterior[row, 1, 3] = jy2 * p3 - jy3 * p2
-    of_exterior[row, 1, 4] = jy3 * p1
-    of_exterior[row, 1, 5] = -jy2 * p1
-    of_system[row, 0, 0] = a * wx
-    of_system[row, 1, 0] = b * wy
+    of_exterior[row, 1, 4] = -jy1 * p3 + jy3 * p1
+    of_exterior[row, 1, 5] = jy1 * p2 - jy2 * p1
+    of_system[row, 0, 0] = (a + slope[sloped, 0, 4]) * wx
+    of_system[row, 1, 0] = (b + slope[sloped, 1, 4]) * wy
     # The principal point moves the ideal image point against it.
     of_system[row, 0, 1] = (1.0 + slope[sloped, 0, 0]) * wx
     of_system[row, 1, 1] = slope[sloped, 1, 0] * wy
@@ -100,6 +105,18 @@ def linearize_all(
         ):  # fmt: skip
             behind += 1
     return behind
+
+
+@kernel
+def directions(image, point, first, last, centres, rotations, points):
+    """Directions u (last − first, 2) of the object points of some image points; zero behind the camera."""
+    result = np.zeros((last - first, 2))
+    for i in range(first, last):
+        p1, p2, p3 = in_camera(image[i], point[i], centres, rotations, points)
+        if p3 < 0.0:
+            result[i - first, 0] = -p1 / p3
+            result[i - first, 1] = -p2 / p3
+    return result
 
 
 @kernel

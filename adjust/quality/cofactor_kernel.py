@@ -40,7 +40,7 @@ def point_cofactors(
 ):  # fmt: skip
     """Cofactors of the object points first_point … last_point − 1, and hat matrices of their image points.
 
-    ideal (r, 2), slope (r or 1, 2, 2) and basis (r, 2, t) are those of these points' rays alone.
+    ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of these points' rays alone.
     Fills cofactor (m, 3, 3) and hat (n, 3), elements xx, xy, yy; inactive points keep what is there.
     """
     borders = border.shape[2]

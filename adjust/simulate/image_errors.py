@@ -59,7 +59,8 @@ class ImageErrors:
     seams : (2,) metres.
     tile_shift : (3, 3, 2) of the tiles by their place along x and y; the central one is zero.
     corner : (2, 2, 2) displacement of the corners by the signs − and + of x and y.
-    additional, values : additional parameters (k) and their values (k,), whose correction is −e.
+    additional, values : additional parameters (k) and their values (k,), which make the measured point ideal
+        by −e.
     reach : how far from a seam a point may be shifted across it, metres.
     """
 
@@ -118,8 +119,9 @@ def image_errors_of(
     corners *= specification.corner / np.sqrt(np.mean(corners**2))
     seams = _seams(specification, camera)
     parameters, values = _additional(specification, image_format_of(specification, camera))
-    of_parameters = max((abs(size) for _, size in specification.additional), default=0.0)
-    jump = float(np.abs(tiles).max()) + len(values) * of_parameters
+    # The distortion of the ideal point has no seams.
+    jumping = effects(parameters).largest[~parameters.forward] * np.abs(values[~parameters.forward])
+    jump = float(np.abs(tiles).max()) + len(jumping) * float(jumping.max(initial=0.0))
     reach = 2.0 * jump + _SETTLED if jump > 0.0 else -1.0
     return ImageErrors(half, specification.radial, seams, tiles, corners, parameters, values, reach)
 
@@ -133,7 +135,7 @@ def _seams(specification: ImageErrorSpecification, camera: FrameCamera) -> Float
 def image_format_of(specification: ImageErrorSpecification, camera: FrameCamera) -> ImageFormat:
     """The image of a camera with the seams of its tiles; calibration axes are image axes."""
     x, y = (float(seam) for seam in _seams(specification, camera))
-    return format_in_calibration_axes(camera.half_format, 0, Tiles((-x, x), (-y, y)))
+    return format_in_calibration_axes(camera.half_format, 0, Tiles((-x, x), (-y, y)), camera.focal_length)
 
 
 def _additional(

@@ -203,7 +203,7 @@ def reduce_points(
 
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
-    ideal (r, 2), slope (r or 1, 2, 2) and basis (r, 2, t) are those of the lane's image points alone;
+    ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone;
     columns (n, 3 + t) says where the system parameters of each image stand.
     blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border
     (g) are added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.

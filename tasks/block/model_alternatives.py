@@ -1,8 +1,8 @@
 """What the model of a block may lack: every alternative that is tested, one row each.
 
 Parameters that are held, or that differ between flights, heights, directions or strips; errors of time and
-height scale of GNSS; the north of the attitudes; the datum of the control; refraction; image errors that no
-parameter describes.
+height scale of GNSS; the north of the attitudes; the datum of the control; refraction; direction and sign of
+given distortion; image errors that no parameter describes.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from adjust.quality.model_alternatives import (
     ParameterAlternative,
 )
 from adjust.solve.normal_equations import Observations
+from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.parameter_tables import reported_unit
 from tasks.block.refracted_rays import coefficients_of_rays, ground_heights
@@ -289,7 +290,7 @@ def _scaled(quantity: str, group: str, arm: Floats) -> Alternative:
 
 
 def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alternative]:
-    """Refraction, and radial and decentring distortion and affinity of every camera."""
+    """Refraction; other readings of what is given; distortion and affinity of every camera."""
     block, rays = material.block, material.observations.image_points
     interior = next(item.values for item in block.system if item.family.name == INTERIOR_ORIENTATION)
     of_ray, image = rays.camera_of_image[rays.image], rays.image
@@ -304,6 +305,9 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
     if np.abs(bent - rays.xy).max(initial=0.0) > _NO_REFRACTION:
         refraction = ObservationAlternative(rays.name, bent - rays.xy)
         yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
+    for quantity, entity, change in other_readings(block, rays):
+        reading = ObservationAlternative(rays.name, change)
+        yield Alternative(quantity, entity, "all", "", "1", 1.0, reading)
     free = _free_additional(block)
     rows = {row["camera"]: row for row in cameras.to_dict("records")}
     for number, camera in enumerate(block.cameras):

@@ -76,6 +76,17 @@ _KINDS: Mapping[str, _Kind] = {
         "Refraction differs from what was corrected by {size} of it",
         "Near −1 it was corrected twice: set adjustment.refraction to what was delivered.",
     ),
+    "distortion_direction": _Kind(
+        "The distortion given for camera {entity} looks as if it were meant in the other direction: {size} "
+        "of the difference is in the images",
+        "100 % is true for the other direction: values of OpenCV, COLMAP and Metashape belong to "
+        "brown-forward, those of laboratories and Australis to brown; aerocal convert-distortion converts.",
+    ),
+    "distortion_sign": _Kind(
+        "The additional parameters given for camera {entity} look as if their sign were wrong: {size} of the "
+        "difference is in the images",
+        "100 % is true for the other sign: check whether corrections or errors were published.",
+    ),
 }
 _IMAGE_ERRORS = _Kind(
     "The images of camera {entity} have systematic errors that no parameter describes: {size}",

@@ -11,6 +11,7 @@ import pandas as pd
 from adjust.arrays import Bools, Floats, Ints
 from adjust.camera.additional.base import ImageFormat, Tiles
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
+from adjust.camera.additional.conversion import refuse_folded
 from adjust.camera.additional.effect import effects
 from adjust.camera.additional.register import REGISTER, AdditionalParameters, additional_parameters
 from adjust.camera.additional.selection import NOTHING, selected
@@ -51,12 +52,14 @@ class BlockSelfCalibration:
     Attributes
     ----------
     model : which parameters each image has.
+    of_entity : the same, entity by entity, corrections and distortions together.
     parameters : their given values and which are free, one row for each entity.
     largest_effect, rms_effect : (e, d) of the correction over the image for a unit of each, metres; NaN
         where an entity does not have the parameter.
     """
 
     model: SelfCalibration
+    of_entity: tuple[AdditionalParameters, ...]
     parameters: SystemParameters
     largest_effect: Floats
     rms_effect: Floats
@@ -93,7 +96,7 @@ def block_self_calibration(
     if settings.parameters == NOTHING and not any(known):
         return None
     of_camera = [
-        _corrections(row, settings.parameters, tuple(values))
+        _corrections(row, settings.parameters, values)
         for row, values in zip(cameras.to_dict("records"), known, strict=True)
     ]
     images = CalibratedImages(given.mountings.names, given.camera, given.flights, given.flight_of_image)
@@ -128,8 +131,10 @@ def self_calibration_of(
                 free[entity, column] = name in free_names
                 largest[entity, column] = effect.largest[place[name]]
                 rms[entity, column] = effect.rms[place[name]]
+    of_entity = tuple(of_camera[camera] for camera in camera_of_entity)
     return BlockSelfCalibration(
-        SelfCalibration(names, tuple(of_camera[camera] for camera in camera_of_entity), entity_of_image),
+        SelfCalibration.of(names, of_entity, entity_of_image),
+        of_entity,
         SystemParameters(additional_family(names, tuple(units.values())), entities, values, free),
         largest,
         rms,
@@ -142,14 +147,20 @@ def _names_of(selection: str) -> tuple[str, ...]:
 
 
 def _corrections(
-    camera: dict[object, object], selection: str, known: tuple[str, ...]
+    camera: dict[object, object], selection: str, known: dict[str, float]
 ) -> AdditionalParameters:
     """All parameters of one camera: those selected, then those it brings along besides."""
     besides = tuple(name for name in known if name not in _names_of(selection))
     turn = int(str(camera["calibration_axes_deg"]))
-    return additional_parameters_of(
-        str(camera["camera"]), selection, image_format_of(camera, turn), turn, besides
-    )
+    name = str(camera["camera"])
+    found = additional_parameters_of(name, selection, image_format_of(camera, turn), turn, besides)
+    values = np.array([known.get(item, 0.0) for item in found.names])
+    principal_point = np.array([float(str(camera[f"principal_point_{axis}_mm"])) * _MM for axis in "xy"])
+    try:
+        refuse_folded(found, values, principal_point)
+    except AdditionalParametersError as error:
+        raise InputError(error.what, error.remedy, entity=f"camera {name}") from error
+    return found
 
 
 def additional_parameters_of(
@@ -176,9 +187,10 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
     """The image of a camera (a row of cameras.parquet) in calibration axes."""
     pixel = float(str(camera["pixel_um"])) * _UM
     half = (0.5 * int(str(camera["columns"])) * pixel, 0.5 * int(str(camera["rows"])) * pixel)
+    focal_length = float(str(camera["focal_length_mm"])) * _MM
     layout = camera["tiles"]
     if not isinstance(layout, str):
-        return format_in_calibration_axes(half, turn)
+        return format_in_calibration_axes(half, turn, focal_length=focal_length)
     given = from_json(layout)
     tiles = Tiles(
         tuple(seam * _MM for seam in given["seams_x_mm"]),
@@ -186,7 +198,7 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
         given["blend_mm"] * _MM,
         given["perspective"],
     )
-    return format_in_calibration_axes(half, turn, tiles)
+    return format_in_calibration_axes(half, turn, tiles, focal_length)
 
 
 def _entities(images: CalibratedImages, per: str) -> tuple[tuple[str, ...], tuple[int, ...], Ints]:

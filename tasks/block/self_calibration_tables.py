@@ -13,7 +13,7 @@ from adjust.calibration.correlation import correlation_matrix, total_correlation
 from adjust.calibration.elimination import Criterion, Decision
 from adjust.calibration.parameter_selection import SelectedAdjustment
 from adjust.calibration.significance import difference_test, group_test, t_values
-from adjust.camera.additional.register import REGISTER, AdditionalParameters
+from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected_items
 from adjust.parameters import ADDITIONAL_PARAMETERS, SystemParameters
 from tasks.block.self_calibration import BlockSelfCalibration
@@ -52,10 +52,8 @@ def self_calibration_table(
     rows = []
     for entity, component in np.argwhere(offered >= 0):
         column, left = int(offered[entity, component]), int(final[entity, component])
-        correction = calibration.model.corrections[entity]
-        assert isinstance(correction, AdditionalParameters)
-        place = correction.names.index(calibration.model.names[component])
-        term = correction.terms[place][1]
+        own = calibration.of_entity[entity]
+        term = own.terms[own.names.index(calibration.model.names[component])][1]
         change = float(values[entity, component] - calibration.parameters.values[entity, component])
         sigma = sigma0 * float(np.sqrt(variance[left])) if left >= 0 else np.nan
         step, decision = steps.get(column, (0, None))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
+from adjust.camera.additional.register import REGISTER
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Listing
@@ -46,9 +47,23 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
     turn = material.record.camera.calibration_axes_deg
     axes = "the image axes" if turn == 0 else f"axes turned by {turn}° counter-clockwise against the image"
     note = f"The sum is the correction Δ of a measured coordinate, in {axes}; the image error is −Δ."
+    forward = distorting_sets(items)
+    if forward:
+        note += (
+            f" Those of {', '.join(forward)} are a distortion d of the ideal direction u instead, without "
+            "unit as u is: the measured coordinate plus Δ is c (u + d), with the focal length c of this "
+            "certificate."
+        )
     if level:
         note += f" Tests of t are {level}."
     return Table("additional-parameters", "Additional parameters", columns, rows, note)
+
+
+def distorting_sets(items: Iterable[CalibratedParameter]) -> tuple[str, ...]:
+    """Names of the sets among parameters that go from the ideal to the measured point."""
+    names = dict.fromkeys(item.parameter.partition(":")[0] for item in items)
+    forward = (name for name, known in REGISTER.sets.items() if known.direction == "forward")
+    return tuple(name for name in forward if name in names)
 
 
 def _row(

@@ -15,7 +15,7 @@ from adjust.geometry import rotation
 from tasks.block.model_findings import entity_words, shown_unit
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
-from tasks.certificate.additional_parameters import additional_blocks
+from tasks.certificate.additional_parameters import additional_blocks, distorting_sets
 from tasks.certificate.content import Block, Listing, Section, Words
 from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
@@ -123,7 +123,7 @@ def _interior_note(material: CertificateMaterial) -> str:
     return (
         "Origin at the format centre, x along increasing columns, y against increasing rows; pixel (0, 0) is "
         f"the {point} of the top-left pixel. A measured coordinate is corrected as x − x0 + Δ, Δ of the "
-        "additional parameters."
+        f"additional parameters{' that are corrections' if distorting_sets(material.parameters) else ''}."
     )
 
 

@@ -38,6 +38,11 @@ def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
     )
 
 
+def camera_table(cameras: Mapping[str, CameraInput]) -> pd.DataFrame:
+    """The rows that ``write_cameras`` writes."""
+    return pd.DataFrame([_row(name, camera) for name, camera in cameras.items()])
+
+
 def camera_record(camera: CameraInput) -> CameraRecord:
     """A camera of the project file, read from its file if it has one.
 

@@ -92,11 +92,18 @@ def camera_of_entity(entity: str, cameras: Mapping[str, FrameCamera]) -> str:
 
 
 def parameters_of(material: Material, entity: str, names: tuple[str, ...]) -> AdditionalParameters:
-    """What parameters of these names do to the images of an entity."""
-    table = material.camera_table
-    row = table[table["camera"] == camera_of_entity(entity, material.cameras)].to_dict("records")[0]
+    """What parameters of these names do to the images of an entity, with its adjusted focal length."""
+    table, camera = material.camera_table, camera_of_entity(entity, material.cameras)
+    row = table[table["camera"] == camera].to_dict("records")[0]
+    row["focal_length_mm"] = adjusted_focal_length_mm(material.parameters, camera)
     turn = int(str(row["calibration_axes_deg"]))
     return additional_parameters(NOTHING, image_format_of(row, turn), turn, names)
+
+
+def adjusted_focal_length_mm(parameters: pd.DataFrame, camera: str) -> float:
+    """Of a camera, from parameters.parquet, which names what is held as well."""
+    own = parameters[(parameters["parameter"] == "focal_length") & (parameters["entity"] == camera)]
+    return float(own["value"].item())
 
 
 def image_errors(material: Material) -> tuple[ImageErrors, ...]:

@@ -18,7 +18,7 @@ from adjust.camera.additional.register import REGISTER, AdditionalParameters
 from adjust.camera.additional.selection import SelectedTerms
 
 # UltraCam Eagle: 13080 × 20010 pixels of 5.2 µm, columns along flight.
-_FORMAT = ImageFormat(34.008e-3, 52.026e-3)
+_FORMAT = ImageFormat(34.008e-3, 52.026e-3, focal_length=0.080)
 _MICROMETRE = 1e-6
 # Longer tables are folded.
 _MOST_ROWS = 30
@@ -38,6 +38,14 @@ The sum is the correction Δ of the measurement; **the systematic image error is
 that read x' = x − f · P have the sign turned here: values are those of the literature, f_k is −f. Axes and
 signs: [conventions](conventions.md).
 
+Sets with *forward* in their name go the other way, as OpenCV, COLMAP, Metashape, OpenSfM and Pix4D do: a
+distortion d of the ideal direction u = (x_ideal, y_ideal)/c,
+
+    x̄ + Δ = c (u + d(u)).
+
+Both kinds can be used at once: what is measured is corrected first. Their values have nothing to do with each
+other; [converting](#converting-between-directions) says how to get one from the other.
+
 ## Selecting parameters
 
 `[adjustment.self_calibration]` of the [project file](project-file.md) takes a text in `parameters`:
@@ -46,6 +54,7 @@ signs: [conventions](conventions.md).
 |---|---|
 | `brown` | all parameters of a set |
 | `brown:K1,K2` | some of them |
+| `brown-forward:k1-k3,p1,p2` | ranges and names |
 | `bluh:1-12` | a range, by the order of the set |
 | `bluh:1-12+42-73+81-88` | several ranges of one set |
 | `brown:K1,K2+legendre(3)` | parameters of several sets; some sets have a degree |
@@ -82,6 +91,33 @@ In Python, and with the effect of each parameter over the image:
 
 """
 
+_CONVERTING = """\
+
+## Converting between directions
+
+| from | to `brown-forward` |
+|---|---|
+| OpenCV, COLMAP `OPENCV`, OpenSfM `brown`, OPF | k1, k2, k3, p1, p2 as they stand |
+| COLMAP `FULL_OPENCV`, OpenCV rational | likewise if k4, k5, k6 are zero; others cannot be given |
+| Metashape | k1 to k4 as they stand; p1 = P2, p2 = P1; b1 = B1/f, b2 = B2/f, f in pixels |
+| fx, fy in pixels | c = fy times the pixel size, b1 = fx/fy − 1 |
+| cx, cy in pixels from the corner | x0, y0 = (cx − columns/2, rows/2 − cy) times the pixel size |
+| Australis, PhotoModeler, laboratories | no: these are corrections, `brown` or `brown_mm` |
+
+`aerocal convert-distortion PROJECT.toml --to brown_mm:K1-K3,P1,P2` converts what a camera of the project
+brings along (`cameras.NAME.additional_parameters`) into any other selection: measured points over the format
+are made ideal, the other values found by least squares, and what is left is shown (largest and RMS, µm; a
+remark above 0.1 µm). c, x0 and y0 stay. A lens with 0.5 mm of distortion at c = 80 mm converts to 0.06 µm,
+one with 1.3 mm and decentring of 20 µm to 0.6 µm.
+
+The residuals of a correction are those of the ideal point, those of a distortion stand in the measured image.
+The stated σ of image points therefore weigh a little differently: with 0.5 mm of distortion σ0 differs by
+0.4 %.
+
+Where given values are held, the [tests of the model](theory/adjustment.md#alternatives-of-the-model) ask
+whether the other direction or the other sign would fit better, and name it.
+"""
+
 _AFTER_SETS = """
 *Published* is a parameter whose formula stands in the source. *Reconstructed* is one of which the source
 gives a name, a number or a description only, or whose formula is quoted from memory: it does what its name
@@ -109,6 +145,7 @@ def additional_parameters_page() -> str:
     for place, (heading, item) in enumerate(sets):
         alike = next((name for name, other in sets[:place] if other.formulas == item.formulas), None)
         lines += _section(heading, item, alike)
+    lines.append(_CONVERTING.strip("\n"))
     return "\n".join(lines).rstrip() + "\n"
 
 

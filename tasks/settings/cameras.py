@@ -97,7 +97,8 @@ class CameraInput(Settings):
     additional_parameters: dict[str, Finite] = Field(
         default_factory=dict,
         description='Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published units: '
-        "the initial value if the parameter is free, else fixed.",
+        "the initial value if the parameter is free, else fixed. Values of OpenCV, COLMAP or Metashape are "
+        '`"brown-forward:k1"` and so on.',
     )
     lever_arm_m: Triple = Field(
         default=(0.0, 0.0, 0.0),

@@ -34,8 +34,8 @@ class SelfCalibrationSettings(Settings):
     parameters: Selection = Field(
         default=NOTHING,
         description='Additional parameters to estimate, e.g. `"bluh:1-12"`, `"bluh:1-12+42-73+81-88"`, '
-        '`"brown:K1,K2"`, `"legendre(5)"`; `"none"` for none. Focal length and principal point are named in '
-        "`free`.",
+        '`"brown:K1,K2"`, `"brown-forward:k1-k3,p1,p2"`, `"legendre(5)"`; `"none"` for none. Focal length '
+        "and principal point are named in `free`.",
     )
     per: Literal["camera", "flight"] = Field(
         default="camera",

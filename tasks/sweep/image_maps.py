@@ -22,6 +22,7 @@ from tasks.importing.cameras import frame_cameras
 from tasks.report import axes, markup
 from tasks.report.axes import round_length
 from tasks.report.format_plot import FormatPlot
+from tasks.report.image_errors import adjusted_focal_length_mm
 from tasks.report.image_errors_plot import mean_rms_um
 from tasks.report.legend import arrow_scale
 from tasks.report.residual_field import ResidualField, Vectors, arrow_length, field_vectors, residual_field
@@ -97,6 +98,7 @@ def _parameter_errors_um(
     own = of_camera[of_camera["entity"] == of_camera["entity"].min()]
     turn = int(str(row["calibration_axes_deg"]))
     names = tuple(own["parameter"])
+    row = row | {"focal_length_mm": adjusted_focal_length_mm(parameters, camera.name)}
     selected = additional_parameters(NOTHING, image_format_of(row, turn), turn, names)
     place = np.column_stack([x.ravel(), y.ravel()]) * _MM - np.array(camera.principal_point)
     values = own["value"].to_numpy(np.float64)

@@ -15,6 +15,9 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
+from adjust.camera.additional.base import ImageFormat
+from adjust.camera.additional.forward import Distortion
+from adjust.camera.additional.register import additional_parameters
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
@@ -85,8 +88,9 @@ class Plan:
 
     ``free`` says for each family which parameters are unknown: anything that broadcasts to
     the values. ``priors`` gives a standard deviation (SI) with which a family is observed
-    directly. ``additional``: every camera has a set of additional parameters of its own.
-    ``turning``: the body turns at the exposures, and the rates are delivered.
+    directly. ``additional``: every camera has a set of additional parameters of its own; ``forward``: and a
+    distortion of the ideal point, some millimetres in the corners. ``turning``: the body turns at the
+    exposures, and the rates are delivered.
     ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
     those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
@@ -106,6 +110,7 @@ class Plan:
     free: Mapping[str, object] = field(default_factory=dict)
     priors: Mapping[str, float] = field(default_factory=dict)
     additional: bool = False
+    forward: bool = False
     noise_seed: int | None = None
     start_seed: int | None = None
     sigma_image_m: float = 2.0 * MICROMETRE
@@ -213,12 +218,30 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
         GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
         GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
         TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
-    } | ({ADDITIONAL_PARAMETERS: _ADDITIONAL[: plan.cameras]} if plan.additional else {})
+    } | ({ADDITIONAL_PARAMETERS: _additional(plan)} if plan.additional else {})
 
 
 _TERMS = ("test:square", "test:shear", "test:radial", "test:quarter", "test:stretch")
 # The forward camera has no shear, the other one no quarter and no stretch.
 _ADDITIONAL = np.array([[3.0, 0.0, -4.0, 5.0, 0.6], [-2.0, 3.0, 2.0, 0.0, 0.0]])
+_FORWARD_TERMS = ("brown-forward:k1", "brown-forward:p2", "brown-forward:b1")
+# The other camera has an affinity only.
+_FORWARD = np.array([[-0.06, 2e-3, 1e-3], [0.0, 0.0, -2e-3]])
+
+
+def _terms(plan: Plan) -> tuple[str, ...]:
+    return _TERMS + _FORWARD_TERMS * plan.forward
+
+
+def _additional(plan: Plan) -> Floats:
+    """True values of the additional parameters of every camera; zero where it does not have one."""
+    values = np.concatenate([_ADDITIONAL, _FORWARD], axis=1) if plan.forward else _ADDITIONAL
+    return values[: plan.cameras]
+
+
+def _distortion(values: Floats) -> Distortion:
+    names = [name for name, value in zip(_FORWARD_TERMS, values, strict=True) if value != 0.0]
+    return Distortion.of(additional_parameters("+".join(names), ImageFormat(0.05, 0.035, None, 0.1)))
 
 
 def _self_calibration(plan: Plan, camera_of_image: Ints) -> SelfCalibration | None:
@@ -228,7 +251,8 @@ def _self_calibration(plan: Plan, camera_of_image: Ints) -> SelfCalibration | No
         Polynomials(tuple(name for name, value in zip(_TERMS, row, strict=True) if value != 0.0))
         for row in _ADDITIONAL[: plan.cameras]
     )
-    return SelfCalibration(_TERMS, corrections, camera_of_image)
+    distortions = tuple(_distortion(row) for row in _FORWARD[: plan.cameras]) if plan.forward else ()
+    return SelfCalibration(_terms(plan), corrections, camera_of_image, distortions)
 
 
 def _system_parameters(
@@ -237,7 +261,9 @@ def _system_parameters(
     """Given values: the truth of what is held, nominal values of what is free."""
     result = []
     for name, values in truth.items():
-        family = additional_family(_TERMS, ("µm",) * 5) if name == ADDITIONAL_PARAMETERS else FAMILIES[name]
+        family = (
+            FAMILIES[name] if name in FAMILIES else additional_family(_terms(plan), ("µm",) * values.shape[1])
+        )
         free = np.broadcast_to(np.asarray(plan.free.get(name, False), dtype=bool), values.shape).copy()
         if name == ADDITIONAL_PARAMETERS:
             free &= values != 0.0
@@ -307,9 +333,12 @@ def _image_points(
     measured = xy[seen][point, image]
     model = _self_calibration(plan, camera_of_image)
     if model is not None:
-        ideal, principal = measured, interior[image, 1:]
+        ideal, principal, values = measured, interior[image, 1:], truth.system[ADDITIONAL_PARAMETERS]
+        if model.forward is not None:
+            c = interior[image, :1]
+            ideal = ideal + c * model.forward.correction(image, (ideal - principal) / c, values)
         for _ in range(20):
-            correction = model.correction(image, measured - principal, truth.system[ADDITIONAL_PARAMETERS])
+            correction = model.correction(image, measured - principal, values)
             measured = ideal - correction
     measured = measured + _drawn(noise, plan.sigma_image_m, measured.shape)
     sigma = np.full(measured.shape, plan.sigma_image_m)
@@ -499,6 +528,12 @@ def variants() -> dict[str, Scene]:
         "rejected_rays": with_rejected_rays(two_strips(**everything, **seeds)),
         "additional_parameters_two_cameras": two_strips(
             **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: True}}, additional=True, **seeds
+        ),
+        "distortion_of_the_ideal_point": two_strips(
+            **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: True}},
+            additional=True,
+            forward=True,
+            **seeds,
         ),
         "additional_parameters_held": two_strips(additional=True, free=SOME_FREE, **seeds),
         "control_only": two_strips(control=("full",) * 4, gnss=False, ins=False, **seeds),

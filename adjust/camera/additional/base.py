@@ -6,6 +6,10 @@ An additional parameter a_k corrects the measured image coordinates:
 
 f_k is evaluated at measured coordinates, so nothing is iterated in the adjustment. The systematic image
 error is the negative of the correction. A form "x' = x − f P" of the literature has the sign turned here.
+
+The terms of a *forward* set are a distortion of the ideal image point, as computer vision has it:
+
+    x̄ + Δ(x̄) = x_id + Σ f_k(x_id, y_id) a_k.
 """
 
 from __future__ import annotations
@@ -17,9 +21,11 @@ from typing import Literal
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.errors import AdditionalParametersError
 
 Status = Literal["published", "reconstructed"]
 Perspective = Literal["master4", "outer8", "rotation8"]
+Direction = Literal["correction", "forward"]
 
 
 @dataclass(frozen=True)
@@ -47,11 +53,28 @@ class ImageFormat:
     ----------
     half_x, half_y : half the sides of the image, metres.
     tiles : the CCD images it is composed of; None where the set's own default layout holds.
+    focal_length : c, metres, by which forward sets divide; None where none of them is used.
     """
 
     half_x: float
     half_y: float
     tiles: Tiles | None = None
+    focal_length: float | None = None
+
+    @property
+    def needed_focal_length(self) -> float:
+        """The focal length c of a set that cannot do without.
+
+        Raises
+        ------
+        AdditionalParametersError : if it is not known.
+        """
+        if self.focal_length is None:
+            raise AdditionalParametersError(
+                "The distortion is normalised by the focal length, which is not known.",
+                "Give the focal length with the image format.",
+            )
+        return self.focal_length
 
 
 @dataclass(frozen=True)
@@ -107,15 +130,18 @@ class ParameterSet:
     source : where the formulas stand.
     terms : all parameters of the set, in order.
     basis : (xy (n, 2) metres from the principal point in calibration axes, image format, names of k terms of
-        the set) → (n, 2, k) correction Δ in metres for a value of 1 of each term, in its published unit.
+        the set) → (n, 2, k) correction Δ (of a forward set: distortion) in metres for a value of 1 of each
+        term, in its published unit.
         Smooth but for the seams, finite everywhere, zero at the origin where the formula has a limit there.
     note : what one must know to read the values, in whole sentences.
     combinations : terms that are linear combinations of others; all others together have full rank.
     variants : the terms that have another meaning or unit in an image format, by the same names.
     formulas : the formulas and what they mean, a text of paragraphs and indented formulas for the pages of
         the documentation; usually that at the head of the set's file.
-    comes_first : whether it moves the measured point before all other sets, which are then evaluated where
-        it has moved the point to; for the geometry of the pixels, beside the sum above.
+    comes_first : the terms that move the point before all others of their direction, which are then
+        evaluated where these have moved the point to, beside the sums above: between the measured and the
+        ideal point the geometry of the pixels is on the side of the former, the lens on that of the latter.
+    direction : of a correction the point xy is the measured one, of a forward set the ideal one.
     """
 
     name: str
@@ -127,7 +153,8 @@ class ParameterSet:
     combinations: tuple[Combination, ...] = ()
     variants: Callable[[ImageFormat], tuple[Term, ...]] = _no_variants
     formulas: str = ""
-    comes_first: bool = False
+    comes_first: tuple[str, ...] = ()
+    direction: Direction = "correction"
 
     def terms_in(self, image_format: ImageFormat) -> dict[str, Term]:
         """All terms by name, as they are in an image format."""

@@ -27,8 +27,11 @@ def calibration_from_image(turn_deg: int) -> Floats:
 
 
 def format_in_calibration_axes(
-    half_format: tuple[float, float], turn_deg: int = 0, tiles: Tiles | None = None
+    half_format: tuple[float, float],
+    turn_deg: int = 0,
+    tiles: Tiles | None = None,
+    focal_length: float | None = None,
 ) -> ImageFormat:
     """The format of an image with half sides (x, y) in image axes, metres; tiles in calibration axes."""
     half_x, half_y = np.abs(calibration_from_image(turn_deg) @ half_format)
-    return ImageFormat(float(half_x), float(half_y), tiles)
+    return ImageFormat(float(half_x), float(half_y), tiles, focal_length)

@@ -1,10 +1,10 @@
 """Measured image points from ideal ones and back, for given values of additional parameters.
 
-    x_id = x̄ + Δ(x̄)            ideal from measured
-    x̄ ← x_id − Δ(x̄)            measured from ideal: a fixed point
+    x_id + D(x_id) = x̄ + Δ(x̄)        D of forward sets, Δ of all others
 
-As Δ changes by micrometres over centimetres, each step of the second shrinks the distance to the solution to
-some 1e-4 of it. At a seam where Δ jumps there may be no measured point, or two.
+Each side is inverted by iteration. Δ changes by micrometres over centimetres, so each step of the fixed point
+x̄ ← x_id + D − Δ(x̄) shrinks the distance to the solution to some 1e-4 of it; D may be a tenth of the image and
+is inverted by Newton's method. At a seam where Δ jumps there may be no measured point, or two.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from adjust.camera.additional.evaluation import total_correction
+from adjust.camera.additional.forward import Distortion, undistorted
 from adjust.camera.additional.register import AdditionalParameters
 
 _MOST_STEPS = 30
@@ -20,8 +21,17 @@ _SETTLED = 1e-15  # metres, the rounding of coordinates of 0.1 m is 1e-17
 
 
 def correction(parameters: AdditionalParameters, values: Floats, xy: Floats) -> Floats:
-    """Correction Δ (n, 2) of the parameter values (k,) at measured points (n, 2), metres."""
-    return total_correction(parameters, xy, values)
+    """Ideal − measured (n, 2) of the parameter values (k,) at measured points (n, 2), metres.
+
+    With forward sets where the distortion is not invertible: some point near.
+    """
+    forward = parameters.forward
+    if not forward.any():
+        return total_correction(parameters, xy, values)
+    c = parameters.image_format.needed_focal_length
+    target = xy + total_correction(parameters.only("correction"), xy, values[~forward])
+    direction, _ = undistorted(Distortion.of(parameters), target / c, values[forward])
+    return c * direction - xy
 
 
 def ideal_from_measured(parameters: AdditionalParameters, values: Floats, measured: Floats) -> Floats:
@@ -37,12 +47,32 @@ def measured_from_ideal(
     Not found are points at seams that have none, and everything where values are so large that the iteration
     does not contract.
     """
-    measured = ideal - correction(parameters, values, ideal)
+    target = ideal + distortion_at(parameters, values, ideal)
+    corrections, own = parameters.only("correction"), values[~parameters.forward]
+    measured = target - total_correction(corrections, target, own)
     found = np.zeros(len(ideal), dtype=bool)
     for _ in range(_MOST_STEPS):
-        following = ideal - correction(parameters, values, measured)
+        following = target - total_correction(corrections, measured, own)
         found = np.abs(following - measured).max(axis=1, initial=0.0) < _SETTLED
         measured = following
         if found.all():
             break
     return measured, found
+
+
+def distortion_at(parameters: AdditionalParameters, values: Floats, ideal: Floats) -> Floats:
+    """D (n, 2) of the forward sets at ideal points (n, 2), metres; zero without any."""
+    forward = parameters.forward
+    if not forward.any():
+        return np.zeros_like(ideal)
+    c = parameters.image_format.needed_focal_length
+    return c * total_correction(Distortion.of(parameters), ideal / c, values[forward])
+
+
+def is_invertible(parameters: AdditionalParameters, values: Floats, measured: Floats) -> Bools:
+    """(n,) whether each measured point (n, 2) has one ideal point, as far as forward sets go."""
+    forward = parameters.forward
+    if not forward.any():
+        return np.ones(len(measured), dtype=bool)
+    c = parameters.image_format.needed_focal_length
+    return undistorted(Distortion.of(parameters), measured / c, values[forward])[1]

@@ -30,5 +30,5 @@ SET = ParameterSet(
     _basis,
     "The other sets are evaluated where the aspect has moved the point to. Choose this or B1 of Brown.",
     formulas=__doc__ or "",
-    comes_first=True,
+    comes_first=("aspect",),
 )

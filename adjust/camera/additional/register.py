@@ -5,7 +5,7 @@ A new set takes one line here. Sets that come in degrees go to the second list.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from adjust.camera.additional import (
     balanced_radial,
     bluh,
     brown,
+    brown_forward,
     chebyshev,
     ebner,
     fourier,
@@ -22,7 +23,7 @@ from adjust.camera.additional import (
     legendre,
     pixel,
 )
-from adjust.camera.additional.base import ImageFormat, ParameterSet, SetByDegree, Term
+from adjust.camera.additional.base import Direction, ImageFormat, ParameterSet, SetByDegree, Term
 from adjust.camera.additional.calibration_axes import calibration_from_image
 from adjust.camera.additional.selection import Register, SelectedTerms, joined, selected
 
@@ -30,6 +31,7 @@ _SETS: tuple[ParameterSet, ...] = (
     bluh.SET,
     brown.SET,
     brown.SET_IN_MILLIMETRES,
+    brown_forward.SET,
     balanced_radial.SET,
     ebner.SET,
     gruen.SET,
@@ -94,10 +96,21 @@ class AdditionalParameters:
     @cached_property
     def first(self) -> Bools:
         """(k,) which parameters come first: the others are evaluated where these have moved the point to."""
-        return np.array([part.set.comes_first for part in self.parts for _ in part.names], dtype=np.bool_)
+        first = [name in part.set.comes_first for part in self.parts for name in part.names]
+        return np.array(first, dtype=np.bool_)
+
+    @cached_property
+    def forward(self) -> Bools:
+        """(k,) which parameters are a distortion of the ideal point, not a correction of the measured one."""
+        forward = [part.set.direction == "forward" for part in self.parts for _ in part.names]
+        return np.array(forward, dtype=np.bool_)
+
+    def only(self, direction: Direction) -> AdditionalParameters:
+        """Those of one direction, in the same order."""
+        return replace(self, parts=tuple(part for part in self.parts if part.set.direction == direction))
 
     def basis(self, xy: Floats) -> Floats:
-        """Correction Δ (n, 2, k) for a value of 1 of each parameter, metres in image axes.
+        """Correction Δ, or distortion, (n, 2, k) for a value of 1 of each parameter, metres in image axes.
 
         Parameters
         ----------

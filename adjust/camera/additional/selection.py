@@ -23,7 +23,7 @@ from adjust.camera.additional.base import ParameterSet, SetByDegree
 from adjust.errors import AdditionalParametersError
 
 NOTHING = "none"
-_ITEM = re.compile(r"(?P<name>\w+)(?:\((?P<degree>\d+)\))?(?::(?P<terms>.+))?")
+_ITEM = re.compile(r"(?P<name>\w[\w-]*)(?:\((?P<degree>\d+)\))?(?::(?P<terms>.+))?")
 _CHOOSE_ONCE = "Name every additional parameter once."
 
 

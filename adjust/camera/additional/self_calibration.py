@@ -1,4 +1,4 @@
-"""Measured image points made ideal by the additional parameters of their cameras."""
+"""Corrections of measured image points, and distortion of ideal ones, by the parameters of their cameras."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from adjust.camera.additional.evaluation import (
     slope_of,
     total_correction,
 )
+from adjust.camera.additional.forward import Distortion, undistorted
+from adjust.camera.additional.register import AdditionalParameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +27,30 @@ class SelfCalibration:
     names : of the d components of the family, the union over all entities.
     corrections : of each of the e entities (cameras, or cameras in one flight).
     entity_of_image : (n,) index into them.
+    distortions : of each of them the forward sets, functions of directions; empty where none has any.
     """
 
     names: tuple[str, ...]
     corrections: tuple[Correction, ...]
     entity_of_image: Ints
+    distortions: tuple[Correction, ...] = ()
+
+    @classmethod
+    def of(
+        cls, names: tuple[str, ...], parameters: tuple[AdditionalParameters, ...], entity_of_image: Ints
+    ) -> SelfCalibration:
+        """From the additional parameters of each entity, each in its direction."""
+        corrections = tuple(item.only("correction") for item in parameters)
+        distorted = any(item.forward.any() for item in parameters)
+        distortions = tuple(Distortion.of(item) for item in parameters) if distorted else ()
+        return cls(names, corrections, entity_of_image, distortions)
+
+    @cached_property
+    def forward(self) -> SelfCalibration | None:
+        """The distortion alone: d(u), without unit, at directions u in the place of Δ at measured points."""
+        if not self.distortions:
+            return None
+        return SelfCalibration(self.names, self.distortions, self.entity_of_image)
 
     @cached_property
     def components_of_entity(self) -> tuple[Ints, ...]:
@@ -48,6 +69,8 @@ class SelfCalibration:
         ----------
         reduced : (r, 2) metres from the principal point.
         """
+        if not len(components):
+            return self.correction(image, reduced, values), np.zeros((len(reduced), 2, 0))
         if len(self.corrections) == 1 and np.array_equal(self.components_of_entity[0], components):
             return correction_and_derivatives(self.corrections[0], reduced, values[0, components])
         correction, basis = np.zeros((len(reduced), 2)), np.zeros((len(reduced), 2, len(components)))
@@ -55,6 +78,8 @@ class SelfCalibration:
         slot[components] = np.arange(len(components))
         for entity, rows in self._rows(image):
             own = self.components_of_entity[entity]
+            if not len(own):
+                continue
             to = slot[own]
             correction[rows], of_entity = correction_and_derivatives(
                 self.corrections[entity], reduced[rows], values[entity, own]
@@ -75,6 +100,14 @@ class SelfCalibration:
     def slope(self, image: Ints, reduced: Floats, values: Floats) -> Floats:
         """∂Δ/∂(x̄, ȳ) (r, 2, 2); within a tile where Δ jumps at seams."""
         return slope_of(lambda xy: self.correction(image, xy, values), reduced)
+
+    def undistorted(self, image: Ints, distorted: Floats, values: Floats) -> Floats:
+        """Directions u (r, 2) with u + d(u) as given (r, 2); of a model of the distortion alone."""
+        result = np.empty_like(distorted)
+        for entity, rows in self._rows(image):
+            own = values[entity, self.components_of_entity[entity]]
+            result[rows], _ = undistorted(self.corrections[entity], distorted[rows], own)
+        return result
 
     def _rows(self, image: Ints) -> list[tuple[int, Ints | slice]]:
         """Every entity that occurs, and the rows of its image points."""

@@ -10,6 +10,7 @@ import numpy as np
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Floats
 from adjust.camera.additional.base import ImageFormat
+from adjust.camera.additional.correction import measured_from_ideal
 from adjust.camera.additional.register import additional_parameters
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.camera.interior import FrameCamera
@@ -38,6 +39,9 @@ from adjust.simulate.trajectory import FlightVariation
 from tests.adjust.simulate.specifications import CAMERA, small_specification
 
 SELECTION = "bluh:1-6"
+#: A distortion of the ideal point of several millimetres in the corners.
+FORWARD = "brown-forward:k1,p1,b1"
+FORWARD_VALUES = (-0.05, 2e-3, -3e-3)
 #: Families of one entity with a covariance, and how many parameters each has.
 CALIBRATED = {BORESIGHT: 3, LEVER_ARM: 3, GNSS_SHIFT: 3, TIME_OFFSET: 1, INTERIOR_ORIENTATION: 3}
 SYSTEM = SystemSpecification(
@@ -90,8 +94,14 @@ def simulated(**changes: object) -> SimulatedBlock:
     return simulate_block(small_specification(**settings))
 
 
-def fly(block: SimulatedBlock, with_additional: bool = False) -> Flight:
-    """Georeference a simulated block with its true calibration; strip biases and drifts stay unknown."""
+def fly(block: SimulatedBlock, with_additional: bool = False, distorted: bool = False) -> Flight:
+    """Georeference a simulated block with its true calibration; strip biases and drifts stay unknown.
+
+    Parameters
+    ----------
+    with_additional : with corrections of next to nothing.
+    distorted : with a distortion besides, with which the image points are measured.
+    """
     given = block.block()
     groups = {group.name: group for group in block.observations(given).groups}
     gnss, ins = groups["gnss_positions"], groups["ins_attitudes"]
@@ -102,11 +112,18 @@ def fly(block: SimulatedBlock, with_additional: bool = False) -> Flight:
     unknown = (GNSS_STRIP_BIAS, GNSS_DRIFT)
     system = {name: v * (name not in unknown) for name, v in block.truth.state.system.items()}
     if with_additional:
-        half_x, half_y = CAMERA.half_format
-        correction = additional_parameters(SELECTION, ImageFormat(half_x, half_y))
-        model = SelfCalibration(correction.names, (correction,), np.zeros(len(given.images), dtype=np.int64))
-        rays = replace(rays, self_calibration=model)
-        system[ADDITIONAL_PARAMETERS] = np.full((1, len(correction.names)), 1e-6)
+        (c, *principal_point), (half_x, half_y) = system[INTERIOR_ORIENTATION][0], CAMERA.half_format
+        selection = f"{SELECTION}+{FORWARD}" if distorted else SELECTION
+        parameters = additional_parameters(selection, ImageFormat(half_x, half_y, focal_length=float(c)))
+        values = np.where(parameters.forward, 0.0, 1e-6)
+        values[parameters.forward] = FORWARD_VALUES if distorted else ()
+        reduced, _ = measured_from_ideal(
+            parameters.only("forward"), values[parameters.forward], rays.xy - principal_point
+        )
+        images = np.zeros(len(given.images), dtype=np.int64)
+        model = SelfCalibration.of(parameters.names, (parameters,), images)
+        rays = replace(rays, xy=reduced + principal_point, self_calibration=model)
+        system[ADDITIONAL_PARAMETERS] = values[None, :]
     return Flight(block, rays, gnss, ins, system)
 
 

@@ -11,6 +11,7 @@ from adjust.arrays import Floats
 from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
 from adjust.georeferencing.space_intersection import PointErrors, point_errors, rays_of
 from adjust.parameters import ADDITIONAL_PARAMETERS, GNSS_SHIFT
+from adjust.simulate.block import SimulatedBlock
 from tests.adjust.georeferencing.flights import CALIBRATED, Flight, calibration_errors, fly, simulated
 from tests.adjust.simulate.specifications import on_the_earth, small_specification, without_noise
 
@@ -25,9 +26,19 @@ STEPS = {
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
+def exact() -> SimulatedBlock:
     noise = without_noise(small_specification()).noise
-    return fly(simulated(noise=noise, frame=on_the_earth(small_specification()).frame), with_additional=True)
+    return simulated(noise=noise, frame=on_the_earth(small_specification()).frame)
+
+
+@pytest.fixture(scope="module")
+def flight(exact: SimulatedBlock) -> Flight:
+    return fly(exact, with_additional=True)
+
+
+@pytest.fixture(scope="module")
+def distorted(exact: SimulatedBlock) -> Flight:
+    return fly(exact, with_additional=True, distorted=True)
 
 
 def errors_of(flight: Flight, sources: ErrorSources, axes: Floats | None = None) -> PointErrors:
@@ -42,7 +53,11 @@ def test_without_noise_the_intersections_are_the_true_points() -> None:
 
 
 @pytest.mark.parametrize("family", STEPS)
-def test_sensitivities_to_the_calibration_are_those_of_differences(flight: Flight, family: str) -> None:
+@pytest.mark.parametrize("name", ["flight", "distorted"])
+def test_sensitivities_to_the_calibration_are_those_of_differences(
+    name: str, family: str, request: pytest.FixtureRequest
+) -> None:
+    flight: Flight = request.getfixturevalue(name)
     parameters = flight.system[family].shape[1]
     unit = CalibrationErrors({family: np.arange(parameters)[None, :]}, np.eye(parameters))
     matrix = errors_of(flight, flight.sources(unit)).sensitivity.parameters.toarray()
@@ -54,6 +69,14 @@ def test_sensitivities_to_the_calibration_are_those_of_differences(flight: Fligh
         found = matrix[:, component].reshape(-1, 3)
         # The weights stay while the geometry moves, which is of second order in the residuals.
         assert np.abs(numeric - found).max() < 2e-4 * np.abs(found).max(), (family, component)
+
+
+def test_measured_points_with_a_distortion_lead_to_the_true_points(distorted: Flight) -> None:
+    """But for the corrections, which are not in the measurements."""
+    true = distorted.simulated.truth.state.object_point
+    assert np.abs(distorted.intersected() - true).max() < 0.02
+    plain = replace(distorted.rays, self_calibration=None)
+    assert np.abs(replace(distorted, rays=plain).intersected() - true).max() > 1.0
 
 
 def test_sensitivities_to_gnss_and_ins_are_those_of_differences(flight: Flight) -> None:

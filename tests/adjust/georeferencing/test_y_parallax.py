@@ -80,10 +80,11 @@ def test_it_is_the_difference_of_ordinates_in_the_base_frame(noisy: Flight) -> N
     np.testing.assert_allclose(found.parallax, expected, atol=1e-14)
 
 
+@pytest.mark.parametrize("distorted", [False, True])
 @pytest.mark.parametrize("family", STEPS)
-def test_sensitivities_to_the_calibration_are_those_of_differences(family: str) -> None:
+def test_sensitivities_to_the_calibration_are_those_of_differences(family: str, distorted: bool) -> None:
     noise = without_noise(small_specification()).noise
-    flight = fly(simulated(noise=noise), with_additional=True)
+    flight = fly(simulated(noise=noise), with_additional=True, distorted=distorted)
     count = flight.system[family].shape[1]
     unit = CalibrationErrors({family: np.arange(count)[None, :]}, np.eye(count))
     common = common_points(flight.rays, models_of(flight))

@@ -148,6 +148,36 @@ def test_derivatives_are_those_of_central_differences(name: str) -> None:
     assert largest_derivative_error(GROUPS[name], STATE) < 1e-6
 
 
+def test_derivatives_hold_for_a_distortion_of_the_ideal_point() -> None:
+    """Of millimetres, beside a correction; and the values are not the truth."""
+    distorted = two_strips(
+        cameras=2, flights=2, additional=True, forward=True, free=ALL_FREE, noise_seed=31, start_seed=32
+    )
+    start, truth = distorted.block.approximate_state(), distorted.truth.system
+    drawn = np.random.default_rng(34).uniform(0.8, 1.2, truth[ADDITIONAL_PARAMETERS].shape)
+    interior = truth[INTERIOR_ORIENTATION] + 20e-6
+    system = {
+        **truth,
+        INTERIOR_ORIENTATION: interior,
+        ADDITIONAL_PARAMETERS: truth[ADDITIONAL_PARAMETERS] * drawn,
+    }
+    state = replace(start, system=system)
+    rays = distorted.observations.image_points
+    assert largest_derivative_error(rays, state) < 1e-6
+    # Distortion bends what the camera sees: without it the derivatives are some percent off.
+    assert rays.self_calibration is not None
+    plain = replace(rays, self_calibration=replace(rays.self_calibration, distortions=()))
+    undistorted, found = (one.linearize(state).terms[0].jacobian[:, :, :3] for one in (plain, rays))
+    assert np.abs(undistorted - found).max() > 0.03 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("forward", [False, True])
+def test_image_points_with_additional_parameters_agree_with_the_truth(forward: bool) -> None:
+    exact = two_strips(cameras=2, additional=True, forward=forward)
+    misclosure = exact.observations.image_points.misclosure(exact.truth)
+    assert np.abs(misclosure).max() < 1e-11
+
+
 def test_every_observation_type_and_every_family_is_under_contract() -> None:
     families = {term.block for group in GROUPS.values() for term in group.linearize(STATE).terms}
     assert families == {EXTERIOR_ORIENTATION, OBJECT_POINT, ADDITIONAL_PARAMETERS, *FAMILIES}

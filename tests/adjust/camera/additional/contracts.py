@@ -18,22 +18,32 @@ from adjust.camera.additional.correction import ideal_from_measured, measured_fr
 from adjust.camera.additional.effect import sigma_of_effect
 from adjust.camera.additional.register import AdditionalParameters
 from adjust.camera.additional.selection import SelectedTerms
+from adjust.camera.additional.self_calibration import SelfCalibration
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    State,
+)
 
 Contract = Callable[[ParameterSet, ImageFormat], None]
 
 MICROMETRE = 1e-6
 _UNIT = re.compile(r"1|(1/)?(µm|mm|m)[²³⁴-⁹]?")
-_NAME = re.compile(r"\w+")  # no sign that the text of a selection uses
+_TERM = re.compile(r"\w+")  # no sign that the text of a selection uses
+_NAME = re.compile(r"\w[\w-]*")
 
-_UCE = ImageFormat(34.008e-3, 52.026e-3)
+_UCE = ImageFormat(34.008e-3, 52.026e-3, focal_length=0.08)
 _DMC_TILES = Tiles((-16e-3, 15e-3), (-28e-3, 27e-3))
 #: Images that sets are tested over, in calibration axes.
 FORMATS = {
     "UCE": _UCE,
     "UCE, blended outer8": replace(_UCE, tiles=Tiles((-11e-3, 11e-3), (-17e-3, 17e-3), 2e-3, "outer8")),
-    "DMC": ImageFormat(46.08e-3, 82.944e-3, _DMC_TILES),
-    "DMC, rotation8": ImageFormat(46.08e-3, 82.944e-3, replace(_DMC_TILES, perspective="rotation8")),
-    "UltraCam Eagle M3": ImageFormat(34.008e-3, 52.92e-3),
+    "DMC": ImageFormat(46.08e-3, 82.944e-3, _DMC_TILES, 0.12),
+    "DMC, rotation8": ImageFormat(46.08e-3, 82.944e-3, replace(_DMC_TILES, perspective="rotation8"), 0.12),
+    "UltraCam Eagle M3": ImageFormat(34.008e-3, 52.92e-3, focal_length=0.1005),
 }
 
 # A smaller singular value of the normalised columns counts as a defect. The worst of the sound sets, three
@@ -82,7 +92,7 @@ def says_what_its_terms_are(parameter_set: ParameterSet, image_format: ImageForm
     assert len(set(names)) == len(names) > 0, "names of terms repeat"
     assert set(parameter_set.terms_in(image_format)) == set(names), "variants of terms that do not exist"
     for term in parameter_set.terms_in(image_format).values():
-        assert _NAME.fullmatch(term.name), f"'{term.name}' cannot stand in a selection"
+        assert _TERM.fullmatch(term.name), f"'{term.name}' cannot stand in a selection"
         assert term.meaning.strip(), f"{term.name} has no meaning"
         assert _UNIT.fullmatch(term.unit), f"{term.name} has the unit '{term.unit}'"
         assert term.status in typing.get_args(Status), f"{term.name} has the status '{term.status}'"
@@ -181,6 +191,67 @@ def leads_from_measured_to_ideal_and_back(parameter_set: ParameterSet, image_for
     assert same.mean() > 0.99
 
 
+def enters_the_image_points_with_exact_derivatives(
+    parameter_set: ParameterSet, image_format: ImageFormat
+) -> None:
+    """By its values, c, x0, y0, the projection centre and an object point; with effects of 5 µm each.
+
+    At points that stay in one tile: there the correction of every set is smooth.
+    """
+    names = independent_names(parameter_set)
+    parameters = AdditionalParameters((SelectedTerms(parameter_set, names),), image_format)
+    values = sigma_of_effect(parameters, 5 * MICROMETRE)[None, :]
+    c = image_format.needed_focal_length
+    xy = anywhere(image_format, 40)
+    count, images = len(xy), np.zeros(1, dtype=np.int64)
+    points = np.column_stack([xy * 10_000.0, np.full(count, -10_000.0 * c)])
+    rays = ImagePoints(
+        np.zeros(count, dtype=np.int64),
+        np.arange(count),
+        images,
+        xy,
+        np.ones((count, 2)),
+        np.ones(count, dtype=bool),
+        SelfCalibration.of(parameters.names, (parameters,), images),
+    )
+    system = {INTERIOR_ORIENTATION: np.array([[c, 0.0, 0.0]]), ADDITIONAL_PARAMETERS: values}
+    state = State(np.zeros((1, 3)), np.eye(3)[None], points, system)
+    terms = {term.block: term.jacobian for term in rays.linearize(state).terms}
+
+    def numeric(ahead: State, behind: State, step: float) -> Floats:
+        return (rays.misclosure(behind) - rays.misclosure(ahead)) / (2.0 * step)
+
+    def of_system(family: str, component: int, step: float) -> Floats:
+        change = np.zeros_like(system[family])
+        change[0, component] = step
+        return numeric(
+            *(
+                replace(state, system={**system, family: system[family] + sign * change})
+                for sign in (1.0, -1.0)
+            ),
+            step,
+        )
+
+    for component in range(3):
+        found = of_system(INTERIOR_ORIENTATION, component, 1e-8)
+        _assert_nearly_all_equal(found, terms[INTERIOR_ORIENTATION][:, :, component])
+        step = 1e-3 * np.eye(3)[component]
+        found = numeric(
+            replace(state, projection_centre=step[None]), replace(state, projection_centre=-step[None]), 1e-3
+        )
+        _assert_nearly_all_equal(found, terms[EXTERIOR_ORIENTATION][:, :, component])
+        _assert_nearly_all_equal(-found, terms[OBJECT_POINT][:, :, component])
+    for k, value in enumerate(values[0]):
+        found = of_system(ADDITIONAL_PARAMETERS, k, 0.1 * value)
+        _assert_nearly_all_equal(found, terms[ADDITIONAL_PARAMETERS][:, :, k])
+
+
+def _assert_nearly_all_equal(found: Floats, expected: Floats) -> None:
+    """But for a point that a step takes over a seam."""
+    differs = np.abs(found - expected).max(axis=1) > 1e-5 * np.abs(expected).max()
+    assert differs.sum() <= 1
+
+
 CONTRACTS: tuple[Contract, ...] = (
     says_what_its_terms_are,
     has_a_column_for_each_name,
@@ -190,4 +261,5 @@ CONTRACTS: tuple[Contract, ...] = (
     declares_true_combinations,
     is_smooth_but_for_seams,
     leads_from_measured_to_ideal_and_back,
+    enters_the_image_points_with_exact_derivatives,
 )

@@ -97,6 +97,12 @@ def _far_too_large(xy: Floats, image_format: ImageFormat, names: tuple[str, ...]
     return _sound(xy, image_format, names) * wave
 
 
+def _finer_than_the_slope_is_taken(xy: Floats, image_format: ImageFormat, names: tuple[str, ...]) -> Floats:
+    """A wave of 5 nm."""
+    wave = np.cos(2.0 * np.pi * xy[:, 0] / 5e-9)[:, None, None]
+    return _sound(xy, image_format, names) * wave
+
+
 BROKEN = {
     "names repeat": (replace(SOUND, terms=(TERMS[0], TERMS[0])), contracts.says_what_its_terms_are),
     "unit unknown": (
@@ -130,6 +136,10 @@ BROKEN = {
         contracts.declares_true_combinations,
     ),
     "in steps": (changed(_in_steps), contracts.is_smooth_but_for_seams),
+    "a slope that cannot be taken": (
+        changed(_finer_than_the_slope_is_taken),
+        contracts.enters_the_image_points_with_exact_derivatives,
+    ),
     "points fold over": (changed(_far_too_large), contracts.leads_from_measured_to_ideal_and_back),
 }
 
