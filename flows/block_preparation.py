@@ -56,6 +56,7 @@ def prepare_block(
         exposures=read["exposures"],
         cameras=read["cameras"],
         control_points=control["control_points"],
+        orient_without_exposure=project.inputs.orient_without_exposure,
     )
     approximate = approximate_block(
         store,

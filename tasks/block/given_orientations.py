@@ -84,6 +84,7 @@ class GivenOrientations:
     angles : (n, 3) radians: ω, φ, κ of the camera against the grid, or heading, pitch, roll of the body.
     angle_sigma : (n, 3) radians.
     is_heading : (n,) which of the two.
+    position_observed : (n,) whether the position was delivered; else it is approximate.
     attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
     """
 
@@ -101,14 +102,16 @@ class GivenOrientations:
     angles: Floats
     angle_sigma: Floats
     is_heading: Bools
+    position_observed: Bools
     attitude_observed: Bools
 
     @classmethod
     def from_tables(
         cls, exposures: pd.DataFrame, mountings: Mountings, map_frame: MapFrame, frame: AdjustmentFrame
     ) -> Self:
-        """From exposures.parquet; the rows must be the images wanted.
+        """From exposures.parquet; the rows must be the images wanted, all with a position.
 
+        What has no standard deviation is no observation but an approximate value.
         Positions that were reduced to the projection centre get back what their lever arm took off, so that
         all of them are observations of the antenna.
         """
@@ -121,6 +124,8 @@ class GivenOrientations:
         choose = is_heading[:, None]
         sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
         sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
+        sigma_position = exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+        angles, sigma = np.where(choose, heading, grid), np.where(choose, sigma_heading, sigma_grid)
         delivered = cls(
             mountings,
             tuple(exposures["image"]),
@@ -130,28 +135,30 @@ class GivenOrientations:
             exposures["time_s"].to_numpy(np.float64),
             x_in_map,
             observed,
-            exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64),
+            sigma_position,
             local_from_grid(map_frame, frame, x_in_map),
             np.array(frame.local_from_enu(observed)),
-            np.deg2rad(np.where(choose, heading, grid)),
-            np.deg2rad(np.where(choose, sigma_heading, sigma_grid)),
+            np.deg2rad(angles),
+            np.deg2rad(sigma),
             is_heading,
-            np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
+            np.isfinite(sigma_position).all(axis=1),
+            np.isfinite(angles + sigma).all(axis=1),
         )
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
 
     def _at_the_antenna(self, reduced: Bools) -> Self:
-        """The same with the lever arms added to the positions (n,) that were reduced by them.
+        """The same with the lever arms added to the observed positions (n,) that were reduced by them.
 
         Raises
         ------
         InputError
             If such a position has no attitude, with which it was reduced.
         """
+        reduced = reduced & self.position_observed
         arm = np.where(reduced[:, None], self.mountings.reduced_by[self.camera], 0.0)
         if not arm.any():
             return self
-        unknown = arm.any(axis=1) & ~self.has_attitude
+        unknown = arm.any(axis=1) & ~self.attitude_observed
         if unknown.any():
             raise InputError(
                 "The position was reduced to the projection centre, and no attitude is there to undo that.",
@@ -247,5 +254,6 @@ class GivenOrientations:
             angles=self.angles[index],
             angle_sigma=self.angle_sigma[index],
             is_heading=self.is_heading[index],
+            position_observed=self.position_observed[index],
             attitude_observed=self.attitude_observed[index],
         )

@@ -215,7 +215,7 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
     if gnss is None:
         return
     of_times = next((item for item in material.block.system if item.family.name == TIME_OFFSET), None)
-    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity)
+    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity[gnss.image])
     for number, flight in enumerate(material.given.flights):
         moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
         if moving.any() and (of_times is None or not of_times.free[number].any()):

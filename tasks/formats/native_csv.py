@@ -6,7 +6,7 @@
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll)] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
-The three angles of an exposure may be left empty together: it has no attitude then.
+The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
@@ -81,7 +81,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
         strip=table.text("strip", may_be_empty=True),
         flight=_optional_text(table, "flight"),
         time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
-        position=table.numbers(_XYZ),
+        position=table.all_or_none(_XYZ),
         angles=table.all_or_none(angles),
         sigma_position=table.numbers(_SIGMA_XYZ, may_be_empty=True),
         sigma_angles=table.numbers(sigmas, may_be_empty=True),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
@@ -20,6 +20,7 @@ from tasks.importing.declared_flights import with_declared_flights
 from tasks.importing.exposure_angles import (
     ConvertedAngles,
     convert_angles,
+    keep_their_axes,
     refuse_impossible_angles,
     unit_suspicion,
 )
@@ -98,22 +99,32 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     refuse_impossible_angles(records, source.angles, places)
     refuse_sigmas(places, np.hstack([records.sigma_position, records.sigma_angles]), records.image)
     refuse_outside_area(frame, records.position, places, records.image, "exposure")
-    position = transfer.positions(records.position)
+    placed: Bools = np.asarray(np.isfinite(records.position).all(axis=1))
+    position, sigma = np.full_like(records.position, np.nan), np.full_like(records.position, np.nan)
+    position[placed] = transfer.positions(records.position[placed])
     refuse_without_image((frame, project), records.position, position, places, records.image)
+    _refuse_angles_of_no_place(records, source, transfer, placed, places)
     angles = convert_angles(
-        records, source.angles, source.sigma.attitude_deg, transfer, records.position, position
+        records,
+        source.angles,
+        source.sigma.attitude_deg,
+        transfer,
+        _anywhere(records.position, placed),
+        _anywhere(position, placed),
     )
-    sigma = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
+    stated = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
+    sigma[placed] = turned_sigmas(transfer, stated[placed], records.position[placed], position[placed])
     problems = (
         unit_suspicion(records, source.angles),
         _without_attitude(records),
+        _without_position(records),
         _accuracy_note(transfer, records),
     )
     return _Converted(
         records,
         camera,
         position,
-        turned_sigmas(transfer, sigma, records.position, position),
+        sigma,
         angles,
         source.position,
         tuple(problem for problem in problems if problem is not None),
@@ -165,8 +176,42 @@ def _without_attitude(records: ExposureRecords) -> str | None:
     if count == 0:
         return None
     return (
-        f"{records.file.name}: {count:,} exposures have no attitude; their headings are taken from the "
-        "strips, and there is no INS observation of them."
+        f"{records.file.name}: {count:,} exposures have no attitude; approximate ones are taken from the "
+        "image points, and there is no INS observation of them."
+    )
+
+
+def _without_position(records: ExposureRecords) -> str | None:
+    """A sentence that counts the exposures without position."""
+    count = int(np.isnan(records.position).all(axis=1).sum())
+    if count == 0:
+        return None
+    return (
+        f"{records.file.name}: {count:,} exposures have no position; approximate ones are taken from the "
+        "image points, and there is no GNSS observation of them."
+    )
+
+
+def _anywhere(position: Floats, placed: Bools) -> Floats:
+    """Positions (n, 3) with any of them for those that are not known: what is computed there is not used."""
+    somewhere = position[placed].mean(axis=0) if placed.any() else np.zeros(3)
+    return np.where(placed[:, None], position, somewhere)
+
+
+def _refuse_angles_of_no_place(
+    records: ExposureRecords, source: ExposuresInput, transfer: Transfer, placed: Bools, places: Places
+) -> None:
+    """Refuse angles that have to be turned into other axes at a place that is not known."""
+    lost = np.isfinite(records.angles).all(axis=1) & ~placed
+    if not lost.any() or transfer.source.is_local or keep_their_axes(source.angles, transfer):
+        return
+    row = int(np.argmax(lost))
+    raise places.error(
+        row,
+        "The exposure has angles but no position, and without one they cannot be turned into the axes of the "
+        f"project ({int(lost.sum())} exposures).",
+        "Give its position, leave its angles empty, or deliver ω, φ, κ about the grid of the project's CRS.",
+        str(records.image[row]),
     )
 
 

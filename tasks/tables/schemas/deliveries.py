@@ -6,6 +6,7 @@ from tasks.tables.schemas.columns import (
     CAMERA,
     FLIGHT,
     IMAGE,
+    OPK,
     OPTIONAL_ANGLES,
     POINT,
     STRIP,
@@ -93,15 +94,15 @@ IMAGE_POINTS = TableSchema(
 
 EXPOSURES = TableSchema(
     "exposures",
-    "GNSS/INS or given orientation of an image, in the CRS of the project.",
+    "GNSS/INS or given orientation of an image, in the CRS of the project; null is not given.",
     (
         IMAGE,
         CAMERA,
         STRIP,
         FLIGHT,
         number("time_s", "s", "time on the scale of the delivery", nullable=True),
-        *position("position"),
-        *sigmas(XYZ, "m"),
+        *position("position", nullable=True),
+        *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
         text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
@@ -133,6 +134,19 @@ APPROXIMATE_BORESIGHT = TableSchema(
         number("yaw_deg", "deg", "boresight yaw"),
     ),
     ("camera",),
+)
+
+APPROXIMATE_ORIENTATIONS = TableSchema(
+    "approximate_orientations",
+    "Orientation found from image points for an image that was given none, or half of one; no observation.",
+    (
+        IMAGE,
+        CAMERA,
+        *position("projection centre"),
+        *OPK,
+    ),
+    ("image",),
+    XYZ_M,
 )
 
 APPROXIMATE_POINTS = TableSchema(
