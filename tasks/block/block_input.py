@@ -185,6 +185,12 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
     for parameter in settings.free:
         family, components = FREE_FAMILIES[parameter]
         free[family][:, components] = True
+    # A flight or strip all of whose images were oriented without GNSS has nothing to shift.
+    seen = given.position_observed
+    for kind, index in (("flight", given.flight_of_image), ("strip", given.strip_of_image)):
+        for name in free:
+            if FAMILIES[name].entity_kind == kind and seen.any():
+                free[name][np.setdiff1d(index, index[seen])] = False
     return tuple(
         SystemParameters(FAMILIES[name], entities, array, free[name])
         for name, (entities, array) in values.items()

@@ -7,7 +7,7 @@ parameter describes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -139,7 +139,7 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
         with np.errstate(invalid="ignore", divide="ignore"):
             level = np.abs(np.log(height[:, None] / pattern.heights))
         turn = -np.cos(heading[:, None] - pattern.directions)
-        names = [f"{value:.0f} m" for value in pattern.heights]
+        names = _height_names(pattern.heights)
         yield from _division("height", names, _nearest(level, known))
         names = [f"{np.rad2deg(value):.0f}°" for value in pattern.directions]
         yield from _division("direction", names, _nearest(turn, known))
@@ -151,6 +151,15 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
 def _nearest(distance: Floats, known: Bools) -> Ints:
     """(n,) index of the nearest of several values (n, k); −1 where not known."""
     return np.where(known, np.argmin(np.nan_to_num(distance, nan=np.inf), axis=1), -1)
+
+
+def _height_names(heights: Sequence[float]) -> list[str]:
+    """Heights in whole metres; where they would be the same, as in close range, with more digits."""
+    for decimals in range(4):
+        names = [f"{value:.{decimals}f} m" for value in heights]
+        if len(set(names)) == len(names):
+            break
+    return names
 
 
 def _division(scope: Scope, names: list[str], number: Ints) -> Iterator[_Part]:

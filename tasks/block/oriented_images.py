@@ -113,6 +113,6 @@ def _nothing_oriented(own: pd.DataFrame, measured: pd.DataFrame) -> tuple[str, s
         f"{', '.join(own['image'].iloc[:5])}{', …' if len(own) > 5 else ''}), and their image points do not "
         f"give one: {int((images >= 2).sum()):,} points are measured in several images.",
         "Measure at least 8 points that two images have in common, and 6 that every further image has in "
-        "common with the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of named "
-        "strips, which show the heading.",
+        "common with the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of "
+        "named strips, which show the heading.",
     )
