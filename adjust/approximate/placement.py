@@ -1,8 +1,8 @@
 """Absolute orientation: a model of images is brought into the system of what is known of it.
 
 Control points and given positions of images place it; where they lie on one line, given attitudes say how it
-is turned about it, or else that the images look down. Distances give the scale where nothing else does.
-Approximate: antennas are taken for projection centres.
+is turned about it, or else that the images look down. Approximate: antennas are taken for
+projection centres.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from adjust.approximate.similarity import (
     robustly_fitted,
     turned_about,
 )
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +32,11 @@ class KnownPlaces:
     object_point : (m, 3) surveyed coordinates, metres.
     projection_centre : (n, 3) given positions, metres.
     local_from_camera : (n, 3, 3) given attitudes.
-    distance_ends : (d, 2) object points with a measured distance.  distance : (d,) metres.
     """
 
     object_point: Floats
     projection_centre: Floats
     local_from_camera: Floats
-    distance_ends: Ints
-    distance: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +47,7 @@ class Placement:
     ----------
     similarity : from the model to the known places.
     places : number of control points and positions that agree with it.
-    scaled : whether places or distances gave the scale; else it is arbitrary.
+    scaled : whether places gave the scale; else it is arbitrary.
     turned : whether places or attitudes gave the rotation; else the images were taken to look down.
     """
 
@@ -76,7 +73,7 @@ def placement(model: ImageModel, known: KnownPlaces) -> Placement:
         similarity, agreeing = robustly_fitted(source, target)
         return Placement(similarity, int(agreeing.sum()), scaled=True, turned=True)
     rotation, turned = _rotation(model, known, source, target)
-    scale, scaled = _scale(model, known, source, target)
+    scale, scaled = _scale(source, target)
     if len(source):
         moved = Similarity.about(scale, rotation, source.mean(axis=0), target.mean(axis=0))
     else:
@@ -116,12 +113,9 @@ def _direction(x: Floats) -> Floats:
     return np.asarray(np.linalg.svd(x - x.mean(axis=0))[2][0])
 
 
-def _scale(model: ImageModel, known: KnownPlaces, source: Floats, target: Floats) -> tuple[float, bool]:
-    """Scale from distances between places, else from measured ones, else 1."""
-    if len(source) >= 2:
-        sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (target, source)]
-        return float(sizes[0] / sizes[1]), True
-    ends = model.object_point[known.distance_ends]
-    ratio = known.distance / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    ratio = ratio[np.isfinite(ratio)]
-    return (float(np.median(ratio)), True) if len(ratio) else (1.0, False)
+def _scale(source: Floats, target: Floats) -> tuple[float, bool]:
+    """Scale from the distances between places; 1 if there are none."""
+    if len(source) < 2:
+        return 1.0, False
+    sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (target, source)]
+    return float(sizes[0] / sizes[1]), True

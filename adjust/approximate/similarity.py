@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.geometry import rotation
 
 # From so many points on, it can be told which of them are wrong.
 _JUDGED = 6
@@ -106,8 +107,7 @@ def turned_about(axis: Floats, from_direction: Floats, to_direction: Floats) -> 
     one = from_direction - axis * (axis @ from_direction)
     other = to_direction - axis * (axis @ to_direction)
     angle = np.arctan2(axis @ np.cross(one, other), one @ other)
-    skew = np.cross(np.eye(3), -axis)
-    return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)
+    return rotation.exp(angle * axis)
 
 
 def between_directions(one: Floats, other: Floats) -> Floats:

@@ -32,7 +32,7 @@ def find_orientations(
     """Orient all images that the image points join to known places, or to each other.
 
     From images with position and attitude the others are resected one after the other. What these do not
-    reach is joined to models, which control points, positions and distances place. If nothing places
+    reach is joined to models, which control points and positions place. If nothing places
     anything, the first model stays as it is, with its middle at the origin.
     """
     found, everything = _given(measured, known), np.ones(measured.images, dtype=bool)

@@ -78,8 +78,6 @@ def found_orientations(
         _control(control, points, map_frame, frame),
         _positions(own, map_frame, frame),
         _attitudes(own, mountings, map_frame, frame, places),
-        np.zeros((0, 2), dtype=np.int64),
-        np.zeros(0),
     )
     found = find_orientations(images, known, _report)
     chosen = np.flatnonzero(lacking & found.model.oriented)

@@ -7,7 +7,7 @@ parameter describes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -153,7 +153,7 @@ def _nearest(distance: Floats, known: Bools) -> Ints:
     return np.where(known, np.argmin(np.nan_to_num(distance, nan=np.inf), axis=1), -1)
 
 
-def _height_names(heights: Sequence[float]) -> list[str]:
+def _height_names(heights: Floats) -> list[str]:
     """Heights in whole metres; where they would be the same, as in close range, with more digits."""
     for decimals in range(4):
         names = [f"{value:.{decimals}f} m" for value in heights]
