@@ -34,6 +34,7 @@ def adjusted_block(project: Project, store: Store, block: PreparedBlock) -> Outp
         control_points=block.control["control_points"],
         approximate_points=block.approximate["approximate_points"],
         approximate_boresight=block.approximate["approximate_boresight"],
+        approximate_orientations=block.approximate["approximate_orientations"],
         project=project.project,
         adjustment=project.adjustment,
     )

@@ -57,6 +57,7 @@ def prepare_block(
         cameras=read["cameras"],
         control_points=control["control_points"],
         outside_format_share=project.checks.outside_format_share,
+        orient_without_exposure=project.inputs.orient_without_exposure,
     )
     approximate = approximate_block(
         store,

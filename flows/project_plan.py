@@ -46,6 +46,7 @@ def plan_of_project(
             image_points=block.image_points["image_points"],
             control_points=block.control["control_points"],
             approximate_points=block.approximate["approximate_points"],
+            approximate_orientations=block.approximate["approximate_orientations"],
             project=project.project,
             adjustment=settings,
             free=request.estimated,

@@ -29,6 +29,8 @@ write_sweep_page = stage(page.write_sweep_page)
 publish_sweep = stage(publication.publish_sweep)
 
 _log = logging.getLogger("aerocal")
+#: What an adjustment begins with.
+_APPROXIMATE = ("approximate_points", "approximate_boresight", "approximate_orientations")
 
 
 def sweep_of(request: RunRequest) -> Story:
@@ -141,7 +143,7 @@ def _computed(cases: Sequence[_Case], store: Store, executor: Executor | None) -
     arguments = {
         index: {
             **inputs[index],
-            **{name: start[name] for name in ("approximate_points", "approximate_boresight")},
+            **{name: start[name] for name in _APPROXIMATE},
             "adjustment": cases[index].project.adjustment,
         }
         for index, start in enumerate(starts)

@@ -1,4 +1,4 @@
-"""Approximate values: object points by intersection from the given orientations, and what looks wrong.
+"""Approximate values of orientations that were not given and of object points, and what looks wrong.
 
 Everything that would make the adjustment wrong or impossible is looked for here, before it starts;
 ``aerocal doctor`` stops after this stage.
@@ -6,7 +6,7 @@ Everything that would make the adjustment wrong or impossible is looked for here
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,20 +14,29 @@ import pandas as pd
 
 from adjust.approximate.intersection import Intersection, IntersectionStatus, intersect
 from adjust.arrays import Bools, Floats, Ints
-from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
+from tasks.block.approximation import (
+    MISMATCH,
+    STATUS,
+    USED,
+    WEAK_ANGLE,
+    Approximation,
+    write_boresight,
+    write_images,
+    write_points,
+)
 from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
-from tasks.block.given_orientations import GivenOrientations, Mountings
-from tasks.block.track_attitudes import with_track_attitudes
+from tasks.block.found_orientations import found_orientations
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.oriented_images import measured_exposures, oriented_images
 from tasks.coordinates.crs import MapFrame
-from tasks.coordinates.local_frame import AdjustmentFrame, local_frame, map_from_local
-from tasks.errors import InputError
+from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.first_run import announce_compilation
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.flight_direction import check_flight_direction
 from tasks.plausibility.misalignment import misalignment
-from tasks.plausibility.orientations import check_orientations, residuals_px
+from tasks.plausibility.orientations import check_orientations, ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -37,48 +46,6 @@ from tasks.storage.notes import Notes, write_notes
 from tasks.storage.store import stored
 from tasks.tables import schemas
 from tasks.tables.parquet import read_table, write_table
-
-USED = "used"
-_STATUS = {
-    IntersectionStatus.INTERSECTED: USED,
-    IntersectionStatus.FEWER_THAN_TWO_RAYS: "single_ray",
-    IntersectionStatus.PARALLEL_RAYS: "parallel_rays",
-    IntersectionStatus.BEHIND_A_CAMERA: "behind_a_camera",
-}
-_WEAK_ANGLE = "weak_angle"
-_MISMATCH = "mismatch"
-_NO_ATTITUDE = "no_attitude"
-
-
-@dataclass(frozen=True, eq=False)
-class Approximation:
-    """A block with its object points intersected, and what became of every point.
-
-    Attributes
-    ----------
-    point : names of the m points measured in images of the block, ascending.
-    x_in_local : (m, 3) NaN where there is no approximate value.
-    angle : (m,) largest angle between two rays, radians.  rays : (m,).
-    status : (m,) texts, "used" or why not.
-    residual_px : (n, 2) column, row residuals of the image points at the intersections.
-    height : median flying height above the intersections, metres.
-    suspicions : slips of the orientations that the tie points suggest.
-    remarks : what was found about them that is no slip.
-    """
-
-    given: GivenOrientations
-    frame: AdjustmentFrame
-    image_points: ImagePoints
-    state: State
-    point: tuple[str, ...]
-    x_in_local: Floats
-    angle: Floats
-    rays: Ints
-    status: np.ndarray
-    residual_px: Floats
-    height: float
-    suspicions: tuple[str, ...]
-    remarks: tuple[str, ...]
 
 
 @stored("approximate_values")
@@ -93,9 +60,9 @@ def approximate_block(
     checks: ChecksSettings,
     misaligned: bool = False,
 ) -> None:
-    """Intersect all object points and refuse what contradicts itself.
+    """Orient images that were given nothing, intersect all object points, refuse what contradicts itself.
 
-    Writes images, approximate_points and approximate_boresight.parquet and notes.json.
+    Writes images, approximate_orientations, approximate_points and approximate_boresight.parquet, notes.json.
 
     Parameters
     ----------
@@ -110,12 +77,13 @@ def approximate_block(
     map_frame = MapFrame.of(project.crs, project.heights)
     measured = read_table(image_points)
     surveyed_table = read_table(control_points)
-    given, frame, unoriented = oriented_images(
-        read_table(exposures), read_table(cameras), measured, map_frame
-    )
+    delivered, camera_table = read_table(exposures), read_table(cameras)
+    oriented = found_orientations(delivered, camera_table, measured, surveyed_table, map_frame)
+    own = measured_exposures(delivered, camera_table, measured)
+    given, frame, unoriented = oriented_images(delivered, camera_table, measured, map_frame, oriented.table)
     measured = measured[~measured["image"].isin(unoriented)]
     surveyed = surveyed_points(surveyed_table, map_frame, frame)
-    problems = [_no_attitude(unoriented)] if unoriented else []
+    problems = [*oriented.remarks, *([_unoriented(unoriented)] if unoriented else [])]
 
     found = _intersected(given, frame, measured, surveyed, checks, misaligned=misaligned)
     given = found.given
@@ -125,89 +93,23 @@ def approximate_block(
     suspicions = [
         *found.suspicions,
         *check_control(differences, surveyed_table, map_frame, frame, expected),
-        *check_flight_direction(given),
+        *check_flight_direction(given.only(given.position_observed & given.attitude_observed)),
     ]
     problems += suspicions
     problems += found.remarks
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
-    _write_images(folder, given, found, unoriented, read_table(exposures))
-    x_in_map = np.full_like(found.x_in_local, np.nan)
-    known = np.isfinite(found.x_in_local).all(axis=1)
-    if known.any():
-        x_in_map[known] = map_from_local(map_frame, frame, found.x_in_local[known])
+    write_images(folder, found, own[own["image"].isin(unoriented)])
+    write_points(folder, found, map_frame)
+    write_boresight(folder, given)
     write_table(
-        folder / "approximate_points.parquet",
-        schemas.APPROXIMATE_POINTS,
-        {
-            "point": found.point,
-            **{f"{axis}_m": x_in_map[:, k] for k, axis in enumerate("xyz")},
-            "rays": found.rays,
-            "angle_deg": np.rad2deg(found.angle),
-            "status": found.status,
-        },
+        folder / "approximate_orientations.parquet",
+        schemas.APPROXIMATE_ORIENTATIONS,
+        {str(name): list(values) for name, values in oriented.table.items()},
         map_frame,
     )
-    _write_boresight(folder, given)
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
     write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
-
-
-def _write_boresight(folder: Path, given: GivenOrientations) -> None:
-    """approximate_boresight.parquet: where the adjustment begins."""
-    angles = np.rad2deg(given.mountings.boresight)
-    write_table(
-        folder / "approximate_boresight.parquet",
-        schemas.APPROXIMATE_BORESIGHT,
-        {
-            "camera": list(given.mountings.names),
-            **{f"{name}_deg": angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))},
-        },
-    )
-
-
-def oriented_images(
-    exposures: pd.DataFrame, cameras: pd.DataFrame, measured: pd.DataFrame, map_frame: MapFrame
-) -> tuple[GivenOrientations, AdjustmentFrame, tuple[str, ...]]:
-    """Given orientations of the measured images, the local frame, and the images without attitude.
-
-    Raises
-    ------
-    InputError
-        If no measured image can be oriented, or one has no position.
-    """
-    own = exposures[exposures["image"].isin(measured["image"].unique())]
-    mountings = Mountings.from_table(cameras[cameras["camera"].isin(own["camera"].unique())])
-    if len(own) == 0:
-        raise InputError(
-            "No image point lies in an image of the exposures.", "Check that both name the images alike."
-        )
-    _require_positions(own)
-    frame = local_frame(map_frame, own[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
-    given = GivenOrientations.from_tables(own, mountings, map_frame, frame)
-    given = with_track_attitudes(given, frame, measured)
-    unoriented = tuple(name for name, known in zip(given.image, given.has_attitude, strict=True) if not known)
-    if len(unoriented) == len(given.image):
-        raise InputError(
-            "None of the exposures has an attitude, and none lies in a strip from which it could be taken.",
-            "Give ω, φ, κ or heading, pitch, roll, or name the strips: a strip shows the heading.",
-        )
-    return given.only(given.has_attitude), frame, unoriented
-
-
-def _require_positions(measured: pd.DataFrame) -> None:
-    """Refuse measured images (rows of exposures) that have no position, not even an approximate one."""
-    missing = measured[measured[["x_m", "y_m", "z_m"]].isna().any(axis=1)]
-    if len(missing) == 0:
-        return
-    names = list(missing["image"])
-    listed = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
-    raise InputError(
-        f"Positions are missing: {len(names):,} measured images have none, and fewer than two others of "
-        f"their strip have one ({listed}).",
-        "Deliver approximate positions with a large σ, name the strips, or take these images out.",
-        entity=f"image {names[0]}",
-    )
 
 
 def _intersected(
@@ -224,34 +126,28 @@ def _intersected(
     rays, _ = image_point_observations(measured, given.image, points, given.camera)
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
     state = block.approximate_state()
-    placed = rays.only(np.flatnonzero(given.position_observed[rays.image]))
-    intersection = intersect(placed, state, len(points))
+    intersection = intersect(rays, state, len(points))
     height = _height(state, intersection)
     limits = tie_limits(given, checks, height)
-    turned = misalignment(given, placed, state, len(points), limits) if misaligned else None
+    turned = misalignment(given, rays, state, len(points), limits) if misaligned else None
     if turned is not None:
         given = turned.given
         state = block_of(
             frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
         ).approximate_state()
-        intersection = intersect(placed, state, len(points))
+        intersection = intersect(rays, state, len(points))
         height = _height(state, intersection)
         limits = tie_limits(given, checks, height)
-    suspicions = check_orientations(given, placed, state, len(points), limits)
-    intersection = _with_approximate_positions(intersection, rays, state)
+    suspicions = check_orientations(given, rays, state, len(points), limits)
 
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    residual_px = residuals_px(rays, state, intersection, pixel_size)
+    residual_px = ray_residuals(rays, state, len(points), pixel_size).residual_px
     largest = np.zeros(len(points))
-    # Approximate positions miss by far, and that says nothing against a point.
-    length = np.where(
-        given.position_observed[rays.image], np.hypot(residual_px[:, 0], residual_px[:, 1]), 0.0
-    )
-    np.maximum.at(largest, rays.point, np.nan_to_num(length))
-    status = np.array([_STATUS[IntersectionStatus(code)] for code in intersection.status], dtype=object)
+    np.maximum.at(largest, rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])))
+    status = np.array([STATUS[IntersectionStatus(code)] for code in intersection.status], dtype=object)
     usable = intersection.usable
-    status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = _WEAK_ANGLE
-    status[usable & (largest > 4.0 * limits.wrong_px)] = _MISMATCH
+    status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = WEAK_ANGLE
+    status[usable & (largest > 4.0 * limits.wrong_px)] = MISMATCH
     x_in_local = np.where(usable[:, None], intersection.object_point, np.nan)
     count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
     _take_surveyed(points, surveyed, x_in_local, status, count)
@@ -272,17 +168,6 @@ def _intersected(
     )
 
 
-def _with_approximate_positions(found: Intersection, rays: ImagePoints, state: State) -> Intersection:
-    """Intersections of the delivered positions; of all rays where those are too few."""
-    too_few = found.status == IntersectionStatus.FEWER_THAN_TWO_RAYS
-    both = intersect(rays, state, len(too_few))
-    return Intersection(
-        np.where(too_few[:, None], both.object_point, found.object_point),
-        np.where(too_few, both.angle, found.angle),
-        np.where(too_few, both.status, found.status),
-    )
-
-
 def _take_surveyed(
     points: tuple[str, ...], surveyed: SurveyedPoints, x_in_local: Floats, status: np.ndarray, count: Ints
 ) -> None:
@@ -290,7 +175,7 @@ def _take_surveyed(
     row = pd.Index(points).get_indexer(pd.Index(surveyed.name))
     for k in np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check):
         j = row[k]
-        if status[j] in ("single_ray", "parallel_rays", _WEAK_ANGLE) and count[j] > 0:
+        if status[j] in ("single_ray", "parallel_rays", WEAK_ANGLE) and count[j] > 0:
             x_in_local[j] = surveyed.x_in_local[k]
             status[j] = USED
 
@@ -310,11 +195,12 @@ def _intersections(found: Approximation) -> Floats:
     return np.where(several[:, None], found.x_in_local, np.nan)
 
 
-def _no_attitude(images: tuple[str, ...]) -> str:
+def _unoriented(images: tuple[str, ...]) -> str:
     listed = ", ".join(images[:5]) + (", …" if len(images) > 5 else "")
     return (
-        f"{len(images)} images cannot be oriented and do not take part, because their exposures have no "
-        f"attitude and are alone in their strip: {listed}."
+        f"{len(images)} images cannot be oriented and do not take part: {listed}. They have no complete "
+        "orientation, are alone in their strip or in none, and have too few image points in common with the "
+        "others (6 are needed, well spread): measure more, or give their positions and attitudes."
     )
 
 
@@ -324,9 +210,9 @@ def _dropped(found: Approximation) -> list[str]:
         "single_ray": "object points are measured in one image only and do not take part",
         "parallel_rays": "object points have parallel rays and do not take part",
         "behind_a_camera": "object points intersect behind a camera that sees them and do not take part",
-        _WEAK_ANGLE: "object points have rays that meet under less than checks.min_intersection_angle_deg "
+        WEAK_ANGLE: "object points have rays that meet under less than checks.min_intersection_angle_deg "
         "and do not take part",
-        _MISMATCH: "object points have rays that miss each other too far to be the same point and do not "
+        MISMATCH: "object points have rays that miss each other too far to be the same point and do not "
         "take part",
     }
     result = []
@@ -347,43 +233,6 @@ def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> list[str]:
     return [
         f"{len(missing)} control or check points are measured in no image and do not take part: {listed}."
     ]
-
-
-def _write_images(
-    folder: Path,
-    given: GivenOrientations,
-    found: Approximation,
-    unoriented: tuple[str, ...],
-    exposures: pd.DataFrame,
-) -> None:
-    """images.parquet: heading and height above the object points of every image of the block."""
-    used = (found.status == USED)[found.image_points.point]
-    ground = np.full(len(given.image), np.nan)
-    frame = pd.DataFrame(
-        {
-            "image": found.image_points.image[used],
-            "z": found.frame.height(found.x_in_local[found.image_points.point[used]]),
-        }
-    )
-    medians = frame.groupby("image")["z"].median()
-    ground[medians.index.to_numpy()] = medians.to_numpy()
-    above = found.frame.height(found.state.projection_centre) - ground
-    absent = exposures.set_index("image").loc[list(unoriented)]
-    nothing = np.full(len(unoriented), np.nan)
-    names = given.mountings.names
-    write_table(
-        folder / "images.parquet",
-        schemas.IMAGES,
-        {
-            "image": [*given.image, *unoriented],
-            "camera": [*(names[i] for i in given.camera), *absent["camera"]],
-            "strip": [*(s or None for s in given.strip), *absent["strip"]],
-            "flight": [*(f or None for f in given.flight), *absent["flight"]],
-            "heading_deg": np.concatenate([np.rad2deg(given.headings()) % 360.0, nothing]),
-            "height_above_ground_m": np.concatenate([above, nothing]),
-            "status": [USED] * len(given.image) + [_NO_ATTITUDE] * len(unoriented),
-        },
-    )
 
 
 def _figures(

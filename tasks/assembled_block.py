@@ -12,7 +12,7 @@ from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from adjust.quality.observation_parts import Division
 from adjust.solve.normal_equations import Observations
-from tasks.approximate import USED, oriented_images
+from tasks.block.approximation import USED
 from tasks.block.block_input import (
     SurveyedPoints,
     block_of,
@@ -26,6 +26,7 @@ from tasks.block.block_input import (
     control_points as control_observations,
 )
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.oriented_images import oriented_images
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
@@ -46,6 +47,7 @@ class DeliveredTables:
     control_points: pd.DataFrame
     approximate_points: pd.DataFrame
     approximate_boresight: pd.DataFrame
+    approximate_orientations: pd.DataFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +85,9 @@ def assembled_block(
 ) -> AssembledBlock:
     """The block of the delivered tables, with approximate values and everything that was observed."""
     approximate, measured = delivered.approximate_points, delivered.image_points
-    given, frame, _ = oriented_images(delivered.exposures, delivered.cameras, measured, map_frame)
+    given, frame, _ = oriented_images(
+        delivered.exposures, delivered.cameras, measured, map_frame, delivered.approximate_orientations
+    )
     require_motion(given, settings)
     surveyed = surveyed_points(delivered.control_points, map_frame, frame, near=approximate)
     if "control" not in settings.observe:
@@ -129,7 +133,7 @@ def _observations(
     control = control_observations(block, surveyed)
     if "control" in settings.observe and control is not None:
         others.append(control)
-    if "gnss" in settings.observe:
+    if "gnss" in settings.observe and given.position_observed.any():
         others.append(gnss_positions(block, given, settings))
     if "ins" in settings.observe and given.attitude_observed.any():
         others.append(ins_attitudes(given, settings))

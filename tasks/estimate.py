@@ -77,6 +77,7 @@ def adjust_bundle(
     control_points: Artifact,
     approximate_points: Artifact,
     approximate_boresight: Artifact,
+    approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
 ) -> None:
@@ -94,6 +95,7 @@ def adjust_bundle(
         read_table(control_points),
         read_table(approximate_points),
         read_table(approximate_boresight),
+        read_table(approximate_orientations),
     )
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment)

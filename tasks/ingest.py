@@ -6,8 +6,12 @@ what only looks odd becomes a sentence in the notes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
 
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
@@ -63,9 +67,18 @@ def import_exposures(
     """
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
-    columns, extra, notes = exposure_columns(sources, tuple(cameras), frame)
+    columns, extra, notes = _exposures(sources, tuple(cameras), frame)
     write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
     write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
+
+
+def _exposures(
+    sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
+) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
+    """Columns of the exposures; empty ones without sources."""
+    if sources:
+        return exposure_columns(sources, cameras, frame)
+    return {column.name: [] for column in EXPOSURES.columns}, {}, Notes((), {"counts": {"exposures": 0}})
 
 
 @stored("import_image_points")
@@ -77,6 +90,7 @@ def import_image_points(
     cameras: Artifact,
     control_points: Artifact | None = None,
     outside_format_share: float = OUTSIDE_FORMAT_SHARE,
+    orient_without_exposure: bool = False,
 ) -> None:
     """Write ``image_points.parquet`` and notes.
 
@@ -96,7 +110,12 @@ def import_image_points(
         )
     surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
     columns, extra, notes = usable_image_points(
-        sources, read_table(exposures), read_table(cameras), surveyed, outside_format_share
+        sources,
+        read_table(exposures),
+        read_table(cameras),
+        surveyed,
+        outside_format_share,
+        orient_without_exposure,
     )
     write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
     write_notes(folder, notes)

@@ -38,6 +38,10 @@ class StripMotion:
     since_middle: Floats
     velocity: Floats
 
+    def of(self, rows: Ints) -> StripMotion:
+        """That of some of the exposures (k,)."""
+        return StripMotion(self.strip[rows], self.since_middle[rows], self.velocity[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class GnssPositions:

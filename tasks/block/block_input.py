@@ -185,6 +185,12 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
     for parameter in settings.free:
         family, components = FREE_FAMILIES[parameter]
         free[family][:, components] = True
+    # A flight or strip all of whose images were oriented without GNSS has nothing to shift.
+    seen = given.position_observed
+    for kind, index in (("flight", given.flight_of_image), ("strip", given.strip_of_image)):
+        for name in free:
+            if FAMILIES[name].entity_kind == kind and seen.any():
+                free[name][np.setdiff1d(index, index[seen])] = False
     return tuple(
         SystemParameters(FAMILIES[name], entities, array, free[name])
         for name, (entities, array) in values.items()
@@ -223,18 +229,19 @@ def block_of(
 
 
 def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
-    """GNSS positions of all images, weighted along grid east, grid north, up; heads share a reading."""
-    heads = heads_of_reading(given)
-    model = StochasticModel.from_sigma(given.position_sigma * np.sqrt(heads)[:, None])
+    """GNSS positions of the images that have one, along grid east, grid north, up; heads share a reading."""
+    observed = np.flatnonzero(given.position_observed)
+    sigma = given.position_sigma * np.sqrt(heads_of_reading(given))[:, None]
+    model = StochasticModel.from_sigma(sigma[observed])
     return GnssPositions(
-        np.arange(len(given.image), dtype=np.int64),
-        given.camera,
-        block.flight_of_image,
-        given.observed,
-        given.local_from_grid,
-        given.body_from_camera,
-        over_time(model, given, np.arange(len(given.image)), settings.gnss_correlation_s),
-        strip_motion(given),
+        observed.astype(np.int64),
+        given.camera[observed],
+        block.flight_of_image[observed],
+        given.observed[observed],
+        given.local_from_grid[observed],
+        given.body_from_camera[observed],
+        over_time(model, given, observed, settings.gnss_correlation_s),
+        strip_motion(given).of(observed),
     )
 
 

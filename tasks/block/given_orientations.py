@@ -86,6 +86,7 @@ class GivenOrientations:
     angle_sigma : (n, 3) radians.
     is_heading : (n,) which of the two.
     rates : (n, 3) of the body about its axes forward, right, down, rad/s; NaN where not delivered.
+    position_observed : (n,) whether the position was delivered; else it is approximate.
     attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
     """
 
@@ -104,14 +105,16 @@ class GivenOrientations:
     angle_sigma: Floats
     is_heading: Bools
     rates: Floats
+    position_observed: Bools
     attitude_observed: Bools
 
     @classmethod
     def from_tables(
         cls, exposures: pd.DataFrame, mountings: Mountings, map_frame: MapFrame, frame: AdjustmentFrame
     ) -> Self:
-        """From exposures.parquet; the rows must be the images wanted.
+        """From exposures.parquet; the rows must be the images wanted, all with a position.
 
+        What has no standard deviation is no observation but an approximate value.
         Positions that were reduced to the projection centre get back what their lever arm took off, so that
         all of them are observations of the antenna.
         """
@@ -124,6 +127,8 @@ class GivenOrientations:
         choose = is_heading[:, None]
         sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
         sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
+        sigma_position = exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+        angles, sigma = np.where(choose, heading, grid), np.where(choose, sigma_heading, sigma_grid)
         delivered = cls(
             mountings,
             tuple(exposures["image"]),
@@ -133,29 +138,31 @@ class GivenOrientations:
             exposures["time_s"].to_numpy(np.float64),
             x_in_map,
             observed,
-            exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64),
+            sigma_position,
             local_from_grid(map_frame, frame, x_in_map),
             np.array(frame.local_from_enu(observed)),
-            np.deg2rad(np.where(choose, heading, grid)),
-            np.deg2rad(np.where(choose, sigma_heading, sigma_grid)),
+            np.deg2rad(angles),
+            np.deg2rad(sigma),
             is_heading,
             np.deg2rad(exposures[[f"rate_{name}_deg_s" for name in _BODY]].to_numpy(np.float64)),
-            np.where(choose, np.isfinite(heading), np.isfinite(grid)).all(axis=1),
+            np.isfinite(sigma_position).all(axis=1),
+            np.isfinite(angles + sigma).all(axis=1),
         )
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
 
     def _at_the_antenna(self, reduced: Bools) -> Self:
-        """The same with the lever arms added to the positions (n,) that were reduced by them.
+        """The same with the lever arms added to the observed positions (n,) that were reduced by them.
 
         Raises
         ------
         InputError
             If such a position has no attitude, with which it was reduced.
         """
+        reduced = reduced & self.position_observed
         arm = np.where(reduced[:, None], self.mountings.reduced_by[self.camera], 0.0)
         if not arm.any():
             return self
-        unknown = arm.any(axis=1) & ~self.has_attitude
+        unknown = arm.any(axis=1) & ~self.attitude_observed
         if unknown.any():
             raise InputError(
                 "The position was reduced to the projection centre, and no attitude is there to undo that.",
@@ -195,11 +202,6 @@ class GivenOrientations:
     def has_attitude(self) -> Bools:
         """(n,) whether all three angles are known."""
         return np.asarray(np.isfinite(self.angles).all(axis=1))
-
-    @property
-    def position_observed(self) -> Bools:
-        """(n,) whether the position was delivered; else it is approximate."""
-        return np.asarray(np.isfinite(self.position_sigma).all(axis=1))
 
     @property
     def body_from_camera(self) -> Floats:
@@ -257,5 +259,6 @@ class GivenOrientations:
             angle_sigma=self.angle_sigma[index],
             is_heading=self.is_heading[index],
             rates=self.rates[index],
+            position_observed=self.position_observed[index],
             attitude_observed=self.attitude_observed[index],
         )

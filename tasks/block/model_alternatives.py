@@ -140,7 +140,7 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
         with np.errstate(invalid="ignore", divide="ignore"):
             level = np.abs(np.log(height[:, None] / pattern.heights))
         turn = -np.cos(heading[:, None] - pattern.directions)
-        names = [f"{value:.0f} m" for value in pattern.heights]
+        names = _height_names(pattern.heights)
         yield from _division("height", names, _nearest(level, known))
         names = [f"{np.rad2deg(value):.0f}°" for value in pattern.directions]
         yield from _division("direction", names, _nearest(turn, known))
@@ -152,6 +152,15 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
 def _nearest(distance: Floats, known: Bools) -> Ints:
     """(n,) index of the nearest of several values (n, k); −1 where not known."""
     return np.where(known, np.argmin(np.nan_to_num(distance, nan=np.inf), axis=1), -1)
+
+
+def _height_names(heights: Floats) -> list[str]:
+    """Heights in whole metres; where they would be the same, as in close range, with more digits."""
+    for decimals in range(4):
+        names = [f"{value:.{decimals}f} m" for value in heights]
+        if len(set(names)) == len(names):
+            break
+    return names
 
 
 def _division(scope: Scope, names: list[str], number: Ints) -> Iterator[_Part]:
@@ -216,7 +225,7 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
     if gnss is None:
         return
     of_times = next((item for item in material.block.system if item.family.name == TIME_OFFSET), None)
-    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity)
+    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity[gnss.image])
     for number, flight in enumerate(material.given.flights):
         moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
         if moving.any() and (of_times is None or not of_times.free[number].any()):

@@ -14,6 +14,7 @@ from adjust.calibration.orientation_differences import (
     orientation_differences,
 )
 from tasks.block.given_orientations import GivenOrientations, Mountings
+from tasks.block.oriented_images import has_attitude, has_position
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame
 from tasks.errors import InputError
@@ -85,8 +86,7 @@ def paired_orientations(
     external = "position" in adjusted.columns
     if external:
         _require_projection_centres(adjusted)
-    complete = exposures[_OPK].notna().all(axis=1) | exposures[_HEADING].notna().all(axis=1)
-    complete &= exposures["sigma_x_m"].notna()
+    complete = has_position(exposures) & has_attitude(exposures)
     observed = exposures[complete & exposures["image"].isin(adjusted["image"])]
     if observed.empty:
         raise InputError(

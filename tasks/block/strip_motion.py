@@ -59,6 +59,7 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
         If a strip bias, drift or time offset is free without strips, or one of the last two without times;
         if a correlation time is given without either, or with two exposures of a strip at the same time.
     """
+    given = given.only(given.position_observed) if given.position_observed.any() else given
     require_successive_times(given, settings)
     for parameter in ("gnss_strip_bias", "gnss_drift", "time_offset"):
         if parameter in settings.free and not all(given.strip):

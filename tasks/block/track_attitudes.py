@@ -28,11 +28,11 @@ _TRIAL_POINTS = 500
 def with_track_attitudes(
     given: GivenOrientations, frame: AdjustmentFrame, measured: pd.DataFrame
 ) -> GivenOrientations:
-    """The orientations, with attitudes from the track for exposures that were delivered without.
+    """The orientations, with attitudes from the track for exposures that have none.
 
     Exposures that are alone in their strip keep none. ``attitude_observed`` stays false for all of them.
     """
-    missing = ~given.attitude_observed
+    missing = ~given.has_attitude
     if not missing.any():
         return given
     headings = _track_headings(given)

@@ -34,7 +34,7 @@ def exposure_table(material: CertificateMaterial) -> Table:
         ),
         _row(
             "without_orientation",
-            "not used: no attitude, and alone in its strip",
+            "not used: not fully given, and not to be oriented by its image points",
             [name for name in out if name in measured and name not in in_block],
         ),
         _row(

@@ -6,8 +6,7 @@
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 
-The three angles of an exposure may be left empty together: it has no attitude then. So may its x, y, z: it has
-no position then.
+The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.

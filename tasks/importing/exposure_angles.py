@@ -159,6 +159,13 @@ def convert_angles(
     return ConvertedAngles(angles, sigma, nothing, nothing)
 
 
+def keep_their_axes(declared: Angles, transfer: Transfer) -> bool:
+    """Whether the angles of an input are those of the project wherever the exposure is."""
+    if declared.order == "heading-pitch-roll":
+        return declared.reference != "grid" and transfer.keeps_datum
+    return declared.reference == "grid" and transfer.is_identity
+
+
 def _project_grid(
     angles: Floats, sigma: Floats, declared: Angles, transfer: Transfer, position: Floats, converted: Floats
 ) -> tuple[Floats, Floats]:

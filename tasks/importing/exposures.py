@@ -22,17 +22,19 @@ from tasks.importing.exposure_angles import (
     ConvertedAngles,
     body_rates,
     convert_angles,
+    keep_their_axes,
     refuse_impossible_angles,
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.missing_positions import completed_positions
 from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.storage.notes import Notes
 
 # A datum change worse than this may show in the result and is said.
+# Names that a message lists.
+_EXAMPLES = 5
 _NOTABLE_ACCURACY_M = 0.05
 # From a thousandth of a second of arc to half a turn.
 _ANGLES = {
@@ -108,29 +110,34 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     refuse_impossible_angles(records, source.angles, places)
     refuse_sigmas(places, records.sigma_position, records.image, METRES)
     refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
-    completed, without_position = completed_positions(records)
-    unknown: Bools = np.asarray(np.isnan(completed).any(axis=1))
-    # What has no place gets any: it takes no part.
-    somewhere = np.where(unknown[:, None], completed[~unknown][:1], completed)
-    refuse_outside_area(frame, somewhere, places, records.image, "exposure")
-    position = transfer.positions(somewhere)
-    refuse_without_image((frame, project), somewhere, position, places, records.image)
-    refuse_damaged_geoid(frame, somewhere)
-    refuse_damaged_geoid(project, position)
-    angles = convert_angles(records, source.angles, source.sigma.attitude_deg, transfer, somewhere, position)
-    sigma = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
-    sigma = turned_sigmas(transfer, sigma, somewhere, position)
-    sigma[np.isnan(records.position).any(axis=1)] = np.nan
+    refuse_outside_area(frame, records.position, places, records.image, "exposure")
+    placed: Bools = np.asarray(np.isfinite(records.position).all(axis=1))
+    position, sigma = np.full_like(records.position, np.nan), np.full_like(records.position, np.nan)
+    position[placed] = transfer.positions(records.position[placed])
+    refuse_without_image((frame, project), records.position, position, places, records.image)
+    refuse_damaged_geoid(frame, records.position[placed])
+    refuse_damaged_geoid(project, position[placed])
+    _refuse_angles_of_no_place(records, source, transfer, placed, places)
+    angles = convert_angles(
+        records,
+        source.angles,
+        source.sigma.attitude_deg,
+        transfer,
+        _anywhere(records.position, placed),
+        _anywhere(position, placed),
+    )
+    stated = np.where(np.isnan(records.sigma_position), source.sigma.position_m, records.sigma_position)
+    sigma[placed] = turned_sigmas(transfer, stated[placed], records.position[placed], position[placed])
     problems = (
         unit_suspicion(records, source.angles),
-        without_position,
         _without_attitude(records),
+        _without_position(records),
         _accuracy_note(transfer, records),
     )
     return _Converted(
         records,
         camera,
-        np.where(unknown[:, None], np.nan, position),
+        position,
         sigma,
         angles,
         body_rates(records, source.angles),
@@ -192,8 +199,44 @@ def _without_attitude(records: ExposureRecords) -> str | None:
     if count == 0:
         return None
     return (
-        f"{records.file.name}: {count:,} exposures have no attitude; their headings are taken from the "
-        "strips, and there is no INS observation of them."
+        f"{records.file.name}: {count:,} exposures have no attitude; approximate ones are taken from the "
+        "image points, and there is no INS observation of them."
+    )
+
+
+def _without_position(records: ExposureRecords) -> str | None:
+    """A sentence that counts the exposures without position."""
+    missing = np.flatnonzero(np.isnan(records.position).all(axis=1))
+    if len(missing) == 0:
+        return None
+    names = ", ".join(str(records.image[int(row)]) for row in missing[:_EXAMPLES])
+    return (
+        f"{records.file.name}: {len(missing):,} exposures have no position "
+        f"({names}{', …' if len(missing) > _EXAMPLES else ''}); approximate ones are taken from the image "
+        "points, and there is no GNSS observation of them."
+    )
+
+
+def _anywhere(position: Floats, placed: Bools) -> Floats:
+    """Positions (n, 3) with any of them for those that are not known: what is computed there is not used."""
+    somewhere = position[placed].mean(axis=0) if placed.any() else np.zeros(3)
+    return np.where(placed[:, None], position, somewhere)
+
+
+def _refuse_angles_of_no_place(
+    records: ExposureRecords, source: ExposuresInput, transfer: Transfer, placed: Bools, places: Places
+) -> None:
+    """Refuse angles that have to be turned into other axes at a place that is not known."""
+    lost = np.isfinite(records.angles).all(axis=1) & ~placed
+    if not lost.any() or transfer.source.is_local or keep_their_axes(source.angles, transfer):
+        return
+    row = int(np.argmax(lost))
+    raise places.error(
+        row,
+        "The exposure has angles but no position, and without one they cannot be turned into the axes of the "
+        f"project ({int(lost.sum())} exposures).",
+        "Give its position, leave its angles empty, or deliver ω, φ, κ about the grid of the project's CRS.",
+        str(records.image[row]),
     )
 
 

@@ -55,6 +55,7 @@ def usable_image_points(
     cameras: pd.DataFrame,
     surveyed: Sequence[str] | None = None,
     outside_share: float = OUTSIDE_FORMAT_SHARE,
+    orient_without_exposure: bool = False,
 ) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
     """Columns of ``image_points.parquet``, further columns of the files, and notes.
 
@@ -68,7 +69,14 @@ def usable_image_points(
         image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    inputs = [_converted(source, exposures, known, outside_share) for source in sources]
+    records = [IMAGE_POINT_FORMATS[source.format](source.file) for source in sources]
+    without = 0
+    if orient_without_exposure:
+        exposures, without = _with_images_alone(exposures, records, tuple(known))
+    inputs = [
+        _converted(source, own, exposures, known, outside_share)
+        for source, own in zip(sources, records, strict=True)
+    ]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
     image = pa.concat_arrays([r.image for r in records])
@@ -99,17 +107,44 @@ def usable_image_points(
     }
     extra = joined([r.extra for r in records], [len(r.line) for r in records])
     notes = _notes(inputs, point.dictionary, single, len(kept), exposure, exposures)
-    notes = replace(notes, problems=(*notes.problems, *about_extra(records)))
+    alone = (
+        ()
+        if without == 0
+        else (f"{without:,} images have no exposure and are oriented by their image points.",)
+    )
+    notes = replace(notes, problems=(*alone, *notes.problems, *about_extra(records)))
     return columns, {name: values.take(taken) for name, values in extra.items()}, notes
+
+
+def _with_images_alone(
+    exposures: pd.DataFrame, records: Sequence[ImagePointRecords], cameras: tuple[str, ...]
+) -> tuple[pd.DataFrame, int]:
+    """The exposures with the images that only image points name, of the only camera; how many they are.
+
+    Raises
+    ------
+    InputError
+        If there are such images and several cameras.
+    """
+    measured = pa.concat_arrays([own.image for own in records]).unique().to_pylist()
+    alone = sorted(set(measured) - set(exposures["image"]))
+    if alone and len(cameras) > 1:
+        raise InputError(
+            f"{len(alone):,} images have no exposure, and the project has several cameras they may be of.",
+            "List them in a file of exposures with their camera; positions and angles may be left empty.",
+            entity=f"image {alone[0]}",
+        )
+    added = pd.DataFrame({"image": alone, "camera": list(cameras) * len(alone)})
+    return pd.concat([exposures[["image", "camera"]], added], ignore_index=True), len(alone)
 
 
 def _converted(
     source: ImagePointsInput,
+    records: ImagePointRecords,
     exposures: pd.DataFrame,
     cameras: Mapping[str, FrameCamera],
     outside_share: float,
 ) -> _Converted:
-    records = IMAGE_POINT_FORMATS[source.format](source.file)
     places = Places.of_files([source.file], [records.line])
     exposure = _exposure_of_rows(records, exposures, places)
     names = list(cameras)
@@ -183,7 +218,8 @@ def _exposure_of_rows(records: ImagePointRecords, exposures: pd.DataFrame, place
         raise places.error(
             row,
             f"There is no exposure of this image{others} ({int(unknown.sum())} image points).",
-            f"Add it to the exposures, or correct the name. {did_you_mean(name, exposures['image'])}",
+            f"Add it to the exposures (position and angles may be empty), correct the name, or declare "
+            f'inputs.images_without_exposure = "orient". {did_you_mean(name, exposures["image"])}',
             name,
         )
     return rows

@@ -8,9 +8,10 @@ import pandas as pd
 from adjust.arrays import Floats, Ints
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
-from tasks.approximate import USED, oriented_images
+from tasks.block.approximation import USED
 from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.oriented_images import oriented_images
 from tasks.block.self_calibration import image_format_of
 from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
@@ -28,6 +29,7 @@ def network_of_project(
     image_points: Artifact,
     control_points: Artifact,
     approximate_points: Artifact,
+    approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     free: tuple[FreeParameter, ...] = (),
@@ -49,7 +51,13 @@ def network_of_project(
     map_frame, measured = MapFrame.of(project.crs, project.heights), read_table(image_points)
     approximate = read_table(approximate_points)
     camera_table = read_table(cameras)
-    given, frame, _ = oriented_images(read_table(exposures), camera_table, measured, map_frame)
+    given, frame, _ = oriented_images(
+        read_table(exposures),
+        camera_table,
+        measured,
+        map_frame,
+        read_table(approximate_orientations),
+    )
     require_motion(given, adjustment.model_copy(update={"free": free}))
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.approximate.intersection import Intersection, intersect
+from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
@@ -29,8 +29,6 @@ _MOST_ALIKE = 2
 # Images tried as the one that contradicts the others.
 _SUSPECTS = 8
 # Rays used to try slips: enough for a median, few enough to be instant.
-# Above it a number of pixels is written with its power of ten.
-_MANY_PX = 1e6
 _TRIAL_POINTS = 3000
 
 
@@ -55,18 +53,14 @@ def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floa
     ----------
     pixel_size : (images,) metres.
     """
-    residual_px = residuals_px(rays, state, intersect(rays, state, points), pixel_size)
+    intersection = intersect(rays, state, points)
+    misclosure = rays.misclosure(replace(state, object_point=intersection.object_point))
+    misclosure[~intersection.usable[rays.point]] = np.nan
+    residual_px = -misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0])
     length = np.hypot(residual_px[:, 0], residual_px[:, 1])
     several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
     length = np.where(np.isfinite(length), length, np.inf)[several]
     return RayResiduals(residual_px, float(np.median(length)) if len(length) else 0.0)
-
-
-def residuals_px(rays: ImagePoints, state: State, found: Intersection, pixel_size: Floats) -> Floats:
-    """Column and row residuals (n, 2) at intersections, px; NaN where the point could not be intersected."""
-    misclosure = rays.misclosure(replace(state, object_point=found.object_point))
-    misclosure[~found.usable[rays.point]] = np.nan
-    return np.asarray(-misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0]))
 
 
 def check_orientations(
@@ -170,7 +164,7 @@ def _refusal(
     """The error that names the most likely slip or slips, or says that none of the usual ones explains it."""
     miss = (
         f"The rays of tie points miss each other by {_px(now_px)} (median) with the given orientations; "
-        f"up to {_px(limit_px, 0)} could be explained{f' {because}' if because else ''}."
+        f"up to {limit_px:.0f} px could be explained{f' {because}' if because else ''}."
     )
     if slips:
         first, *others = slips
@@ -186,10 +180,8 @@ def _refusal(
     )
 
 
-def _px(value: float, digits: int = 1) -> str:
-    if not np.isfinite(value):
-        return "more than the format"
-    return f"{value:.{digits}f} px" if value < _MANY_PX else f"{value:.1e} px"
+def _px(value: float) -> str:
+    return f"{value:.1f} px" if np.isfinite(value) else "more than the format"
 
 
 def _check_single_images(

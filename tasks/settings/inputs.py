@@ -131,7 +131,7 @@ class ControlInput(PlacedSettings):
 
 _AsTuple = BeforeValidator(one_table_or_several)
 ImagePointsInputs: TypeAlias = Annotated[tuple[ImagePointsInput, ...], _AsTuple]
-ExposuresInputs: TypeAlias = Annotated[tuple[ExposuresInput, ...], Field(min_length=1), _AsTuple]
+ExposuresInputs: TypeAlias = Annotated[tuple[ExposuresInput, ...], _AsTuple]
 ControlInputs: TypeAlias = Annotated[tuple[ControlInput, ...], _AsTuple]
 
 
@@ -143,7 +143,16 @@ class Inputs(Settings):
         description="Files of image points; may be left out where `calibration.adjusted` gives orientations "
         "to calibrate with in two steps.",
     )
-    exposures: ExposuresInputs = Field(description="Files of exposures.")
+    exposures: ExposuresInputs = Field(
+        default=(),
+        description="Files of exposures. Positions and angles may be left empty, and all of it left out: "
+        "approximate values of what is not given are then taken from the image points.",
+    )
+    images_without_exposure: Literal["refuse", "orient"] = Field(
+        default="refuse",
+        description="What image points of an image are that no file of exposures names: a slip "
+        "(`refuse`), or to be oriented by the image points alone (`orient`; always so without `exposures`).",
+    )
     control: ControlInputs = Field(
         default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."
     )
@@ -157,3 +166,8 @@ class Inputs(Settings):
                 "Deliver one of them, or the projection centre.",
             )
         return self
+
+    @property
+    def orient_without_exposure(self) -> bool:
+        """Whether images without exposure are oriented by their image points."""
+        return not self.exposures or self.images_without_exposure == "orient"

@@ -21,11 +21,20 @@ from tests.golden.dbat_camcal import (
     FOCAL_LENGTH_MM,
     PIXEL_MM,
     ROWS,
+    Network,
     block_of,
     read_network,
     read_report,
 )
 
+EXPOSURES = """\
+[inputs.exposures]
+file = "exposures.csv"
+format = "csv"
+crs = "local"
+position = "projection_centre"
+angles = { order = "omega-phi-kappa", unit = "deg", reference = "grid" }
+"""
 PROJECT = f"""
 version = 1
 [project]
@@ -44,13 +53,7 @@ file = "image_points.csv"
 format = "csv"
 unit = "px"
 sigma = 0.1
-[inputs.exposures]
-file = "exposures.csv"
-format = "csv"
-crs = "local"
-position = "projection_centre"
-angles = {{ order = "omega-phi-kappa", unit = "deg", reference = "grid" }}
-[inputs.control]
+{EXPOSURES}[inputs.control]
 file = "control.csv"
 format = "csv"
 crs = "local"
@@ -65,11 +68,15 @@ variance_components = false
 """
 
 
-@pytest.fixture(scope="module")
-def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
+@pytest.fixture(scope="module", params=["with start values", "without exposures"])
+def calibrated(
+    test_data: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> RunOutcome:
+    """Once from resections made for the test; once from image points and four control points alone."""
     network = read_network(test_data / "dbat_camcal")
     folder = tmp_path_factory.mktemp("camcal")
-    (folder / "project.toml").write_text(PROJECT)
+    alone = request.param == "without exposures"
+    (folder / "project.toml").write_text(PROJECT.replace(EXPOSURES, "") if alone else PROJECT)
     image, point = (
         np.array(names)[rows]
         for names, rows in ((network.images, network.image), (network.points, network.point))
@@ -81,15 +88,20 @@ def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Run
     names = np.array(network.points)[network.control]
     x, y, z = network.control_position.T
     pd.DataFrame({"point": names, "x": x, "y": y, "z": z}).to_csv(folder / "control.csv", index=False)
+    if not alone:
+        write_exposures(folder, network)
+    outcome = carry_out(system_calibration, RunRequest(folder / "project.toml"))
+    assert outcome.error is None, outcome.error
+    return outcome
+
+
+def write_exposures(folder: Path, network: Network) -> None:
     block, _ = block_of(network, "brown_mm:K1-P2")
     angles = np.rad2deg(rotation.to_omega_phi_kappa(block.local_from_camera))
     exposures = pd.DataFrame({"image": network.images, "camera": "C4040Z", "strip": ""})
     exposures[["x", "y", "z"]] = block.projection_centre
     exposures[["omega", "phi", "kappa"]] = angles
     exposures.to_csv(folder / "exposures.csv", index=False)
-    outcome = carry_out(system_calibration, RunRequest(folder / "project.toml"))
-    assert outcome.error is None, outcome.error
-    return outcome
 
 
 def test_the_camera_is_dbat_s(calibrated: RunOutcome, test_data: Path) -> None:

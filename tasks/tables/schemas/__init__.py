@@ -17,6 +17,7 @@ from tasks.tables.schemas.adjustment import (
 from tasks.tables.schemas.columns import Column, ColumnType, TableSchema
 from tasks.tables.schemas.deliveries import (
     APPROXIMATE_BORESIGHT,
+    APPROXIMATE_ORIENTATIONS,
     APPROXIMATE_POINTS,
     CAMERAS,
     CONTROL_POINTS,
@@ -45,6 +46,7 @@ SCHEMAS: dict[str, TableSchema] = {
         IMAGE_POINTS,
         EXPOSURES,
         CONTROL_POINTS,
+        APPROXIMATE_ORIENTATIONS,
         APPROXIMATE_POINTS,
         APPROXIMATE_BORESIGHT,
         EXTERIOR_ORIENTATIONS,
@@ -71,6 +73,7 @@ SCHEMAS: dict[str, TableSchema] = {
 
 __all__ = [
     "APPROXIMATE_BORESIGHT",
+    "APPROXIMATE_ORIENTATIONS",
     "APPROXIMATE_POINTS",
     "CAMERAS",
     "CHECK_POINTS",

@@ -6,6 +6,7 @@ from tasks.tables.schemas.columns import (
     CAMERA,
     FLIGHT,
     IMAGE,
+    OPK,
     OPTIONAL_ANGLES,
     POINT,
     STRIP,
@@ -104,9 +105,7 @@ IMAGE_POINTS = TableSchema(
 
 EXPOSURES = TableSchema(
     "exposures",
-    "GNSS/INS or given orientation of an image, in the CRS of the project. Without sigma_x_m to sigma_z_m "
-    "the position was not delivered: it is approximate, from the neighbours in the strip, or null, and no "
-    "observation.",
+    "GNSS/INS or given orientation of an image, in the CRS of the project; null is not given.",
     (
         IMAGE,
         CAMERA,
@@ -152,6 +151,19 @@ APPROXIMATE_BORESIGHT = TableSchema(
         number("yaw_deg", "deg", "boresight yaw"),
     ),
     ("camera",),
+)
+
+APPROXIMATE_ORIENTATIONS = TableSchema(
+    "approximate_orientations",
+    "Orientation found from image points for an image that was given none, or half of one; no observation.",
+    (
+        IMAGE,
+        CAMERA,
+        *position("projection centre"),
+        *OPK,
+    ),
+    ("image",),
+    XYZ_M,
 )
 
 APPROXIMATE_POINTS = TableSchema(

@@ -1,0 +1,121 @@
+"""Absolute orientation: a model of images is brought into the system of what is known of it.
+
+Control points and given positions of images place it; where they lie on one line, given attitudes say how it
+is turned about it, or else that the images look down. Approximate: antennas are taken for
+projection centres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.approximate.image_model import ImageModel
+from adjust.approximate.similarity import (
+    Similarity,
+    between_directions,
+    mean_rotation,
+    on_a_line,
+    robustly_fitted,
+    turned_about,
+)
+from adjust.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """What is known in the system that the model is to be brought into; NaN for what is not.
+
+    Attributes
+    ----------
+    object_point : (m, 3) surveyed coordinates, metres.
+    projection_centre : (n, 3) given positions, metres.
+    local_from_camera : (n, 3, 3) given attitudes.
+    """
+
+    object_point: Floats
+    projection_centre: Floats
+    local_from_camera: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """How a model was placed.
+
+    Attributes
+    ----------
+    similarity : from the model to the known places.
+    places : number of control points and positions that agree with it.
+    scaled : whether places gave the scale; else it is arbitrary.
+    turned : whether places or attitudes gave the rotation; else the images were taken to look down.
+    """
+
+    similarity: Similarity
+    places: int
+    scaled: bool
+    turned: bool
+
+    def of(self, model: ImageModel) -> ImageModel:
+        """The model in the system of the known places."""
+        return ImageModel(
+            model.oriented,
+            self.similarity.points(model.projection_centre),
+            self.similarity.rotation @ model.local_from_camera,
+            self.similarity.points(model.object_point),
+        )
+
+
+def placement(model: ImageModel, known: KnownPlaces) -> Placement:
+    """The similarity from a model to what is known, as far as that goes."""
+    source, target = _places(model, known)
+    if not on_a_line(source) and not on_a_line(target):
+        similarity, agreeing = robustly_fitted(source, target)
+        return Placement(similarity, int(agreeing.sum()), scaled=True, turned=True)
+    rotation, turned = _rotation(model, known, source, target)
+    scale, scaled = _scale(source, target)
+    if len(source):
+        moved = Similarity.about(scale, rotation, source.mean(axis=0), target.mean(axis=0))
+    else:
+        moved = Similarity.about(scale, rotation, np.nanmean(model.object_point, axis=0), np.zeros(3))
+    return Placement(moved, len(source), scaled, turned)
+
+
+def _places(model: ImageModel, known: KnownPlaces) -> tuple[Floats, Floats]:
+    """Points (k, 3) in the model and where they are known to be."""
+    points = np.isfinite(model.object_point).all(axis=1) & np.isfinite(known.object_point).all(axis=1)
+    images = model.oriented & np.isfinite(known.projection_centre).all(axis=1)
+    return (
+        np.concatenate([model.object_point[points], model.projection_centre[images]]),
+        np.concatenate([known.object_point[points], known.projection_centre[images]]),
+    )
+
+
+def _rotation(model: ImageModel, known: KnownPlaces, source: Floats, target: Floats) -> tuple[Floats, bool]:
+    """Rotation from attitudes, else from the line of the places and images that look down."""
+    images = model.oriented & np.isfinite(known.local_from_camera).all(axis=(1, 2))
+    if images.any():
+        turns = known.local_from_camera[images] @ np.swapaxes(model.local_from_camera[images], 1, 2)
+        return mean_rotation(turns), True
+    up = np.array([0.0, 0.0, 1.0])
+    backwards = model.local_from_camera[model.oriented][:, :, 2].mean(axis=0)
+    if len(source) < 2:
+        return between_directions(backwards, up), False
+    line, goal = _direction(source), _direction(target)
+    if (target[-1] - target[0]) @ goal * ((source[-1] - source[0]) @ line) < 0.0:
+        goal = -goal
+    first = between_directions(line, goal)
+    return turned_about(goal, first @ backwards, up) @ first, False
+
+
+def _direction(x: Floats) -> Floats:
+    """Direction (3,) of the line through points (k, 3), k ≥ 2."""
+    return np.asarray(np.linalg.svd(x - x.mean(axis=0))[2][0])
+
+
+def _scale(source: Floats, target: Floats) -> tuple[float, bool]:
+    """Scale from the distances between places; 1 if there are none."""
+    if len(source) < 2:
+        return 1.0, False
+    sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (target, source)]
+    return float(sizes[0] / sizes[1]), True

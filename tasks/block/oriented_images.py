@@ -1,0 +1,118 @@
+"""The images of a block and their orientations: given, found from image points, or taken from strips."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from tasks.block.given_orientations import GivenOrientations, Mountings
+from tasks.block.track_attitudes import with_track_attitudes
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
+from tasks.errors import InputError
+
+XYZ_M = ["x_m", "y_m", "z_m"]
+OPK_DEG = ["omega_deg", "phi_deg", "kappa_deg"]
+HEADING_DEG = ["heading_deg", "pitch_deg", "roll_deg"]
+_SIGMA_M = ["sigma_x_m", "sigma_y_m", "sigma_z_m"]
+_SIGMA_DEG = [f"sigma_{name}" for name in (*OPK_DEG, *HEADING_DEG)]
+
+
+def measured_exposures(
+    exposures: pd.DataFrame, cameras: pd.DataFrame, measured: pd.DataFrame
+) -> pd.DataFrame:
+    """Rows of exposures.parquet of the images that are measured; an image alone gets an empty one."""
+    images = pd.Index(measured["image"].unique())
+    own = exposures[exposures["image"].isin(images)]
+    alone = images.difference(pd.Index(own["image"]))
+    if len(alone) == 0:
+        return own
+    # The import has made sure that there is one camera only.
+    rows = pd.DataFrame(
+        {"image": alone, "camera": cameras["camera"].iloc[0], "position": "projection_centre"}
+    )
+    return pd.concat([own, rows.reindex(columns=own.columns).astype(own.dtypes)]).sort_values(
+        "image", ignore_index=True
+    )
+
+
+def has_position(exposures: pd.DataFrame) -> np.ndarray:
+    """(n,) which exposures have a position."""
+    return np.asarray(exposures[XYZ_M].notna().all(axis=1))
+
+
+def has_attitude(exposures: pd.DataFrame) -> np.ndarray:
+    """(n,) which exposures have three angles."""
+    return np.asarray(exposures[OPK_DEG].notna().all(axis=1) | exposures[HEADING_DEG].notna().all(axis=1))
+
+
+def oriented_images(
+    exposures: pd.DataFrame,
+    cameras: pd.DataFrame,
+    measured: pd.DataFrame,
+    map_frame: MapFrame,
+    found: pd.DataFrame | None = None,
+) -> tuple[GivenOrientations, AdjustmentFrame, tuple[str, ...]]:
+    """Orientations of the measured images, the local frame, and the images that have none.
+
+    Parameters
+    ----------
+    found : approximate_orientations.parquet, for what was not given; None: only what was given is wanted.
+
+    Raises
+    ------
+    InputError
+        If no measured image can be oriented.
+    """
+    own = measured_exposures(exposures, cameras, measured)
+    if len(own) == 0:
+        raise InputError(
+            "No image point lies in an image of the exposures.", "Check that both name the images alike."
+        )
+    if found is not None:
+        own = _completed(own, found)
+    mountings = Mountings.from_table(cameras[cameras["camera"].isin(own["camera"].unique())])
+    placed = own[has_position(own)]
+    if len(placed) == 0:
+        raise InputError(*_nothing_oriented(own, measured))
+    frame = local_frame(map_frame, placed[XYZ_M].to_numpy(np.float64))
+    given = GivenOrientations.from_tables(placed, mountings, map_frame, frame)
+    given = with_track_attitudes(given, frame, measured)
+    oriented = {name for name, known in zip(given.image, given.has_attitude, strict=True) if known}
+    if not oriented:
+        raise InputError(*_nothing_oriented(own, measured))
+    unoriented = tuple(name for name in own["image"] if name not in oriented)
+    return given.only(given.has_attitude), frame, unoriented
+
+
+def _completed(own: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
+    """Exposures with approximate values, which have no standard deviation, where nothing was given."""
+    result = own.reset_index(drop=True)
+    row = pd.Index(found["image"]).get_indexer(pd.Index(result["image"]))
+    new_place, new_angles = (row >= 0) & ~has_position(result), (row >= 0) & ~has_attitude(result)
+    for chosen, columns, sigmas in (
+        (new_place, XYZ_M, _SIGMA_M),
+        (new_angles, OPK_DEG, _SIGMA_DEG),
+    ):
+        result.loc[chosen, columns] = found[columns].to_numpy(np.float64)[row[chosen]]
+        result.loc[chosen, sigmas] = np.nan
+    result.loc[new_place, "position"] = "projection_centre"
+    return result
+
+
+def _nothing_oriented(own: pd.DataFrame, measured: pd.DataFrame) -> tuple[str, str]:
+    """What is wrong and what to do where no image has an orientation."""
+    lacking = [
+        f"{int((~known).sum()):,} have no {what}"
+        for known, what in ((has_position(own), "position"), (has_attitude(own), "attitude"))
+        if not known.all()
+    ]
+    images = measured.groupby("point")["image"].nunique()
+    return (
+        f"None of the {len(own):,} measured images has an orientation ({', '.join(lacking)}; "
+        f"{', '.join(own['image'].iloc[:5])}{', …' if len(own) > 5 else ''}), and their image points do not "
+        f"give one: {int((images >= 2).sum()):,} points are measured in several images.",
+        "Measure at least 8 points that two images have in common, and 6 that every further image has in "
+        "common with the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of "
+        "named strips, which show the heading.",
+    )

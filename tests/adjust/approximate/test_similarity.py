@@ -1,0 +1,69 @@
+"""Similarities between two systems of coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.approximate.similarity import (
+    Similarity,
+    between_directions,
+    fitted,
+    mean_rotation,
+    on_a_line,
+    robustly_fitted,
+    turned_about,
+)
+from adjust.geometry import rotation
+
+GENERATOR_SEED = 5
+
+
+def movement() -> Similarity:
+    return Similarity(2.5, rotation.exp(np.array([0.3, -1.2, 2.0])), np.array([100.0, -20.0, 7.0]))
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.0], ids=["in space", "in a plane"])
+def test_the_movement_of_points_is_found_exactly(flat: float) -> None:
+    source = np.random.default_rng(GENERATOR_SEED).normal(size=(10, 3)) * [1.0, 1.0, flat]
+    found = fitted(source, movement().points(source))
+    assert found.scale == pytest.approx(2.5)
+    assert found.rotation == pytest.approx(movement().rotation, abs=1e-12)
+    assert found.shift == pytest.approx(movement().shift)
+
+
+def test_a_third_of_the_points_may_be_wrong() -> None:
+    generator = np.random.default_rng(GENERATOR_SEED)
+    source = generator.normal(size=(30, 3))
+    target = movement().points(source)
+    target[::3] += generator.normal(size=(10, 3)) * 50.0
+    found, agreeing = robustly_fitted(source, target)
+    assert found.rotation == pytest.approx(movement().rotation, abs=1e-9)
+    assert not agreeing[::3].any()
+    assert agreeing.sum() == 20
+
+
+def test_points_on_a_line_are_recognised() -> None:
+    along = np.linspace(0.0, 1.0, 9)[:, None] * np.array([3.0, 1.0, 0.2])
+    assert on_a_line(along)
+    assert on_a_line(along[:2])
+    assert not on_a_line(np.vstack([along, [0.0, 1.0, 0.0]]))
+
+
+def test_directions_are_turned_into_each_other() -> None:
+    one, other = np.array([1.0, 2.0, -1.0]), np.array([0.0, -1.0, 4.0])
+    turned = between_directions(one, other) @ one
+    assert turned / np.linalg.norm(turned) == pytest.approx(other / np.linalg.norm(other))
+    assert between_directions(one, -one) @ one == pytest.approx(-one)
+    up = np.array([0.0, 0.0, 1.0])
+    assert turned_about(up, np.array([1.0, 0.0, 5.0]), np.array([0.0, 2.0, 1.0])) == pytest.approx(
+        rotation.about_z(np.pi / 2)
+    )
+
+
+def test_the_mean_of_rotations_leaves_out_a_wrong_one() -> None:
+    generator = np.random.default_rng(GENERATOR_SEED)
+    true = movement().rotation
+    near = true @ rotation.exp(1e-3 * generator.normal(size=(20, 3)))
+    near[3] = np.eye(3)
+    assert mean_rotation(near) == pytest.approx(true, abs=1e-3)

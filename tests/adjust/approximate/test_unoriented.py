@@ -1,0 +1,174 @@
+"""Approximate orientations from image points: closed answers, plane objects, lines, wrong points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.approximate.image_pair import pair_models, pairs_by_common_points
+from adjust.approximate.measured_images import MeasuredImages
+from adjust.approximate.placement import KnownPlaces
+from adjust.approximate.resection import resect
+from adjust.approximate.unoriented import FoundOrientations, find_orientations
+from adjust.arrays import Bools, Floats
+from adjust.camera.interior import FrameCamera
+from adjust.geometry import rotation
+from adjust.observations.image_point import ImagePoints
+from tests.close_range import CloseRange, close_range
+
+LENS = FrameCamera("lens", 6000, 4000, 4e-6, 0.024, (5e-5, -3e-5), "corner", 0)
+
+
+def measured_images(
+    truth: CloseRange, seen: Bools | None = None, sigma_px: float = 0.0, wrong: float = 0.0
+) -> MeasuredImages:
+    """Image points of a truth; a part of them is anywhere in the image."""
+    generator = np.random.default_rng(3)
+    p = np.einsum("nij,nmi->nmj", truth.local_from_camera, truth.target - truth.projection_centre[:, None])
+    xy = -LENS.focal_length * p[..., :2] / p[..., 2:] + np.array(LENS.principal_point)
+    xy += sigma_px * LENS.pixel_size * generator.normal(size=xy.shape)
+    anywhere = generator.random(xy.shape[:2]) < wrong
+    xy[anywhere] = generator.uniform(-0.5, 0.5, (int(anywhere.sum()), 2)) * [0.024, 0.016]
+    seen = np.ones(xy.shape[:2], dtype=bool) if seen is None else seen
+    point, image = np.nonzero(seen.T)
+    rays = ImagePoints(
+        image.astype(np.int64),
+        point.astype(np.int64),
+        np.zeros(len(truth.projection_centre), dtype=np.int64),
+        xy[image, point],
+        np.full((len(image), 2), 0.1 * LENS.pixel_size),
+        np.ones(len(image), dtype=bool),
+    )
+    return MeasuredImages(rays, (LENS,), len(truth.target))
+
+
+def known(truth: CloseRange) -> KnownPlaces:
+    """Nothing is known yet."""
+    n, m = len(truth.projection_centre), len(truth.target)
+    return KnownPlaces(np.full((m, 3), np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
+
+
+def assert_true(
+    truth: CloseRange, found: FoundOrientations, metres: float, kept: Bools | None = None
+) -> None:
+    kept = np.ones(len(truth.projection_centre), dtype=bool) if kept is None else kept
+    assert (found.model.oriented == kept).all()
+    off = found.model.projection_centre[kept] - truth.projection_centre[kept]
+    assert np.abs(off).max() < metres
+    turn = np.swapaxes(found.model.local_from_camera[kept], 1, 2) @ truth.local_from_camera[kept]
+    assert np.abs(rotation.log(turn)).max() < metres / 2.0
+
+
+def scene(images: int, targets: int, relief: float) -> CloseRange:
+    return close_range(images, targets, relief, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.5], ids=["plane", "with relief"])
+def test_one_of_the_relative_orientations_of_two_images_is_the_true_one(relief: float) -> None:
+    truth = scene(2, 40, relief)
+    measured = measured_images(truth)
+    assert pairs_by_common_points(measured, np.ones(2, dtype=bool)).tolist() == [[0, 1]]
+    first = truth.local_from_camera[0]
+    base = first.T @ (truth.projection_centre[1] - truth.projection_centre[0])
+    models = list(pair_models(measured, 0, 1))
+    off = [
+        np.abs(item.rotation - first.T @ truth.local_from_camera[1]).max()
+        + np.abs(item.projection_centre - base / np.linalg.norm(base)).max()
+        for item in models
+    ]
+    assert min(off) < 1e-5
+
+
+def test_a_resection_leaves_out_what_is_wrong() -> None:
+    truth = scene(1, 60, 0.3)
+    measured = measured_images(truth, sigma_px=0.3, wrong=0.3)
+    found = resect(measured, 0, measured.rows_of_image[0], truth.target)
+    assert found is not None
+    assert 0.6 < found.part < 0.8
+    assert found.projection_centre == pytest.approx(truth.projection_centre[0], abs=1e-3)
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.5], ids=["plane", "with relief"])
+@pytest.mark.parametrize("wrong", [0.0, 0.1], ids=["clean", "a tenth wrong"])
+def test_three_control_points_place_what_image_points_have_joined(relief: float, wrong: float) -> None:
+    truth = scene(12, 60, relief)
+    places = known(truth)
+    places.object_point[[0, 7, 59]] = truth.target[[0, 7, 59]]
+    measured = measured_images(truth, sigma_px=0.1, wrong=wrong)
+    if wrong:
+        # Control is measured with care.
+        clean = measured_images(truth, sigma_px=0.1)
+        careful = np.isin(measured.rays.point, [0, 7, 59])
+        measured.rays.xy[careful] = clean.rays.xy[careful]
+    assert_true(truth, find_orientations(measured, places), 5e-3)
+
+
+def test_positions_on_a_line_and_images_that_look_down_place_a_strip() -> None:
+    truth = strip()
+    places = known(truth)
+    places.projection_centre[:] = truth.projection_centre
+    found = find_orientations(measured_images(truth), places)
+    assert not found.placements[0].turned
+    assert_true(truth, found, 1e-3)
+
+
+def strip() -> CloseRange:
+    """Eight vertical images along x, 3 m above a rough field."""
+    generator = np.random.default_rng(2)
+    target = generator.uniform([-2.0, -1.0, 0.0], [6.0, 1.0, 1.0], (400, 3))
+    centre = np.column_stack([np.linspace(0.0, 4.0, 8), np.zeros(8), np.full(8, 4.0)])
+    return CloseRange(centre, np.tile(np.eye(3), (8, 1, 1)), target)
+
+
+def test_attitudes_turn_what_two_control_points_place() -> None:
+    truth = scene(6, 40, 0.5)
+    places = known(truth)
+    places.object_point[[0, 39]] = truth.target[[0, 39]]
+    places.local_from_camera[2:] = truth.local_from_camera[2:]
+    found = find_orientations(measured_images(truth), places)
+    assert found.placements[0].turned
+    assert_true(truth, found, 1e-4)
+
+
+def test_given_orientations_carry_the_others() -> None:
+    truth = scene(12, 60, 0.5)
+    places = known(truth)
+    places.projection_centre[:4], places.local_from_camera[:4] = (
+        truth.projection_centre[:4],
+        truth.local_from_camera[:4],
+    )
+    found = find_orientations(measured_images(truth), places)
+    assert found.placements == ()
+    assert_true(truth, found, 1e-4)
+
+
+def test_without_anything_known_the_model_is_true_up_to_a_similarity() -> None:
+    truth = scene(8, 40, 0.5)
+    found = find_orientations(measured_images(truth), known(truth))
+    assert found.model.oriented.all()
+    assert not found.placements[0].scaled
+    x, y = distances(found.model.projection_centre), distances(truth.projection_centre)
+    assert x / x.mean() == pytest.approx(y / y.mean(), abs=1e-5)
+
+
+def distances(x: Floats) -> Floats:
+    return np.linalg.norm(x[:, None] - x[None, :], axis=2)
+
+
+def test_an_image_with_too_few_common_points_is_left_out_and_parts_are_placed_by_their_own_control() -> None:
+    truth = scene(13, 80, 0.5)
+    seen = np.zeros((13, 80), dtype=bool)
+    seen[:6, :40], seen[6:12, 40:] = True, True
+    seen[12, :5] = True
+    places = known(truth)
+    control = [0, 7, 20, 39, 45, 60, 70, 79]
+    places.object_point[control] = truth.target[control]
+    found = find_orientations(measured_images(truth, seen), places)
+    assert len(found.placements) == 2
+    assert_true(truth, found, 1e-4, np.arange(13) < 12)
+
+
+def test_the_same_input_gives_the_same_bits() -> None:
+    truth = scene(8, 40, 0.5)
+    one, other = (find_orientations(measured_images(truth, sigma_px=0.5), known(truth)) for _ in range(2))
+    assert np.array_equal(one.model.projection_centre, other.model.projection_centre)
