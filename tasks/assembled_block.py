@@ -25,6 +25,12 @@ from tasks.block.block_input import (
     control_points as control_observations,
 )
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.known_calibrations import (
+    KnownCalibration,
+    known_calibrations,
+    with_joint_priors,
+    with_known_calibrations,
+)
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
@@ -56,6 +62,7 @@ class AssembledBlock:
     never_used : rows of the image points that are of no object point.
     cameras : cameras.parquet.
     fields : given residual grids.
+    known : calibrations that are considered or observed.
     """
 
     frames: tuple[MapFrame, AdjustmentFrame]
@@ -67,6 +74,7 @@ class AssembledBlock:
     cameras: pd.DataFrame
     calibration: BlockSelfCalibration | None
     fields: Fields
+    known: tuple[KnownCalibration, ...] = ()
 
     @property
     def lever_arms(self) -> tuple[tuple[str, ...], Floats]:
@@ -89,7 +97,10 @@ def assembled_block(
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
     begin = given.with_boresight(delivered.approximate_boresight).orientations()
     block = block_of(frame, given, tuple(start["point"]), x_in_local, settings, calibration, begin)
+    known = known_calibrations(block, delivered.cameras)
+    block = with_known_calibrations(block, known)
     observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
+    observations = replace(observations, others=with_joint_priors(block, observations.others, known))
     rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False
@@ -103,6 +114,7 @@ def assembled_block(
         delivered.cameras,
         calibration,
         fields,
+        known,
     )
 
 

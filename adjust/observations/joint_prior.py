@@ -1,4 +1,4 @@
-"""Direct observations of parameters of several families together: what an earlier calibration says of them."""
+"""Parameters of several families, observed together: what an earlier calibration says of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class JointPrior:
     Attributes
     ----------
     source : what the values belong to, such as the name of a camera.
-    components : names of the parameters.
+    components, units : names of the parameters, and the unit of each in the adjustment.
     places : where they stand in the families.
     given : (1, m) given values, SI and radians, or the family's own units.
     stochastic : one observation of m components.
@@ -29,6 +29,7 @@ class JointPrior:
 
     source: str
     components: tuple[str, ...]
+    units: tuple[str, ...]
     places: tuple[ParameterPlace, ...]
     given: Floats
     stochastic: StochasticModel

@@ -23,9 +23,17 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.observations.base import Linearization
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
+from adjust.observations.joint_prior import JointPrior
+from adjust.parameters import (
+    EXTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    ConsideredParameters,
+    ParameterLayout,
+    State,
+)
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.model_alternatives import INDISTINGUISHABLE, considered_alternatives, products_of
+from adjust.quality.single_error import single_errors
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
@@ -115,6 +123,20 @@ class ConsideredErrors:
         score, effect = told.T @ (sigma * self.score[chosen]), told.T @ moved
         spread = sigma0**2 * told.T @ normal @ told + effect @ effect.T
         return Contradiction(float(score @ np.linalg.solve(spread, score)), told.shape[1])
+
+
+def contradiction_of_prior(
+    group: JointPrior, state: State, layout: ParameterLayout, quality: Cofactor
+) -> Contradiction:
+    """The same test where the parameters are observed with their covariance in place of being considered.
+
+    vᵀ Q_vv⁻ v of the observation is the same number for σ0 = 1: v = (I + C S̃)⁻¹ C s̃.
+    """
+    found = single_errors(group, group.linearize(state), layout, quality)
+    values, vectors = np.linalg.eigh(found.inside[0])
+    told = values > INDISTINGUISHABLE
+    along = vectors[:, told].T @ found.pull[0]
+    return Contradiction(float(np.sum(along**2 / values[told])), int(told.sum()))
 
 
 def considered_errors(system: System, solution: Solution) -> ConsideredErrors | None:

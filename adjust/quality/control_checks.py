@@ -51,10 +51,6 @@ class ControlCheck:
     cofactor: Floats
     considered: Floats
 
-    def covariance(self, sigma0: float) -> Floats:
-        """(n, 3, 3) of the differences."""
-        return sigma0**2 * self.cofactor + self.considered
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:

@@ -104,7 +104,12 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
         pulls.append(found.pull)
         remainders.append(found.inside + found.considered)
     results = []
-    for group, pull, remainder in zip(adjusted.observations.groups, pulls, remainders, strict=True):
+    for group, item, pull, remainder in zip(
+        adjusted.observations.groups, adjusted.residuals, pulls, remainders, strict=True
+    ):
+        if isinstance(group, JointPrior):  # many parameters, and no single one could be gross
+            results.append(_of_components(item, variance))
+            continue
         statistic, dimension = directional_statistic(pull, of_present(group.stochastic, remainder))
         results.append(normal_equivalent(statistic, dimension, variance))
     return tuple(results)

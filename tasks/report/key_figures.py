@@ -33,6 +33,8 @@ def verdict(material: Material) -> Verdict:
     what = "The free network" if free is not None and free.defect else "The block"
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
+    if any(item.contradicted for item in material.figures.registered_calibrations):
+        test, good = f"{test}; it contradicts a calibration of the registry", False
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"

@@ -56,6 +56,17 @@ CAMERAS = TableSchema(
             number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
+        text(
+            "calibration_use",
+            "what becomes of the covariance of its calibration; null: the values count as exact",
+            nullable=True,
+            values=("consider", "prior"),
+        ),
+        text(
+            "calibration_covariance",
+            "names of the calibrated parameters and their covariance as JSON, units as in parameters",
+            nullable=True,
+        ),
     ),
     ("camera",),
 )
