@@ -63,7 +63,7 @@ Adjust = Callable[..., Path]
 
 
 @pytest.fixture
-def adjust(registry: Registry, block: Path, tmp_path: Path) -> Adjust:
+def adjust(block: Path, tmp_path: Path) -> Adjust:
     """Adjusts the block and returns the folder of its results."""
 
     def adjusted(name: str, *overrides: str) -> Path:
@@ -84,6 +84,7 @@ def sigmas(folder: Path, name: str) -> np.ndarray:
     return table[own].to_numpy()
 
 
+@pytest.mark.usefixtures("registry")
 def test_the_errors_of_a_calibration_are_part_of_every_sigma(adjust: Adjust) -> None:
     held = adjust("held", 'cameras.C.calibration_use="held"')
     consider = adjust("consider")
@@ -143,13 +144,10 @@ def test_a_block_that_contradicts_the_registry_says_so_and_fails_its_gate(
         assert "contradicts a calibration of the registry" in (tmp_path / use / "report.html").read_text()
 
 
-@pytest.mark.parametrize(
-    "overrides",
-    [('adjustment.free=["focal_length"]',), ('adjustment.free=["boresight"]',)],
-)
-def test_a_free_parameter_is_not_considered(
-    registry: Registry, block: Path, tmp_path: Path, overrides: tuple[str, ...]
-) -> None:
+@pytest.mark.usefixtures("registry")
+@pytest.mark.parametrize("free", ["focal_length", "boresight"])
+def test_a_free_parameter_is_not_considered(block: Path, tmp_path: Path, free: str) -> None:
+    overrides = (f'adjustment.free=["{free}"]',)
     outcome = run(block, tmp_path / "out", *WANTED, *overrides)
     assert outcome.error is not None
     assert "free in this project" in outcome.error

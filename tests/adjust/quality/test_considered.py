@@ -14,6 +14,8 @@ from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.model_tests import examined_model
+from adjust.observations.base import StochasticModel
+from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
@@ -24,7 +26,7 @@ from adjust.parameters import (
     ConsideredParameters,
     ParameterPlace,
 )
-from adjust.quality.considered import ConsideredErrors, with_considered
+from adjust.quality.considered import ConsideredErrors, contradiction_of_prior, with_considered
 from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
@@ -39,7 +41,6 @@ from adjust.solve.design_matrix import (
 from adjust.solve.normal_equations import System
 from tests.adjust.scenes import DEGREE, Scene, two_strips
 
-EXACT = {"rtol": 1e-9, "atol": 0.0}
 PLACES = (
     *(ParameterPlace(INTERIOR_ORIENTATION, 0, component) for component in range(3)),
     *(ParameterPlace(BORESIGHT, 0, component) for component in range(3)),
@@ -69,6 +70,14 @@ def with_free(block: Block, places: tuple[ParameterPlace, ...]) -> Block:
                 free[place.entity, place.component] = True
         system.append(replace(parameters, free=free))
     return replace(block, system=tuple(system), considered=None)
+
+
+def assert_same(found: Floats, expected: Floats, part: float = 1e-9) -> None:
+    """Two covariance or normal matrices, element by element, in parts of the diagonal."""
+    size = np.sqrt(np.diagonal(expected))
+    np.testing.assert_allclose(
+        found / np.outer(size, size), expected / np.outer(size, size), atol=part, rtol=0.0
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,20 +161,19 @@ def test_covariances_of_unknowns_are_those_of_full_matrices(case: Dense) -> None
     sigma0 = 1.3
     expected = sigma0**2 * case.q + case.k @ case.c @ case.k.T
     found = with_considered(case.adjusted.quality, sigma0)
-    blocks = sigma0**2 * found.reduced.blocks
     pattern, columns = found.reduced.pattern, case.design.exposure_columns
-    for row, column, block in zip(pattern.row, pattern.column, blocks, strict=True):
-        full = expected[np.ix_(columns[row], columns[column])]
-        size = np.sqrt(np.outer(*(np.diagonal(expected)[columns[i]] for i in (row, column))))
-        assert np.abs(np.triu(block - full) if row == column else block - full).max() <= 1e-9 * size.max()
-        np.testing.assert_allclose(block / size, full / size, atol=1e-9, rtol=0.0)
+    size = np.sqrt(np.diagonal(expected))
+    for row, column, block in zip(pattern.row, pattern.column, found.reduced.blocks, strict=True):
+        scale = np.outer(size[columns[row]], size[columns[column]])
+        difference = (sigma0**2 * block - expected[np.ix_(columns[row], columns[column])]) / scale
+        assert np.abs(difference).max() < 1e-9
     border = case.design.border_columns
-    np.testing.assert_allclose(
-        sigma0**2 * found.reduced.corner, expected[np.ix_(border, border)], rtol=1e-8, atol=1e-14
-    )
+    assert_same(sigma0**2 * found.reduced.corner, expected[np.ix_(border, border)])
+    mixed = sigma0**2 * found.reduced.border - expected[columns[:, :, None], border]
+    assert np.all(np.abs(mixed) <= 1e-9 * size[columns][:, :, None] * size[border])
     for points, own in zip(found.of_points, case.design.point_columns, strict=True):
         if own[0] >= 0:
-            np.testing.assert_allclose(sigma0**2 * points, expected[np.ix_(own, own)], rtol=1e-8, atol=1e-13)
+            assert_same(sigma0**2 * points, expected[np.ix_(own, own)])
 
 
 def test_the_values_and_redundancy_numbers_are_those_with_the_parameters_held(case: Dense) -> None:
@@ -261,7 +269,7 @@ def test_what_the_block_says_nothing_about_has_no_freedom() -> None:
     assert 2 <= case.errors.contradiction(range(len(places))).freedom <= 3
     found = with_considered(case.adjusted.quality, 1.0)
     own = case.design.point_columns[7]
-    np.testing.assert_allclose(found.of_points[7], case.covariance[np.ix_(own, own)], rtol=1e-8, atol=1e-13)
+    assert_same(found.of_points[7], case.covariance[np.ix_(own, own)])
 
 
 def test_joint_covariances_of_points_have_the_errors_of_both(case: Dense) -> None:
@@ -269,10 +277,8 @@ def test_joint_covariances_of_points_have_the_errors_of_both(case: Dense) -> Non
     joint = joint_cofactors(case.adjusted.system, case.adjusted.solution, points)
     errors = case.errors.of_unknowns.of_points[points]
     own = case.design.point_columns[points].ravel()
-    expected = case.covariance[np.ix_(own, own)].reshape(3, 3, 3, 3)
-    np.testing.assert_allclose(
-        joint + np.einsum("iak,jbk->iajb", errors, errors), expected, rtol=1e-7, atol=1e-12
-    )
+    found = joint + np.einsum("iak,jbk->iajb", errors, errors)
+    assert_same(found.reshape(9, 9), case.covariance[np.ix_(own, own)])
 
 
 def test_control_left_out_is_predicted_with_the_errors_of_the_parameters() -> None:
@@ -305,6 +311,52 @@ def test_control_left_out_is_predicted_with_the_errors_of_the_parameters() -> No
                     check.considered[row][np.ix_(present, present)],
                     full[np.ix_(present, present)], rtol=1e-5, atol=1e-12,
                 )  # fmt: skip
+
+
+def test_observed_parameters_have_the_covariance_and_the_test_of_full_matrices(case: Dense) -> None:
+    """Unknowns with (C⁻¹ + S̃)⁻¹, and the same T as with the parameters considered, where all is linear."""
+    given = known()
+    system = case.adjusted.system
+    block = with_free(system.block, given.places)
+    of_family = {item.family.name: item.values for item in block.system}
+    values = np.array([[of_family[family][entity, part] for family, entity, part in given.places]])
+    model = StochasticModel.from_covariance(given.covariance[None], np.ones((1, len(PLACES)), dtype=bool))
+    prior = JointPrior("camera", ("p",) * len(PLACES), ("m",) * len(PLACES), given.places, values, model)
+    others = (*case.adjusted.observations.others, prior)
+    wide = System.of(block, replace(case.adjusted.observations, others=others))
+    adjusted = Adjuster(AdjustmentOptions()).adjust(wide, case.adjusted.state)
+    design = design_matrix(wide, adjusted.state)
+    rows = design.matrix.toarray()[slice(*design.row_start[-2:])]
+    own = design.border_columns[[wide.layout.columns[f][e, k] for f, e, k in given.places]]
+    assert_same(rows[:, own].T @ rows[:, own], np.linalg.inv(case.c))
+    q, border = full_cofactor(design), design.border_columns
+    assert_same(adjusted.quality.reduced.corner, q[np.ix_(border, border)])
+    # S̃ is that of nearly the same state.
+    z = q[np.ix_(own, own)]
+    assert_same(z, np.linalg.inv(np.linalg.inv(case.c) + case.normal), 1e-3)
+    numbers = adjusted.residuals[-1].redundancy
+    told = len(PLACES) - np.trace(np.linalg.solve(case.c, z))
+    assert numbers.sum() == pytest.approx(told, rel=1e-7)
+    test = contradiction_of_prior(prior, adjusted.state, wide.layout, adjusted.quality)
+    considered = case.errors.contradiction(range(len(PLACES)))
+    assert test.freedom <= considered.freedom
+    assert test.statistic == pytest.approx(considered.statistic, rel=2e-3, abs=1e-3)
+
+
+def test_prior_is_no_observation_that_could_be_rejected() -> None:
+    scene = two_strips(noise_seed=3, control=(), priors={GNSS_SHIFT: 0.1}, free=FREE)
+    places = PLACES[:6]
+    block = with_free(scene.block, places)
+    given = known(places)
+    values = np.array([[0.101, 0.0, 0.0, 0.01, 0.0, 0.0]])
+    model = StochasticModel.from_covariance(given.covariance[None], np.ones((1, 6), dtype=bool))
+    prior = JointPrior("camera", ("p",) * 6, ("m",) * 6, places, values, model)
+    observations = replace(scene.observations, others=(*scene.observations.others, prior))
+    for test in ("components", "observations"):
+        options = AdjustmentOptions(critical_value=6.0, test=test)
+        result = adjust_block(block, observations, options)
+        assert result.groups[-1].rejected == 0
+        assert np.abs(result.groups[-1].standardized).max() > 6.0
 
 
 def test_alternatives_are_tested_with_what_errors_of_the_parameters_explain(case: Dense) -> None:
