@@ -68,6 +68,19 @@ class JointPrior:
         """The same group without its observation where (1,) says so."""
         return replace(self, stochastic=self.stochastic.without(rejected))
 
+    def without_family(self, family: str) -> Self:
+        """What is known of the parameters of the other families alone."""
+        kept = [k for k, place in enumerate(self.places) if place.family != family]
+        root = self.stochastic.unwhitener[:, kept]
+        model = StochasticModel.from_covariance(
+            root @ np.swapaxes(root, 1, 2), self.stochastic.present[:, kept]
+        )
+        names, units = (tuple(texts[k] for k in kept) for texts in (self.components, self.units))
+        places = tuple(self.places[k] for k in kept)
+        return replace(
+            self, components=names, units=units, places=places, given=self.given[:, kept], stochastic=model
+        )
+
     def rescaled(self, factor: Floats) -> Self:
         """The same group with its standard deviations multiplied by factors that broadcast to (1, m)."""
         return replace(self, stochastic=self.stochastic.rescaled(factor))
