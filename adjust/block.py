@@ -10,7 +10,7 @@ from adjust.arrays import Floats, Ints
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
 from adjust.geometry.earth import LocalFrame
-from adjust.parameters import ParameterLayout, State, SystemParameters
+from adjust.parameters import ConsideredParameters, ParameterLayout, State, SystemParameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,7 @@ class Block:
     points : names of the m object points.
     system : the families of system parameters with given values and freedom.
     projection_centre, local_from_camera, object_point : approximate values, see :class:`State`.
+    considered : held system parameters whose errors are part of all covariances; None: what is held is exact.
     """
 
     frame: LocalFrame
@@ -40,6 +41,7 @@ class Block:
     projection_centre: Floats
     local_from_camera: Floats
     object_point: Floats
+    considered: ConsideredParameters | None = None
 
     def __post_init__(self) -> None:
         n, m = len(self.images), len(self.points)
@@ -60,6 +62,10 @@ class Block:
         ):
             if not np.isfinite(values).all():
                 raise InconsistentBlockError(f"The approximate values of the {name} are not all finite.")
+        free = {parameters.family.name: parameters.free for parameters in self.system}
+        for place in () if self.considered is None else self.considered.places:
+            if free[place.family][place.entity, place.component]:
+                raise InconsistentBlockError(f"A parameter of {place.family} is free and considered, too.")
 
     @property
     def layout(self) -> ParameterLayout:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.considered import considered_errors
 from adjust.quality.redundancy import GroupResiduals, group_residuals
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
 from adjust.solve.normal_equations import Observations, System
@@ -82,7 +83,7 @@ class Adjuster:
         if may_stall is None:
             may_stall = self.options.critical_value is not None
         solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall)
-        quality = cofactor(system, solution)
+        quality = replace(cofactor(system, solution), considered=considered_errors(system, solution))
         residuals = group_residuals(system, solution.state, quality)
         return Adjusted(system, solution, quality, residuals, (solution.iterations,))
 

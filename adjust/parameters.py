@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from functools import cached_property
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -103,6 +104,38 @@ class SystemParameters:
     entities: tuple[str, ...]
     values: Floats
     free: Bools
+
+
+class ParameterPlace(NamedTuple):
+    """Where one system parameter stands: name of its family, entity and component, indices in it."""
+
+    family: str
+    entity: int
+    component: int
+
+
+@dataclass(frozen=True, eq=False)
+class ConsideredParameters:
+    """System parameters that are held at values which are known with a covariance matrix only.
+
+    They are no unknowns, and their errors are part of what is said about everything else (Schmidt 1966).
+
+    Attributes
+    ----------
+    places : the k parameters.
+    covariance : (k, k) of their values, SI and radians, or the family's own units; no σ0 scales it.
+    """
+
+    places: tuple[ParameterPlace, ...]
+    covariance: Floats
+
+    @cached_property
+    def root(self) -> Floats:
+        """(k, k) R with R Rᵀ = C: what k independent errors of unit variance change."""
+        sigma = np.sqrt(np.diagonal(self.covariance))
+        scale = np.where(sigma > 0.0, sigma, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
+        return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from tasks.calibration.observable import is_georeferenced, observable
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
+from tasks.registered_cameras import with_initial_calibrations
 from tasks.report.provenance import computed_with
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
@@ -63,7 +64,7 @@ def system_calibration(project: Project, store: Store) -> Summary:
     """
     if not project.inputs.image_points and project.calibration.adjusted is not None:
         return two_step_calibration(project, store, project.calibration.adjusted)
-    project, remarks = observable(project)
+    project, remarks = observable(with_initial_calibrations(project))
     block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)

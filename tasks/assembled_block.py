@@ -26,6 +26,12 @@ from tasks.block.block_input import (
     control_points as control_observations,
 )
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.known_calibrations import (
+    KnownCalibration,
+    known_calibrations,
+    with_joint_priors,
+    with_known_calibrations,
+)
 from tasks.block.oriented_images import oriented_images
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
@@ -61,6 +67,7 @@ class AssembledBlock:
     cameras : cameras.parquet.
     fields : given residual grids.
     divisions : parts of the groups with standard deviations of their own.
+    known : calibrations that are considered or observed.
     """
 
     frames: tuple[MapFrame, AdjustmentFrame]
@@ -73,6 +80,7 @@ class AssembledBlock:
     calibration: BlockSelfCalibration | None
     fields: Fields
     divisions: tuple[Division, ...]
+    known: tuple[KnownCalibration, ...] = ()
 
     @property
     def lever_arms(self) -> tuple[tuple[str, ...], Floats]:
@@ -97,7 +105,10 @@ def assembled_block(
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
     begin = given.with_boresight(delivered.approximate_boresight).orientations()
     block = block_of(frame, given, tuple(start["point"]), x_in_local, settings, calibration, begin)
+    known = known_calibrations(block, delivered.cameras)
+    block = with_known_calibrations(block, known)
     observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
+    observations = replace(observations, others=with_joint_priors(block, observations.others, known))
     rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False
@@ -112,6 +123,7 @@ def assembled_block(
         calibration,
         fields,
         divisions_of(observations, given, measured["input_file"].to_numpy(dtype=object)[rows], settings),
+        known,
     )
 
 

@@ -10,16 +10,21 @@ from adjust.adjustment import adjust_block
 from adjust.block import Block
 from adjust.calibration.elimination import Elimination
 from adjust.calibration.elimination_rules import PRESETS
-from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection, columns_of
+from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection
+from adjust.camera.additional.selection import NOTHING
 from adjust.errors import AdjustmentError, DatumDefectError
 from adjust.model_tests import examined_model
 from adjust.options import AdjustmentOptions
-from adjust.parameters import ADDITIONAL_PARAMETERS
 from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
 from tasks.assembled_block import AssembledBlock, DeliveredTables, assembled_block
 from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
+from tasks.block.calibration_contradiction import (
+    contradiction_figures,
+    contradiction_sentences,
+    contradictions_of,
+)
 from tasks.block.check_point_test import check_point_sentences, check_point_test, tested_points
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
@@ -167,9 +172,11 @@ def _written(
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
     write_residual_autocorrelation(folder, cameras, grids)
     slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
+    contradictions = contradictions_of(adjusted, prepared.known)
     checked = check_point_test(adjusted, settings.confidence)
     said = (
         *slips,
+        *contradiction_sentences(contradictions),
         *check_point_sentences(checked),
         *(item.sentence for item in findings),
         *adjustment_problems(adjusted, settings),
@@ -183,6 +190,7 @@ def _written(
         "self_calibration": own_figures,
         "model_findings": [item.to_json() for item in findings],
         **examined.figures(),
+        **contradiction_figures(contradictions),
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
     }
     return Notes(said, figures, slips)
@@ -227,7 +235,7 @@ def _adjusted(
     )
     announce_compilation()
     try:
-        if not columns_of(block.layout, ADDITIONAL_PARAMETERS).any():
+        if settings.self_calibration.parameters == NOTHING:
             return block, adjust_block(block, observations, options, _report), None
         rules = PRESETS.get(settings.self_calibration.elimination)
         known = 1.0 if settings.sigma0 == "a_priori" else None

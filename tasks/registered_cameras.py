@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from tasks.calibration.record import CalibrationRecord
 from tasks.choose_calibrations import approved_calibrations
 from tasks.errors import InputError
+from tasks.georeferencing.calibrated_cameras import is_of_camera
 from tasks.importing.cameras import camera_record
-from tasks.settings.cameras import REGISTRY, CameraInput
+from tasks.settings.cameras import REGISTRY, CalibrationCovariance, CameraInput
 from tasks.settings.project import Project
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -54,7 +57,7 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
             entity=f"cameras.{name}",
         )
     given = image.principal_point_mm
-    return camera.model_copy(
+    filled = camera.model_copy(
         update={
             "file": None,
             "format": None,
@@ -72,6 +75,34 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
             "calibration": source,
         }
     )
+    return filled.known_with(_covariance(record))
+
+
+def _covariance(record: CalibrationRecord) -> CalibrationCovariance:
+    """What the record knows of the camera and its mounting; shifts and times belong to its flight."""
+    own = [
+        k
+        for k, item in enumerate(record.estimated)
+        if item.entity == record.camera.name and is_of_camera(item.parameter)
+    ]
+    matrix = record.covariance_matrix[np.ix_(own, own)]
+    return CalibrationCovariance(
+        tuple(record.estimated[k].parameter for k in own), tuple(tuple(row) for row in matrix.tolist())
+    )
+
+
+def with_initial_calibrations(project: Project) -> Project:
+    """The project as a calibration flight uses it: the registry only says where to begin.
+
+    A calibration that took over what the registry knows would confirm itself.
+    """
+    cameras = {
+        name: camera.model_copy(update={"calibration_use": "held"})
+        if camera.covariance is not None
+        else camera
+        for name, camera in project.cameras.items()
+    }
+    return project.model_copy(update={"cameras": cameras})
 
 
 def _triple(

@@ -22,6 +22,7 @@ from adjust.errors import AdjustmentError
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import FAMILIES, GNSS_SHIFT, LEVER_ARM
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.solve.normal_equations import Observations, System
@@ -67,7 +68,7 @@ def indicated_lever_arms(
     freed, held = _freed(block)
     system_parameters = {item.family.name: item for item in freed.system}
     rays, *others = (_taking_part(item) for item in result.groups)
-    others = [item for item in others if not _is_prior_of(item, LEVER_ARM)]
+    others = [_of_others(item) for item in others if not _is_prior_of(item, LEVER_ARM)]
     shift = system_parameters[GNSS_SHIFT]
     if shift_is_small:
         held = np.ones_like(held)
@@ -117,11 +118,17 @@ def _freed(block: Block) -> tuple[Block, Bools]:
             held = ~item.free
         free = item.family.name in (GNSS_SHIFT, LEVER_ARM)
         system.append(replace(item, free=np.ones_like(item.free)) if free else item)
-    return replace(block, system=tuple(system)), held
+    # Of the errors of a considered lever arm nothing is left when it is free.
+    return replace(block, system=tuple(system), considered=None), held
 
 
 def _is_prior_of(group: ObservationGroup, family: str) -> bool:
     return isinstance(group, DirectObservations) and group.family.name == family
+
+
+def _of_others(group: ObservationGroup) -> ObservationGroup:
+    """A prior of several families without what it says of the lever arm."""
+    return group.without_family(LEVER_ARM) if isinstance(group, JointPrior) else group
 
 
 def _taking_part(item: GroupResult) -> ObservationGroup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
 from adjust.solve.normal_equations import System
+
+if TYPE_CHECKING:
+    from adjust.quality.considered import ConsideredErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +27,13 @@ class Cofactor:
     reduced : of exposures (with each other where they see common points) and system parameters.
     of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that took no part.
     hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
+    considered : what errors of considered parameters add, not part of the above; None without any.
     """
 
     reduced: ReducedCofactor
     of_points: Floats
     hat_of_rays: Floats
+    considered: ConsideredErrors | None = None
 
 
 def cofactor(system: System, solution: Solution) -> Cofactor:

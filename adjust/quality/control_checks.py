@@ -13,6 +13,8 @@ An observation R that was rejected is predicted as it is, and follows those left
     d_R = v_R + H_RK d_K,    Cov(d_R) = I + H_RR + H_RK (I − H_KK)⁻¹ H_KR.
 
 Where K is all that holds a point, or the block, I − H_KK is singular and there is no prediction.
+
+Errors of considered parameters move v by B̃ R; the same sums take them to d, and their covariance is added.
 """
 
 from __future__ import annotations
@@ -41,19 +43,25 @@ class ControlCheck:
     fold : (n,) which were left out together.
     difference : (n, 3) predicted minus surveyed along east, north, up, metres; NaN where there is none.
     cofactor : (n, 3, 3) of the differences for σ0 = 1, with that of the survey, m²; NaN likewise.
+    considered : (n, 3, 3) what errors of considered parameters add to their covariance, whatever σ0 is, m².
     """
 
     fold: Ints
     difference: Floats
     cofactor: Floats
+    considered: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Whitened differences (m, 3) of control points, cofactors (m, 3, 3); NaN where undetermined."""
+    """Whitened differences (m, 3) of control points, cofactors (m, 3, 3); NaN where undetermined.
+
+    And their errors (m, 3, k) by errors of considered parameters.
+    """
 
     difference: Floats
     cofactor: Floats
+    errors: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +71,7 @@ class _Whitened:
     Attributes
     ----------
     residual : (n, 3) v; zero for absent components.
+    errors : (n, 3, k) of v by k independent errors in the considered parameters.
     jacobian : (n, 3, 3) with respect to the object point.
     unwhitener : (n, 3, 3) back to metres.
     used : (n,) whether the point took part (and was not rejected).
@@ -70,6 +79,7 @@ class _Whitened:
     """
 
     residual: Floats
+    errors: Floats
     jacobian: Floats
     unwhitener: Floats
     used: Bools
@@ -132,7 +142,7 @@ def spread_folds(xy: Floats, folds: int) -> Ints:
     return fold
 
 
-def predicted_without(residual: Floats, hat: Floats, used: Bools) -> Prediction:
+def predicted_without(residual: Floats, hat: Floats, used: Bools, errors: Floats | None = None) -> Prediction:
     """Whitened predictions of m points that are left out together.
 
     Parameters
@@ -140,17 +150,20 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools) -> Prediction:
     residual : (m, 3) whitened residuals.
     hat : (3 m, 3 m) hat matrix A Q Aᵀ of their whitened observations.
     used : (m,) those that took part in the adjustment.
+    errors : (m, 3, k) of the residuals by errors of considered parameters; None without any.
     """
     m = len(used)
+    moved = np.zeros((3 * m, 0)) if errors is None else errors.reshape(3 * m, -1).copy()
     rows = np.repeat(used, 3)
     values, vectors = np.linalg.eigh(np.eye(int(rows.sum())) - hat[np.ix_(rows, rows)])
     lost = values < _UNDETERMINED
     inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
     difference, cofactor = residual.ravel().copy(), np.eye(3 * m) + hat
-    difference[rows] = inverse @ residual[used].ravel()
+    difference[rows], moved[rows] = inverse @ residual[used].ravel(), inverse @ moved[rows]
     cofactor[np.ix_(rows, rows)] = inverse
     mixed = hat[np.ix_(~rows, rows)]
     difference[~rows] += mixed @ difference[rows]
+    moved[~rows] += mixed @ moved[rows]
     cofactor[np.ix_(~rows, ~rows)] += mixed @ inverse @ mixed.T
     share = np.zeros(3 * m)
     share[rows] = np.sum(vectors[:, lost] ** 2, axis=1)
@@ -160,6 +173,7 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools) -> Prediction:
     return Prediction(
         np.where(undetermined[:, None], np.nan, difference.reshape(m, 3)),
         np.where(undetermined[:, None, None], np.nan, of_points),
+        moved.reshape(m, 3, -1),
     )
 
 
@@ -171,11 +185,19 @@ def _whitened(adjusted: Adjusted, given: ControlPoints, rejected: Bools) -> _Whi
     residual = np.where(model.present, -equations.misclosure, 0.0)
     return _Whitened(
         np.einsum("nij,nj->ni", model.whitener, residual),
+        _errors(adjusted, given.point, model.whitener @ jacobian),
         model.whitener @ jacobian,
         model.unwhitener,
         known & ~rejected,
         known,
     )
+
+
+def _errors(adjusted: Adjusted, point: Ints, jacobian: Floats) -> Floats:
+    """Errors (n, 3, k) of whitened residuals by errors of considered parameters."""
+    if adjusted.quality.considered is None:
+        return np.zeros((*jacobian.shape[:2], 0))
+    return np.asarray(jacobian @ adjusted.quality.considered.of_unknowns.of_points[point])
 
 
 def _check(
@@ -185,11 +207,16 @@ def _check(
     present = given.stochastic.present
     difference = np.full(present.shape, np.nan)
     cofactor = np.full((*present.shape, 3), np.nan)
+    considered = np.zeros((*present.shape, 3))
     for rows, hat in hats:
-        found = predicted_without(whitened.residual[rows], hat, whitened.used[rows])
+        found = predicted_without(whitened.residual[rows], hat, whitened.used[rows], whitened.errors[rows])
         back = whitened.unwhitener[rows]
         difference[rows] = np.einsum("nij,nj->ni", back, found.difference)
         cofactor[rows] = back @ found.cofactor @ np.swapaxes(back, 1, 2)
+        errors = back @ found.errors
+        considered[rows] = errors @ np.swapaxes(errors, 1, 2)
     exists = present & whitened.known[:, None]
     both = exists[:, :, None] & exists[:, None, :]
-    return ControlCheck(fold, np.where(exists, difference, np.nan), np.where(both, cofactor, np.nan))
+    return ControlCheck(
+        fold, np.where(exists, difference, np.nan), np.where(both, cofactor, np.nan), considered
+    )

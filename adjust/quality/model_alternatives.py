@@ -11,6 +11,9 @@ distributed as χ² with as many degrees of freedom as there are columns if the 
 what a full adjustment with b free would find, exactly so for linear equations (Rao 1948; Teunissen 2006,
 ch. 4 and 5). Nothing is adjusted again: every column costs one solution with the factors that are there.
 
+Errors of considered parameters g with the covariance C_g explain misclosures, too. They are eliminated with
+what is known of them, s ← s − M_bg (C_g⁻¹ + M_gg)⁻¹ s_g and M likewise, so that T keeps its distribution.
+
 An error b that stays in moves the unknowns by Q Aᵀ C b. The smallest |b| that a test finds with a stated
 power is δ0 / √M; what that does to an unknown is the external reliability of the model (Baarda 1968).
 """
@@ -25,7 +28,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup, Term
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, ParameterLayout, State
 from adjust.quality.model_alternatives_kernel import add_products
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
@@ -216,8 +219,37 @@ def alternative_tests(
     ----------
     state, factorization : of the adjusted values, and of the normal equations there.
     """
+    known = system.block.considered
+    considered = () if known is None else considered_alternatives(known)
+    count = len(alternatives)
+    products = products_of(system, state, (*alternatives, *considered))
+    of_unknowns, effect = inverse_products(system, state, factorization, products.load)
+    own, left = products.own, products.own - of_unknowns
+    if known is not None:
+        left = _eliminated(left, count, known.root)
+    normal, score = left[:count, :count], left[:count, -1]
+    told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)[:count]
+    kept = told[:, None] & told[None, :]
+    return AlternativeTests(score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[:, :count])
+
+
+def considered_alternatives(known: ConsideredParameters) -> tuple[ParameterAlternative, ...]:
+    """Other values of considered parameters as alternatives of the model."""
+    return tuple(ParameterAlternative(*place) for place in known.places)
+
+
+def _eliminated(products: Floats, first: int, root: Floats) -> Floats:
+    """Products without the considered parameters, which follow from ``first`` on; root (k, k) of C_g."""
+    own = slice(first, first + len(root))
+    mixed = products[:, own] @ root
+    inner = np.eye(len(root)) + root.T @ products[own, own] @ root
+    return np.asarray(products - mixed @ np.linalg.solve(inner, mixed.T))
+
+
+def products_of(system: System, state: State, alternatives: Sequence[ModelAlternative]) -> Products:
+    """CᵀC and AᵀC of k alternatives and, as column k + 1, of the misclosures at a state."""
     last = len(alternatives)
-    products = _Products(system.layout, last + 1)
+    products = Products(system.layout, last + 1)
     for group in system.observations.groups:
         equations = _present(group, group.linearize(state))
         found = [
@@ -227,16 +259,17 @@ def alternative_tests(
         ]
         # The misclosures go through the same products as the columns.
         products.add(group, equations, [*found, (last, equations.misclosure)])
-    of_unknowns, effect = inverse_products(system, state, factorization, products.load)
-    own, left = products.own, products.own - of_unknowns
-    normal, score = left[:last, :last], left[:last, last]
-    told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)[:last]
-    kept = told[:, None] & told[None, :]
-    return AlternativeTests(score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[:, :last])
+    return products
 
 
-class _Products:
-    """CᵀC and AᵀC, summed up group by group."""
+class Products:
+    """CᵀC and AᵀC of some columns C, summed up group by group.
+
+    Attributes
+    ----------
+    own : (k, k) CᵀC.
+    load : AᵀC.
+    """
 
     def __init__(self, layout: ParameterLayout, count: int) -> None:
         self.layout = layout

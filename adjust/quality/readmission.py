@@ -77,6 +77,9 @@ def fitting_again(
         residual = np.nan_to_num(adjusted.residuals[0].residual, nan=np.inf)[alone]
         whitened = residual / given.image_points.sigma[alone]
         hat = _predicted_hat(adjusted, given, alone)
+        if adjusted.quality.considered is not None:
+            come_back = replace(given.image_points, active=alone).only(np.flatnonzero(alone))
+            hat = hat + adjusted.quality.considered.covariance_of_rays(come_back, adjusted.state)
         statistic = _predicted(whitened, np.eye(2) + hat, rule, variance)
         back[0][alone] = statistic <= rule.critical_value
     others = zip(given.others, adjusted.observations.others, rejected[1:], strict=True)
@@ -91,7 +94,7 @@ def fitting_again(
             adjusted.quality,
             left.stochastic.taking_part,
         )
-        spread = of_present(group.stochastic, found.outside)[rows]
+        spread = of_present(group.stochastic, found.outside + found.considered)[rows]
         # The cofactor of an object point that takes no part is not known: it does not come back alone.
         known = np.isfinite(spread).all(axis=(1, 2))
         statistic = np.full(len(rows), np.inf)

@@ -7,6 +7,9 @@ uncorrelated components is v/(σ √r), and the minimal detectable bias δ0/√(
 σ δ0/√r (Baarda 1968). How well an error shows is told by σ² (P Q_vv P)_ii = (δ0 σ/∇₀)²: r itself for
 uncorrelated components, more than r for an error that its correlated company betrays. Where errors are
 correlated over time, P joins an observation with its neighbours; see :mod:`adjust.quality.single_error`.
+
+Errors of considered parameters add b̃ C b̃ᵀ to the variance of a residual, and nothing to what an error of
+the observation does: w is smaller and ∇₀ larger by the root of the ratio of both variances.
 """
 
 from __future__ import annotations
@@ -57,7 +60,10 @@ NON_CENTRALITY = 4.132
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
     """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
     rays = system.observations.image_points
-    results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays)]
+    added = np.zeros((len(rays.image), 2))
+    if cofactor.considered is not None:
+        added = np.diagonal(cofactor.considered.covariance_of_rays(rays, state), axis1=1, axis2=2)
+    results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays, added)]
     for group in system.observations.others:
         equations = group.linearize(state)
         found = single_errors(group, equations, system.layout, cofactor)
@@ -65,24 +71,26 @@ def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[G
     return tuple(results)
 
 
-def _residuals_of_rays(rays: ImagePoints, residual: Floats, hat: Floats) -> GroupResiduals:
+def _residuals_of_rays(rays: ImagePoints, residual: Floats, hat: Floats, added: Floats) -> GroupResiduals:
     """The same as :func:`_residuals` for image points: uncorrelated components need no matrices.
 
     Parameters
     ----------
     hat : (n, 3) elements xx, xy, yy of the hat matrices.
+    added : (n, 2) variances by errors of considered parameters, in units of σ².
     """
     active = rays.active[:, None]
     redundancy = np.where(active, 1.0 - hat[:, ::2], np.nan)
     with np.errstate(invalid="ignore"):
         root = np.where(redundancy > _NO_REDUNDANCY, np.sqrt(redundancy), np.nan)
+        growth = np.sqrt(1.0 + added / redundancy)
     whitened = np.where(active, np.nan_to_num(residual), 0.0) * rays.inverse_sigma
     return GroupResiduals(
         residual,
         redundancy,
         redundancy,
-        whitened / root,
-        NON_CENTRALITY * rays.sigma / root,
+        whitened / root / growth,
+        NON_CENTRALITY * rays.sigma / root * growth,
         float(np.sum(whitened**2)),
     )
 
@@ -97,14 +105,16 @@ def _residuals(group: ObservationGroup, residual: Floats, found: SingleErrors) -
     unwhitener = model.unwhitener
     redundancy = np.einsum("nij,nji->ni", unwhitener @ np.swapaxes(unwhitener, 1, 2), weighted)
     scatter = np.diagonal(transposed @ found.inside @ whitener, axis1=1, axis2=2)
+    added = np.diagonal(transposed @ found.considered @ whitener, axis1=1, axis2=2)
     clean = np.where(model.present, np.nan_to_num(residual), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.where(scatter > _NO_REDUNDANCY * model.weight_diagonal(), np.sqrt(scatter), np.nan)
+        growth = np.sqrt(1.0 + added / scatter)
     return GroupResiduals(
         np.where(np.isnan(model.sigma), np.nan, residual),
         np.where(model.present, redundancy, np.nan),
         np.where(model.present, scatter * model.sigma**2, np.nan),
-        np.where(model.present, model.weighted(clean) / root, np.nan),
-        np.where(model.present, NON_CENTRALITY / root, np.nan),
+        np.where(model.present, model.weighted(clean) / root / growth, np.nan),
+        np.where(model.present, NON_CENTRALITY / root * growth, np.nan),
         float(np.sum(model.whitened(clean) ** 2)),
     )

@@ -20,6 +20,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
+from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
 from adjust.quality.locatability import Explanations, explanations
 from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
@@ -92,15 +93,23 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
         return tuple(_of_components(item, variance) for item in adjusted.residuals)
     rays, of_rays = adjusted.observations.image_points, adjusted.residuals[0]
     pulls = [whitened_residuals(rays.stochastic, of_rays.residual)]
-    remainders = [np.eye(2) - _hat_of_rays(adjusted.quality.hat_of_rays)]
+    remainder = np.eye(2) - _hat_of_rays(adjusted.quality.hat_of_rays)
+    if adjusted.quality.considered is not None:
+        remainder += adjusted.quality.considered.covariance_of_rays(rays, adjusted.state)
+    remainders = [remainder]
     for group in adjusted.observations.others:
         found = single_errors(
             group, group.linearize(adjusted.state), adjusted.system.layout, adjusted.quality
         )
         pulls.append(found.pull)
-        remainders.append(found.inside)
+        remainders.append(found.inside + found.considered)
     results = []
-    for group, pull, remainder in zip(adjusted.observations.groups, pulls, remainders, strict=True):
+    for group, item, pull, remainder in zip(
+        adjusted.observations.groups, adjusted.residuals, pulls, remainders, strict=True
+    ):
+        if isinstance(group, JointPrior):  # many parameters, and no single one could be gross
+            results.append(_of_components(item, variance))
+            continue
         statistic, dimension = directional_statistic(pull, of_present(group.stochastic, remainder))
         results.append(normal_equivalent(statistic, dimension, variance))
     return tuple(results)
@@ -141,7 +150,7 @@ def choose(
     candidates = [
         (-float(statistics[g][i]), g, int(i))
         for g, group in enumerate(groups)
-        if not isinstance(group, DirectObservations)
+        if not isinstance(group, DirectObservations | JointPrior)
         for i in np.flatnonzero(statistics[g] > least)
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)

@@ -35,21 +35,24 @@ class SingleErrors:
     leverage : (n, m, m) L = Σ_j G_ij T_ji: the standardized observation has Q_vv P = I − L; without
         correlation the hat matrix.
     weight : (n,) T_ii; without correlation 1.
+    considered : (n, m, m) what errors of considered parameters add to the cofactor of the pull, whether the
+        observation takes part or not.
     """
 
     pull: Floats
     hat: Floats
     leverage: Floats
     weight: Floats
+    considered: Floats
 
     @property
     def inside(self) -> Floats:
-        """Cofactor (n, m, m) of the pull of an observation that takes part."""
+        """Cofactor (n, m, m) of the pull of an observation that takes part, without what is considered."""
         return self.weight[:, None, None] * np.eye(self.hat.shape[1]) - self.hat
 
     @property
     def outside(self) -> Floats:
-        """Cofactor (n, m, m) of the pull of an observation that takes no part."""
+        """Cofactor (n, m, m) of the pull of an observation that takes no part, likewise."""
         return self.weight[:, None, None] * np.eye(self.hat.shape[1]) + self.hat
 
 
@@ -71,7 +74,7 @@ def single_errors(
     over_time, neighbours = group.stochastic.over_time, group.stochastic.neighbours
     if over_time is None or neighbours is None:
         hat = hat_matrices(alone, alone, layout, cofactor)
-        return SingleErrors(-alone.misclosure, hat, hat, np.ones(len(hat)))
+        return SingleErrors(-alone.misclosure, hat, hat, np.ones(len(hat)), _considered(alone, cofactor))
     if taking_part is not None:
         neighbours = over_time.neighbours(taking_part)
     pulled = alone.combined(neighbours, neighbours.weights)
@@ -80,7 +83,16 @@ def single_errors(
         hat_matrices(pulled, pulled, layout, cofactor),
         hat_matrices(alone, pulled, layout, cofactor),
         neighbours.weights.own,
+        _considered(pulled, cofactor),
     )
+
+
+def _considered(equations: Linearization, cofactor: Cofactor) -> Floats:
+    """What errors of considered parameters add (n, m, m)."""
+    if cofactor.considered is None:
+        n, m = equations.misclosure.shape
+        return np.zeros((n, m, m))
+    return cofactor.considered.covariance_of_residuals(equations)
 
 
 def hat_matrices(

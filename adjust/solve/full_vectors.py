@@ -82,6 +82,13 @@ class SparseVectors:
         """The part (m, 3) of one vector at the object points, to be written into."""
         return self.of_points.setdefault(number, np.zeros((self.points, 3)))
 
+    def full(self, active: Bools) -> FullVectors:
+        """The same vectors with all their zeros; those at object points (m,) that take no part are zero."""
+        at_points = np.zeros((self.points, 3, self.of_border.shape[1]))
+        for number, values in self.of_points.items():
+            at_points[active, :, number] = values[active]
+        return FullVectors(self.of_exposures, self.of_border, at_points)
+
 
 def inverse_products(
     system: System, state: State, factorization: Factorization, vectors: SparseVectors

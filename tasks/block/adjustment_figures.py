@@ -183,7 +183,7 @@ def _correlated(adjusted: AdjustedBlock) -> list[str]:
     """Sentences about the system parameters that the block separates least."""
     names = adjusted.result.layout.border_names()
     parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
-    return weak_mode_sentences(parameters, correlation_matrix(adjusted.result.cofactor.reduced.corner))
+    return weak_mode_sentences(parameters, correlation_matrix(adjusted.cofactor.reduced.corner))
 
 
 def _mostly_rejected(result: AdjustmentResult) -> list[str]:

@@ -204,9 +204,7 @@ class ExaminedModel:
         wrong by what it is moved for one of them, and by that less b for the other.
         """
         own = self._calibrated()
-        spread = self.adjusted.sigma0 * np.sqrt(
-            np.diagonal(self.adjusted.result.cofactor.reduced.corner)[own]
-        )
+        spread = self.adjusted.sigma0 * np.sqrt(np.diagonal(self.adjusted.cofactor.reduced.corner)[own])
         effect = self.found.tests.effect[own].copy()
         names = [name for name, kept in zip(self._names(), own, strict=True) if kept]
         for k, item in enumerate(self.alternatives):

@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from adjust.arrays import Floats
 from adjust.calibration.correlation import correlation_matrix, total_correlation
 from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
 from adjust.observations.direct import DirectObservations
-from adjust.parameters import GNSS_SHIFT, INTERIOR_ORIENTATION, Family
+from adjust.observations.joint_prior import JointPrior
+from adjust.parameters import GNSS_SHIFT, INTERIOR_ORIENTATION, Family, ParameterPlace
 from adjust.result import AdjustmentResult
 from tasks.block.result_tables import AdjustedBlock
 from tasks.tables import schemas
@@ -31,8 +33,9 @@ def parameter_table(
     """
     result, layout = adjusted.result, adjusted.result.layout
     limit = float(special.stdtrit(max(result.test.redundancy, 1), 0.5 + 0.5 * confidence))
-    cofactor = np.diagonal(result.cofactor.reduced.corner)
+    cofactor = np.diagonal(adjusted.cofactor.reduced.corner)
     own_part = 1.0 - total_correlation(result.cofactor.reduced.corner) ** 2
+    considered = _considered_sigmas(adjusted)
     priors = _prior_sigmas(result)
     rows = []
     for parameters in adjusted.block.system:
@@ -68,6 +71,9 @@ def parameter_table(
                     "sigma_over_prior": ratio,
                     "status": _status(ratio, float(own_part[column]), t, limit),
                 }
+            elif ParameterPlace(family.name, entity, component) in considered:
+                known = considered[ParameterPlace(family.name, entity, component)]
+                row |= {"sigma": known * factor, "status": "considered"}
             elif (row["parameter"], row["entity"]) in eliminated:
                 row["status"] = "eliminated"
             rows.append(row)
@@ -90,7 +96,35 @@ def _prior_sigmas(result: AdjustmentResult) -> dict[tuple[str, int, int], float]
             for row, entity in enumerate(group.group.entity):
                 for component, sigma in enumerate(group.sigma[row]):
                     priors[group.group.family.name, int(entity), component] = float(sigma)
+        if isinstance(group.group, JointPrior):
+            for place, sigma in zip(group.group.places, group.sigma[0], strict=True):
+                priors[place.family, place.entity, place.component] = float(sigma)
     return priors
+
+
+def _considered_sigmas(adjusted: AdjustedBlock) -> dict[ParameterPlace, float]:
+    """Standard deviations of considered parameters as they were given, SI and radians."""
+    known = adjusted.block.considered
+    if known is None:
+        return {}
+    return dict(zip(known.places, np.sqrt(np.diagonal(known.covariance)).tolist(), strict=True))
+
+
+def _correlated(adjusted: AdjustedBlock) -> tuple[list[tuple[str, str]], Floats]:
+    """Names (parameter, entity) of the free and the considered parameters, and their correlations.
+
+    An estimate follows the errors of what is considered, so both are correlated: Cov(x, g) = −K C.
+    """
+    names = [(name, entity) for name, entity, _ in adjusted.result.layout.border_names()]
+    corner, errors = adjusted.cofactor.reduced.corner, adjusted.result.cofactor.considered
+    if errors is None:
+        return names, correlation_matrix(corner)
+    system = {item.family.name: item for item in adjusted.block.system}
+    for family, entity, component in errors.known.places:
+        names.append((system[family].family.components[component], system[family].entities[entity]))
+    mixed = errors.of_unknowns.of_border @ errors.known.root.T
+    covariance = np.block([[adjusted.sigma0**2 * corner, mixed], [mixed.T, errors.known.covariance]])
+    return names, correlation_matrix(covariance)
 
 
 def reported_unit(family: Family, component: int = 0) -> tuple[str, float]:
@@ -114,7 +148,7 @@ def write_parameters(
         schemas.PARAMETERS,
         {name: table[name].to_numpy() for name in table.columns},
     )
-    names = adjusted.result.layout.border_names()
+    names, correlations = _correlated(adjusted)
     first, second = np.triu_indices(len(names), 1)
     write_table(
         folder / "correlations.parquet",
@@ -124,7 +158,7 @@ def write_parameters(
             "entity_a": [names[i][1] for i in first],
             "parameter_b": [names[i][0] for i in second],
             "entity_b": [names[i][1] for i in second],
-            "correlation": correlation_matrix(adjusted.result.cofactor.reduced.corner)[first, second],
+            "correlation": correlations[first, second],
         },
     )
     return table

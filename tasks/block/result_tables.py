@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,10 @@ from adjust.geometry import rotation
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
 from adjust.observations.image_point import ImagePoints
+from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import INTERIOR_ORIENTATION
+from adjust.quality.cofactor import Cofactor
+from adjust.quality.considered import with_considered
 from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
@@ -55,6 +59,11 @@ class AdjustedBlock:
     surveyed: SurveyedPoints
     unused: pd.DataFrame
 
+    @cached_property
+    def cofactor(self) -> Cofactor:
+        """Cofactors which, times σ0², are covariances: with the errors of considered parameters in them."""
+        return with_considered(self.result.cofactor, self.sigma0)
+
     @property
     def rays_used(self) -> Ints:
         """(m,) number of image points that each object point kept."""
@@ -75,7 +84,7 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
     grid_from_local = np.swapaxes(grid, 1, 2)
     angles = rotation.to_omega_phi_kappa(grid_from_local @ state.local_from_camera)
     from_small_rotation = np.asarray(np.linalg.inv(rotation.omega_phi_kappa_jacobian(angles)), np.float64)
-    cofactor = adjusted.result.cofactor.reduced.of_exposures
+    cofactor = adjusted.cofactor.reduced.of_exposures
     of_position = _sigmas(grid_from_local, cofactor[:, :3, :3], adjusted.sigma0)
     of_angles = _sigmas(from_small_rotation, cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
     write_table(
@@ -122,7 +131,7 @@ def _object_points(
 ) -> Mapping[str, Any]:
     """Columns of some object points (k,)."""
     grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
-    sigmas = _sigmas(np.swapaxes(grid, 1, 2), adjusted.result.cofactor.of_points[points], adjusted.sigma0)
+    sigmas = _sigmas(np.swapaxes(grid, 1, 2), adjusted.cofactor.of_points[points], adjusted.sigma0)
     return {
         "point": names,
         **xyz_columns("{}_m", "xyz", x_in_map),
@@ -140,6 +149,10 @@ def reported_unit_of(observations: ObservationGroup, component: int = 0) -> tupl
         if observations.family.name == INTERIOR_ORIENTATION:
             return "um", 1e6
         unit = observations.family.unit_of(component)
+    if isinstance(observations, JointPrior):
+        if observations.places[component].family == INTERIOR_ORIENTATION:
+            return "um", 1e6
+        unit = observations.units[component]
     return ("deg", _DEGREE) if unit == "rad" else (unit, 1.0)
 
 

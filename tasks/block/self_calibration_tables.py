@@ -16,6 +16,7 @@ from adjust.calibration.significance import difference_test, group_test, t_value
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected_items
 from adjust.parameters import ADDITIONAL_PARAMETERS, SystemParameters
+from adjust.quality.considered import with_considered
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.storage.json_text import JSON
@@ -46,7 +47,7 @@ def self_calibration_table(
     steps = _last_decisions(selection)
     result = selection.result
     final = result.layout.columns[ADDITIONAL_PARAMETERS]
-    variance = np.diagonal(result.cofactor.reduced.corner)
+    variance = np.diagonal(with_considered(result.cofactor, sigma0).reduced.corner)
     total = total_correlation(result.cofactor.reduced.corner)
     values = result.state.system[ADDITIONAL_PARAMETERS]
     rows = []

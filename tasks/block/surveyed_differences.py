@@ -50,10 +50,15 @@ def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFram
     if len(chosen):
         difference[:, 2] = adjusted.frame.height(computed) - surveyed.height[chosen]
     difference = np.where(surveyed.present[chosen], difference, np.nan)
-    spread = variances(np.swapaxes(axes, 1, 2), result.cofactor.of_points[points]) * adjusted.sigma0**2
+    turned = np.swapaxes(axes, 1, 2)
+    held, spread = (
+        variances(turned, quality.of_points[points]) * adjusted.sigma0**2
+        for quality in (result.cofactor, adjusted.cofactor)
+    )
     given_variance = np.diagonal(surveyed.covariance[chosen], axis1=1, axis2=2)
     left_out = np.full(len(points), is_check) | np.isin(points, _rejected(adjusted))
-    of_residual = np.maximum(given_variance * adjusted.sigma0**2 - spread, 0.0)
+    # Errors of considered parameters add to the variance of a residual, too.
+    of_residual = np.maximum(given_variance * adjusted.sigma0**2 - held, 0.0) + (spread - held)
     variance = np.where(left_out[:, None], given_variance + spread, of_residual)
     sigma = np.where(surveyed.present[chosen], np.sqrt(variance), np.nan)
     status = {} if is_check else {"status": np.where(left_out, "rejected", "used")}
@@ -135,8 +140,8 @@ def left_out_figures(check: ControlCheck | None, result: AdjustmentResult, sigma
 def _sigma(check: ControlCheck, control: ControlPoints, sigma0: float) -> Floats:
     """Predicted standard deviations (n, 3), metres; the survey is in the cofactors and stays as stated."""
     survey = control.stochastic.sigma**2
-    of_points = np.diagonal(check.cofactor, axis1=1, axis2=2) - survey
-    return np.asarray(np.sqrt(survey + sigma0**2 * of_points))
+    own, considered = (np.diagonal(item, axis1=1, axis2=2) for item in (check.cofactor, check.considered))
+    return np.asarray(np.sqrt(survey + sigma0**2 * (own - survey) + considered))
 
 
 def _control(result: AdjustmentResult) -> ControlPoints | None:

@@ -93,3 +93,8 @@ def _additional(calibration: Calibration, camera: str) -> dict[str, float]:
 def is_additional(key: Key) -> bool:
     """Whether a parameter is an additional parameter SET:NAME."""
     return key[0] not in _OTHERS and key[0] not in _OF_CAMERAS
+
+
+def is_of_camera(parameter: str) -> bool:
+    """Whether a parameter belongs to a camera and its mounting, and not to a flight."""
+    return parameter not in _OTHERS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import cast
 
@@ -18,6 +19,11 @@ from tasks.tables.parquet import write_table
 from tasks.tables.schemas import CAMERAS
 
 _MM = 1e-3
+_USES = {
+    "consider": "Their errors are part of every σ.",
+    "prior": "They are observed with their covariance.",
+    "held": "They count as exact.",
+}
 _UM = 1e-6
 # From the smallest detectors to coarsely scanned film, and the longest side of an aerial film.
 _PIXELS_UM = (0.3, 300.0)
@@ -98,6 +104,11 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
         "tiles": None if camera.tiles is None else camera.tiles.model_dump_json(),
         "additional_parameters": json.dumps(camera.additional_parameters, sort_keys=True),
     }
+    known = camera.covariance
+    row |= {
+        "calibration_use": None if known is None else camera.calibration_use,
+        "calibration_covariance": None if known is None else json.dumps(asdict(known)),
+    }
     row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
     reduced_by = camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
     row |= {f"reduced_by_{axis}_m": value for axis, value in zip("xyz", reduced_by, strict=True)}
@@ -131,8 +142,9 @@ def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
     return tuple(
         f"Camera {name} has {source.rpartition(', ')[0]} of the registry: c {camera.focal_length_mm:.4f} mm, "
         f"principal point {_listed(camera.principal_point_mm or (), 4)} mm, boresight "
-        f"{_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} m. A GNSS shift "
-        "belongs to the flight it was found in and is not taken over."
+        f"{_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} m. "
+        f"{_USES[camera.calibration_use]} A GNSS shift belongs to the flight it was found in and is not "
+        "taken over."
         for name, camera in cameras.items()
         for kind, _, source in (str(camera.calibration or "").partition(", "),)
         if kind == REGISTRY and source

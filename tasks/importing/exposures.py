@@ -32,9 +32,9 @@ from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.storage.notes import Notes
 
-# A datum change worse than this may show in the result and is said.
 # Names that a message lists.
 _EXAMPLES = 5
+# A datum change worse than this may show in the result and is said.
 _NOTABLE_ACCURACY_M = 0.05
 # From a thousandth of a second of arc to half a turn.
 _ANGLES = {

@@ -265,6 +265,18 @@ class MovingFigure(_Figure):
     moved_by: float
 
 
+class RegisteredCalibrationFigure(_Figure):
+    """Whether the block contradicts the calibration of the registry that a camera has: the test T."""
+
+    camera: str
+    use: str
+    parameters: int
+    statistic: float
+    freedom: int
+    probability: float
+    contradicted: bool
+
+
 class AdjustmentFigures(_Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
@@ -284,6 +296,7 @@ class AdjustmentFigures(_Figure):
     strip_scatter: tuple[MovingFigure, ...] = ()
     moved_by_findings: float | None = None
     two_step: tuple[TwoStepFigure, ...] = ()
+    registered_calibrations: tuple[RegisteredCalibrationFigure, ...] = ()
     frame: str = ""
 
 
@@ -311,6 +324,7 @@ _GATE_WORDS = {
     "direct_georeferencing_max_m": "largest difference at check points georeferenced directly",
     "y_parallax_rms_um": "RMS of the y-parallaxes",
     "y_parallax_max_um": "largest y-parallax",
+    "registered_calibration": "agreement with the calibration of the registry",
     "missed_limits_of_calibration": "missed limits of a calibration flight",
 }
 

@@ -36,6 +36,8 @@ def verdict(material: Material) -> Verdict:
     checked = material.summary.check_point_test
     if checked is not None and not checked.passed:
         test, good = f"the check points are beyond their limits, and {test}", False
+    if any(item.contradicted for item in material.figures.registered_calibrations):
+        test, good = f"{test}; it contradicts a calibration of the registry", False
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"

@@ -104,6 +104,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         orientation_precision.orientation_table(material),
         point_precision.point_table(material),
         system_parameters.parameter_table(material),
+        system_parameters.registered_table(material),
         self_calibration.offered_table(material),
         self_calibration.group_table(material),
         self_calibration.flight_table(material),

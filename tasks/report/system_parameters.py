@@ -14,6 +14,7 @@ _WORDS = {
     "not_significant": "not significant",
     "eliminated": "eliminated",
     "fixed": "held at its given value",
+    "considered": "held, its σ is part of all others",
     "prior_only": "known from its prior only: this block adds nothing",
     "not_determinable": "not determinable: inseparable from others in this block",
 }
@@ -68,6 +69,42 @@ def _row(row: Mapping[Hashable, Any]) -> Row:
         _WORDS.get(str(row["status"]), str(row["status"])),
     )
     return Row(f"{row['parameter']}@{row['entity']}", cells)
+
+
+_USES = {"consider": "considered", "prior": "observed"}
+
+
+def registered_table(material: Material) -> Table:
+    """Whether the block contradicts the calibrations of the registry, camera by camera."""
+    columns = (
+        text_column("camera", "camera"),
+        text_column("use", "its values are"),
+        Column("parameters", "parameters"),
+        Column("statistic", "T"),
+        Column("freedom", "degrees of freedom"),
+        Column("probability", "exceeded by chance", "%"),
+        text_column("contradicted", "contradicts the block"),
+    )
+    rows = tuple(
+        Row(
+            item.camera,
+            (
+                item.camera,
+                _USES[item.use],
+                *numbers((item.parameters,), 0),
+                *numbers((item.statistic,), 1),
+                *numbers((item.freedom,), 0),
+                *numbers((100.0 * item.probability,), 2),
+                "yes" if item.contradicted else "no",
+            ),
+        )
+        for item in material.figures.registered_calibrations
+    )
+    note = (
+        "T compares the calibrated values, with their covariance, with what the block says of them; below "
+        "0.1 % they contradict each other."
+    )
+    return Table("registered-calibrations", "Calibrations of the registry", columns, rows, note)
 
 
 def parameter_words(name: object) -> str:

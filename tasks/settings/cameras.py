@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from tasks.formats.register import camera_formats
 from tasks.magnitude import MOST_PIXELS
@@ -61,6 +62,20 @@ class CameraIdentity(Settings):
         description="What the image is: the composed `virtual_image` of a multi-head camera (or the image of "
         "a single-head one), or one `camera_head`. The calibration of one is never applied to the other.",
     )
+
+
+@dataclass(frozen=True)
+class CalibrationCovariance:
+    """How well the values of a calibration are known.
+
+    Attributes
+    ----------
+    parameters : names of the k calibrated parameters of the camera and its mounting.
+    covariance : (k, k) in products of the units of parameters.parquet.
+    """
+
+    parameters: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
 
 
 class CameraInput(Settings):
@@ -124,10 +139,32 @@ class CameraInput(Settings):
             "registry has approved for this camera and `project.flown`.",
         )
     )
+    calibration_use: Literal["consider", "prior", "held"] = Field(
+        default="consider",
+        description="What becomes of the covariance of a calibration of the registry. `consider`: its values "
+        "hold, and their errors are part of every σ and test. `prior`: they are observed with their full "
+        "covariance, and the block improves them. `held`: they count as exact, to reproduce other programs "
+        "or to begin with. With `consider` nothing of it may be free. A calibration flight only begins "
+        "with them.",
+    )
     identity: CameraIdentity = Field(
         default=CameraIdentity(),
         description="Serial numbers, for the certificate and the registry of calibrations.",
     )
+
+    # What the registry says; the key has it by the digest of the record in `calibration`.
+    _covariance: CalibrationCovariance | None = PrivateAttr(default=None)
+
+    @property
+    def covariance(self) -> CalibrationCovariance | None:
+        """How well the values are known, where they are to be anything else than exact."""
+        return None if self.calibration_use == "held" else self._covariance
+
+    def known_with(self, covariance: CalibrationCovariance) -> CameraInput:
+        """The same camera with the covariance of its calibration."""
+        copy = self.model_copy()
+        copy._covariance = covariance
+        return copy
 
     @model_validator(mode="after")
     def _file_or_values(self) -> CameraInput:
@@ -140,6 +177,12 @@ class CameraInput(Settings):
             )
         if self.file is not None and self.format is None:
             raise trouble("The format of the camera file is missing.", 'Add format = "ign-xml".')
+        if self.calibration == GIVEN and "calibration_use" in self.model_fields_set:
+            raise trouble(
+                "calibration_use says what becomes of the covariance of a calibration of the registry, and "
+                "the values of this camera are given here.",
+                'Add calibration = "registry", or leave calibration_use out.',
+            )
         if self.file is None and missing:
             raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them, or give a camera `file`.")
         return self

@@ -63,13 +63,16 @@ class Gates(Settings):
     rmse_control_m: AxisGate | None = Field(default=None, description="RMS of the control residuals.")
     rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
-
     check_over_limit: Gate | None = Field(
         default=None,
         description="RMS and mean at check points over the limits that their σ let expect "
         "(`adjustment.confidence`), the largest of all: `{ max = 1.0 }` lets none of them miss its limit.",
     )
-
+    registered_calibration: Gate | None = Field(
+        default=None,
+        description="How often chance alone exceeds the test T whether the block contradicts a calibration "
+        "of the registry; the worst camera counts. E.g. `{ min = 0.001 }`.",
+    )
     direct_georeferencing_rmse_m: AxisGate | None = Field(
         default=None,
         description="RMS of the differences at independent check points, georeferenced directly.",

@@ -24,7 +24,7 @@ Row = dict[str, Figure]
 
 _AXES = ("x", "y", "z")
 _TOOK_PART = ("used", "uncontrolled")
-_NOT_ESTIMATED = ("eliminated", "fixed", "not_determinable")
+_NOT_ESTIMATED = ("considered", "eliminated", "fixed", "not_determinable")
 #: Numbers that the notes of an adjustment have under the same name.
 _FIGURES = ("sigma0", "sigma0_um", "redundancy", "iterations")
 _COUNTS = {

@@ -67,6 +67,17 @@ CAMERAS = TableSchema(
             )
         ),
         text("product", "what the image is", values=("virtual_image", "camera_head")),
+        text(
+            "calibration_use",
+            "what becomes of the covariance of its calibration; null: the values count as exact",
+            nullable=True,
+            values=("consider", "prior"),
+        ),
+        text(
+            "calibration_covariance",
+            "names of the calibrated parameters and their covariance as JSON, units as in parameters",
+            nullable=True,
+        ),
     ),
     ("camera",),
 )

@@ -30,6 +30,7 @@ PARAMETERS = TableSchema(
                 "not_significant",
                 "eliminated",
                 "fixed",
+                "considered",
                 "prior_only",
                 "not_determinable",
             ),

@@ -13,8 +13,16 @@ from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT, indicated_lev
 from adjust.observations.base import StochasticModel
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
-from adjust.parameters import BORESIGHT, FAMILIES, GNSS_SHIFT, LEVER_ARM
+from adjust.parameters import (
+    BORESIGHT,
+    FAMILIES,
+    GNSS_SHIFT,
+    LEVER_ARM,
+    ConsideredParameters,
+    ParameterPlace,
+)
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.system import SystemSpecification
 from adjust.solve.normal_equations import Observations
@@ -103,3 +111,31 @@ def test_without_positions_nothing_is_said(simulated: SimulatedBlock) -> None:
     observations = simulated.observations(block)
     others = tuple(group for group in observations.others if not isinstance(group, GnssPositions))
     assert indicated_lever_arms(block, adjust_block(block, replace(observations, others=others))) is None
+
+
+def test_a_calibration_in_which_the_lever_arm_is_known_hides_no_wrong_sign(simulated: SimulatedBlock) -> None:
+    """Neither its errors, nor what it says of the lever arm, is in what the positions say."""
+    block = with_given(simulated.block((GNSS_SHIFT,)), -TRUE)
+    observations = simulated.observations(block)
+    places = tuple(ParameterPlace(name, 0, k) for name in (LEVER_ARM, BORESIGHT) for k in range(3))
+    covariance = np.diag([0.01**2] * 3 + [1e-4**2] * 3)
+    covariance[0, 3] = covariance[3, 0] = 0.5 * 0.01 * 1e-4
+    plain = indicated_lever_arms(block, adjust_block(block, observations))
+    considered = replace(block, considered=ConsideredParameters(places, covariance))
+    found = indicated_lever_arms(considered, adjust_block(considered, observations))
+    assert plain is not None
+    assert found is not None
+    np.testing.assert_array_equal(found.value, plain.value)
+
+    free = with_given(simulated.block((GNSS_SHIFT, LEVER_ARM, BORESIGHT)), -TRUE)
+    names = tuple(name for item in free.system[1:3] for name in item.family.components)
+    values = np.array([[item.values[0, k] for item in (free.system[2], free.system[1]) for k in range(3)]])
+    model = StochasticModel.from_covariance(covariance[None], np.ones((1, 6), dtype=bool))
+    prior = JointPrior("camera", names, ("m",) * 6, places, values, model)
+    others = (*observations.others, prior)
+    observed = indicated_lever_arms(free, adjust_block(free, replace(observations, others=others)))
+    assert observed is not None
+    assert (np.abs(observed.value[0, :2] - TRUE[:2]) < 4.0 * observed.sigma[0, :2]).all()
+    alone = prior.without_family(LEVER_ARM)
+    assert alone.places == places[3:]
+    np.testing.assert_allclose(alone.stochastic.sigma, [[1e-4] * 3])

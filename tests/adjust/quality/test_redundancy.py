@@ -24,7 +24,9 @@ def test_image_points_have_the_residuals_of_the_general_path() -> None:
     hat = np.stack([np.stack([xx, xy]), np.stack([xy, yy])]).T
     residual = -rays.misclosure(solution.state)
     whitened = residual * rays.inverse_sigma
-    general = _residuals(rays, residual, SingleErrors(whitened, hat, hat, np.ones(len(hat))))
+    general = _residuals(
+        rays, residual, SingleErrors(whitened, hat, hat, np.ones(len(hat)), np.zeros_like(hat))
+    )
     assert not rays.active.all()
     for name in ("residual", "redundancy", "control", "standardized", "detectable"):
         np.testing.assert_allclose(getattr(short, name), getattr(general, name), rtol=1e-10, equal_nan=True)

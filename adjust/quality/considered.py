@@ -1,0 +1,205 @@
+"""Considered parameters: what the errors of held values add to the covariances of everything else.
+
+The estimate is that of an adjustment in which the parameters g are held. Their values have errors with the
+covariance C = R Rᵀ, so that the unknowns are wrong by −K δ, K = N⁻¹ A_xᵀ A_g, and the residuals by B̃ δ:
+
+    Cov(x) = σ0² N⁻¹ + K C Kᵀ,    Cov(x, g) = −K C,    B̃ = A_g − A_x K,    Q_vv = (I − H) + B̃ C B̃ᵀ
+
+(Schmidt 1966). K R takes one solution with the factors that are there for each parameter, so nothing of the
+solver changes. The redundancy numbers are those of the adjustment with g held; σ0 scales N⁻¹ alone. With the
+reduced normal equations S̃ g = s̃ of the parameters, all else eliminated, a block that agrees with them has
+
+    T = s̃ᵀ (σ0² S̃ + S̃ C S̃)⁺ s̃ ~ χ²,    with the rank of S̃ as degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from adjust.arrays import Floats
+from adjust.observations.base import Linearization
+from adjust.observations.image_point import ImagePoints
+from adjust.observations.joint_prior import JointPrior
+from adjust.parameters import (
+    EXTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    ConsideredParameters,
+    ParameterLayout,
+    State,
+)
+from adjust.quality.cofactor import Cofactor
+from adjust.quality.model_alternatives import INDISTINGUISHABLE, considered_alternatives, products_of
+from adjust.quality.single_error import single_errors
+from adjust.solve.factorization import ReducedCofactor
+from adjust.solve.full_vectors import FullVectors, solve_full
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.normal_equations import System, standardize
+
+# So many blocks or image points at a time bound the memory of what is between.
+_AT_ONCE = 65_536
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Test whether a block contradicts what is known of parameters.
+
+    Attributes
+    ----------
+    statistic : T, distributed as χ² if it does not.
+    freedom : its degrees of freedom: what the block says of the parameters at all.
+    """
+
+    statistic: float
+    freedom: int
+
+    @property
+    def probability(self) -> float:
+        """How often T is larger although nothing is wrong; 1 without freedom."""
+        return float(special.chdtrc(self.freedom, self.statistic)) if self.freedom else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ConsideredErrors:
+    """What k independent errors of unit variance in the considered parameters change.
+
+    Attributes
+    ----------
+    known : the parameters and their covariance.
+    of_unknowns : errors (u, k) of the adjusted unknowns, −K R; in the datum of a free network.
+    of_families : name of the family → (entities, components, k) errors of free and considered parameters.
+    information, own : (k, k) S̃, and the same with nothing else unknown, A_gᵀ A_g.
+    score : (k,) s̃.
+    """
+
+    known: ConsideredParameters
+    of_unknowns: FullVectors
+    of_families: Mapping[str, Floats]
+    information: Floats
+    own: Floats
+    score: Floats
+
+    def of_residuals(self, equations: Linearization) -> Floats:
+        """Errors (n, m, k) that residuals have, in the units of the equations: B̃ R."""
+        errors = np.zeros((*equations.misclosure.shape, self.of_unknowns.count))
+        for term in equations.terms:
+            if term.block == EXTERIOR_ORIENTATION:
+                errors += term.jacobian @ self.of_unknowns.of_exposures[term.index]
+            elif term.block == OBJECT_POINT:
+                errors += term.jacobian @ self.of_unknowns.of_points[term.index]
+            else:
+                errors += term.jacobian @ self.of_families[term.block][term.index]
+        return errors
+
+    def covariance_of_residuals(self, equations: Linearization) -> Floats:
+        """B̃ C B̃ᵀ (n, m, m) of every observation."""
+        errors = self.of_residuals(equations)
+        return errors @ np.swapaxes(errors, 1, 2)
+
+    def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
+        """The same (n, 2, 2) of image points in units of their σ; zero for those that take no part."""
+        covariance = np.empty((len(rays.image), 2, 2))
+        for first in range(0, len(covariance), _AT_ONCE):
+            part = rays.only(np.arange(first, min(first + _AT_ONCE, len(covariance))))
+            equations = standardize(part, part.linearize(state))
+            covariance[first : first + _AT_ONCE] = self.covariance_of_residuals(equations)
+        return covariance
+
+    def contradiction(self, members: Sequence[int], sigma0: float = 1.0) -> Contradiction:
+        """Whether the block contradicts the values of some of the parameters, by their numbers."""
+        chosen = list(members)
+        # In units of the σ, beside the others' errors.
+        sigma = np.sqrt(np.diagonal(self.known.covariance)[chosen])
+        normal, own = (
+            sigma[:, None] * matrix[np.ix_(chosen, chosen)] * sigma for matrix in (self.information, self.own)
+        )
+        moved = sigma[:, None] * self.information[chosen] @ self.known.root
+        scale = 1.0 / np.sqrt(np.where(np.diagonal(own) > 0.0, np.diagonal(own), 1.0))
+        values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
+        told = (scale[:, None] * vectors)[:, values > INDISTINGUISHABLE]
+        score, effect = told.T @ (sigma * self.score[chosen]), told.T @ moved
+        spread = sigma0**2 * told.T @ normal @ told + effect @ effect.T
+        return Contradiction(float(score @ np.linalg.solve(spread, score)), told.shape[1])
+
+
+def contradiction_of_prior(
+    group: JointPrior, state: State, layout: ParameterLayout, quality: Cofactor
+) -> Contradiction:
+    """The same test where the parameters are observed with their covariance in place of being considered.
+
+    vᵀ Q_vv⁻ v of the observation is the same number for σ0 = 1: v = (I + C S̃)⁻¹ C s̃.
+    """
+    found = single_errors(group, group.linearize(state), layout, quality)
+    values, vectors = np.linalg.eigh(found.inside[0])
+    told = values > INDISTINGUISHABLE
+    along = vectors[:, told].T @ found.pull[0]
+    return Contradiction(float(np.sum(along**2 / values[told])), int(told.sum()))
+
+
+def considered_errors(system: System, solution: Solution) -> ConsideredErrors | None:
+    """Effects of the errors of the considered parameters of a block at its solution; None without any."""
+    known = system.block.considered
+    if known is None:
+        return None
+    products = products_of(system, solution.state, considered_alternatives(known))
+    load = products.load.full(system.active_point)
+    solved = solve_full(system, solution.state, solution.factorization, load)
+    left = products.own - load.dot(solved)
+    k = len(known.places)
+    onto_errors = np.vstack([-known.root, np.zeros((1, k))])
+    of_unknowns = solved.times(onto_errors)
+    if solution.movements is not None:
+        g = solution.movements.vectors
+        of_unknowns = of_unknowns.minus(g.times(solution.movements.selected.dot(of_unknowns)))
+    return ConsideredErrors(
+        known,
+        of_unknowns,
+        _of_families(system, known, of_unknowns.of_border),
+        0.5 * (left[:k, :k] + left[:k, :k].T),
+        products.own[:k, :k],
+        left[:k, k],
+    )
+
+
+def _of_families(system: System, known: ConsideredParameters, of_border: Floats) -> dict[str, Floats]:
+    """Errors (e, d, k) of the system parameters: the free ones follow, the considered ones have their own."""
+    errors = {}
+    for name, columns in system.layout.columns.items():
+        errors[name] = np.zeros((*columns.shape, of_border.shape[1]))
+        free = columns >= 0
+        errors[name][free] = of_border[columns[free]]
+    for place, own in zip(known.places, known.root, strict=True):
+        errors[place.family][place.entity, place.component] = own
+    return errors
+
+
+def with_considered(quality: Cofactor, sigma0: float) -> Cofactor:
+    """Cofactors which, times σ0², are covariances with the errors of considered parameters in them.
+
+    The hat matrices stay, as do the normal equations of the system parameters: both are of the adjustment.
+    """
+    if quality.considered is None:
+        return quality
+    errors = quality.considered.of_unknowns.times(np.eye(quality.considered.of_unknowns.count) / sigma0)
+    of_points = quality.of_points + errors.of_points @ np.swapaxes(errors.of_points, 1, 2)
+    return replace(quality, reduced=_reduced(quality.reduced, errors), of_points=of_points)
+
+
+def _reduced(given: ReducedCofactor, errors: FullVectors) -> ReducedCofactor:
+    """Blocks of exposures and system parameters."""
+    row, column = given.pattern.row, given.pattern.column
+    of_exposures, of_border = errors.of_exposures, errors.of_border
+    blocks = np.empty_like(given.blocks)
+    for first in range(0, len(blocks), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        added = of_exposures[row[part]] @ np.swapaxes(of_exposures[column[part]], 1, 2)
+        blocks[part] = given.blocks[part] + added
+    return replace(
+        given,
+        blocks=blocks,
+        border=given.border + of_exposures @ of_border.T,
+        corner=given.corner + of_border @ of_border.T,
+    )
