@@ -20,6 +20,7 @@ from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import Observations
 from tasks.assembled_block import AssembledBlock, DeliveredTables, assembled_block
 from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
+from tasks.block.influence_table import write_parameter_influences
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
 from tasks.block.model_test_tables import ExaminedModel, write_model_alternatives
@@ -155,6 +156,7 @@ def _written(
         own_figures = self_calibration_figures(selection, offered, settings)
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
+    write_parameter_influences(folder, adjusted, _options(settings))
     examined = _examined_model(prepared, adjusted, settings)
     findings = model_findings(write_model_alternatives(folder, examined))
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)

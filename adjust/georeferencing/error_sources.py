@@ -36,7 +36,8 @@ class SharedErrors:
     ----------
     of_images : (k, n, 6) derivatives of the parameters by the position (three components in the axes it is
         weighted in, metres) and attitude (small rotations in body axes, radians) of each image.
-    of_survey : (k, c, 3) by surveyed coordinates in units of their standard deviations; c points.
+    of_survey : (k, c, 3) by the coordinates of c surveyed points, east, north, up.
+    survey_spread : (c, 3, 3) L with the covariance L Lᵀ of these.
     in_adjustment : (n, 6) standard deviations the observations had there over those they have here.
     strips_in_adjustment : (s, 6) standard deviations of what is common to a strip that the adjustment knew.
     survey_in_adjustment : (c, 3) likewise over those here.
@@ -44,6 +45,7 @@ class SharedErrors:
 
     of_images: Floats
     of_survey: Floats
+    survey_spread: Floats
     in_adjustment: Floats
     strips_in_adjustment: Floats
     survey_in_adjustment: Floats
@@ -101,7 +103,7 @@ class ErrorSources:
         if shared is None:
             return np.zeros((len(self.calibration.covariance), 0))
         images, strips = self._taken(np.ones_like(shared.in_adjustment))
-        survey = shared.of_survey.reshape(len(images), -1)
+        survey = _by_survey(shared, np.ones_like(shared.survey_in_adjustment))
         return np.hstack([images, strips * np.tile(self.common_to_strip, self.strips), survey])
 
     @cached_property
@@ -111,10 +113,8 @@ class ErrorSources:
         if shared is None:
             return self.calibration.factor
         images, strips = self._taken(shared.in_adjustment)
-        survey = shared.of_survey * shared.survey_in_adjustment
-        known = np.hstack(
-            [images, strips * shared.strips_in_adjustment.ravel(), survey.reshape(len(covariance), -1)]
-        )
+        survey = _by_survey(shared, shared.survey_in_adjustment)
+        known = np.hstack([images, strips * shared.strips_in_adjustment.ravel(), survey])
         return _root(covariance - known @ known.T)
 
     def _taken(self, factor: Floats) -> tuple[Floats, Floats]:
@@ -132,6 +132,12 @@ class ErrorSources:
         strips = np.zeros((k, self.strips, 6))
         np.add.at(strips, (slice(None), self.strip), shared.of_images)
         return noise, strips.reshape(k, 6 * self.strips)
+
+
+def _by_survey(shared: SharedErrors, factor: Floats) -> Floats:
+    """(k, 3 c) by surveyed coordinates, their σ times (c, 3) factors."""
+    by_unit = np.einsum("kci,cij->kcj", shared.of_survey * factor, shared.survey_spread)
+    return by_unit.reshape(len(by_unit), -1)
 
 
 def _root(covariance: Floats) -> Floats:

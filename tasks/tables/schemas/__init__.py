@@ -31,7 +31,12 @@ from tasks.tables.schemas.georeferencing import (
     Y_PARALLAXES,
 )
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
-from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS, SELF_CALIBRATION
+from tasks.tables.schemas.parameters import (
+    CORRELATIONS,
+    PARAMETER_INFLUENCES,
+    PARAMETERS,
+    SELF_CALIBRATION,
+)
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
 from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
@@ -53,6 +58,7 @@ SCHEMAS: dict[str, TableSchema] = {
         PARAMETERS,
         SELF_CALIBRATION,
         CORRELATIONS,
+        PARAMETER_INFLUENCES,
         MODEL_ALTERNATIVES,
         MODEL_ALTERNATIVE_EFFECTS,
         CONTROL_RESIDUALS,
@@ -89,6 +95,7 @@ __all__ = [
     "ORIENTATION_DIFFERENCES",
     "ORIENTATION_DIFFERENCE_MEANS",
     "PARAMETERS",
+    "PARAMETER_INFLUENCES",
     "RESIDUALS",
     "RESIDUAL_AUTOCORRELATION",
     "RESIDUAL_GRID",

@@ -100,7 +100,8 @@ def shared_errors(calm: SimulatedBlock, influences: tuple[ParameterInfluence, ..
         strips[:, :3] = biases.group.stochastic.sigma
     return SharedErrors(
         np.concatenate([positions, attitudes], axis=2),
-        control.derivative * sigma,
+        control.derivative,
+        sigma[:, :, None] * np.eye(3),
         np.ones((n, 6)),
         strips,
         np.ones_like(sigma),
