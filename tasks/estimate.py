@@ -45,6 +45,7 @@ from tasks.block.self_calibration_tables import (
     write_self_calibration,
 )
 from tasks.block.shared_readings import about_shared_readings
+from tasks.block.strip_error_table import write_strip_errors
 from tasks.block.surveyed_differences import write_control_residuals
 from tasks.block.variance_figures import with_estimated_sigmas
 from tasks.coordinates.crs import MapFrame
@@ -79,8 +80,14 @@ def adjust_bundle(
     approximate_boresight: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
+    calibrated: tuple[Artifact, Artifact] | None = None,
 ) -> None:
     """Adjust the block and write orientations, points, residuals, parameters and their quality.
+
+    Parameters
+    ----------
+    calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
+        the first of two steps: then ``strip_errors.parquet`` is written, too.
 
     Raises
     ------
@@ -98,6 +105,10 @@ def adjust_bundle(
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment)
     write_notes(folder, _written(folder, prepared, estimated, adjustment))
+    if calibrated is not None:
+        parameters, correlations = (read_table(table) for table in calibrated)
+        options = _options(adjustment)
+        write_strip_errors(folder, estimated.adjusted, prepared.given, parameters, correlations, options)
 
 
 @dataclass(frozen=True, eq=False)

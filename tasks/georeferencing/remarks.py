@@ -108,12 +108,13 @@ def _of_which_flight(exposures: SharedExposures) -> str:
         )
     if exposures.shared == 0:
         return (
-            "The calibration was made with other exposures: the prediction takes its errors as independent of "
-            "those of this flight."
+            "The calibration was made with other exposures: the prediction takes its errors as independent "
+            "of those of this flight."
         )
     return (
-        f"The calibration was made with this flight ({exposures.shared:,} of its {exposures.of_calibration:,} "
-        "exposures are the same): the prediction knows that it has seen their errors."
+        f"The calibration was made with this flight ({exposures.shared:,} of its "
+        f"{exposures.of_calibration:,} exposures are the same): the prediction knows that it has seen "
+        "their errors."
     )
 
 

@@ -39,7 +39,11 @@ from tasks.tables.schemas.parameters import (
 )
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
-from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+from tasks.tables.schemas.two_step import (
+    ORIENTATION_DIFFERENCE_MEANS,
+    ORIENTATION_DIFFERENCES,
+    STRIP_ERRORS,
+)
 
 #: All tables, in the order in which they are documented.
 SCHEMAS: dict[str, TableSchema] = {
@@ -65,6 +69,7 @@ SCHEMAS: dict[str, TableSchema] = {
         CHECK_POINTS,
         ORIENTATION_DIFFERENCES,
         ORIENTATION_DIFFERENCE_MEANS,
+        STRIP_ERRORS,
         SWEEP,
         RESIDUAL_GRID,
         RESIDUAL_AUTOCORRELATION,
@@ -102,6 +107,7 @@ __all__ = [
     "SCHEMAS",
     "SELF_CALIBRATION",
     "STEREO_MODELS",
+    "STRIP_ERRORS",
     "SWEEP",
     "Y_PARALLAXES",
     "Column",
