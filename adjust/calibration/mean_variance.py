@@ -73,10 +73,15 @@ def mean_sigma(strips: Floats, covariance: Floats, count: Ints) -> MeanSigma:
     return MeanSigma(inner / float(special.stdtrit(freedom, _INNER)), freedom, float(np.sqrt(known)))
 
 
-def widening(freedom: Floats | float) -> Floats:
-    """Student's 97.5 % quantile over the normal one: what a σ with so many degrees of freedom counts for."""
+def widening(freedom: Floats | float, level: float = _OUTER) -> Floats:
+    """Student's quantile over the normal one: what a σ with so many degrees of freedom counts for.
+
+    Parameters
+    ----------
+    level : one-sided probability of the limits it is used for.
+    """
     finite = np.clip(np.nan_to_num(freedom, nan=_MOST, posinf=_MOST), _LEAST, _MOST)
-    return np.asarray(special.stdtrit(finite, _OUTER) / special.ndtri(_OUTER))
+    return np.asarray(special.stdtrit(finite, level) / special.ndtri(level))
 
 
 def _mixture(squares: Floats, known: Floats) -> tuple[Floats, Floats]:

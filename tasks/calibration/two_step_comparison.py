@@ -37,6 +37,8 @@ _COMPONENT = {
 }
 #: Probability below which the two contradict each other.
 CONTRADICTION = 0.01
+# A verdict is given at 0.1 %, two-sided: so far Student's tails are to hold.
+_LEVEL = 1.0 - 0.5 * 0.001
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class ComparedParameter:
 
     Attributes
     ----------
-    two_step_widening : Student's 97.5 % quantile of the second step over the normal one.
+    two_step_widening : Student's quantile of the second step over the normal one.
     """
 
     parameter: str
@@ -69,7 +71,7 @@ class ComparedParameter:
 
     @property
     def widened_sigma(self) -> float:
-        """σ of the second step by which 95 % of the normal distribution hold."""
+        """σ of the second step by which limits of the normal distribution hold."""
         return self.two_step_widening * self.two_step_sigma
 
     def to_json(self) -> JSON:
@@ -216,5 +218,5 @@ def _compared(
         float(str(row["sigma"])),
         float(own["value"].iloc[0]),
         float(own["sigma"].iloc[0]),
-        float(widening(float(own["freedom"].iloc[0]))),
+        float(widening(float(own["freedom"].iloc[0]), _LEVEL)),
     )

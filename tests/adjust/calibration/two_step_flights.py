@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,12 @@ ONE_THREAD = AdjustmentOptions(threads=1)
 #: Observations of GNSS and INS take no part in the first step.
 OBSERVED = ("gnss_positions", "ins_attitudes")
 EXPOSURES = 5
+INS_OF_STRIPS = replace(
+    NOISE,
+    ins=(np.deg2rad(0.001), np.deg2rad(0.001), np.deg2rad(0.002)),
+    ins_markov=(np.deg2rad(0.003), np.deg2rad(0.003), np.deg2rad(0.006)),
+    ins_correlation_time=1e4,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +58,10 @@ class TwoStepFlight:
 
 
 def two_step_flight(strips: int) -> TwoStepFlight:
-    """A flight of so many strips of five images, half of them across the others, with strip biases of 3 cm."""
+    """A flight of so many strips of five images, half of them across the others.
+
+    Errors of GNSS (3 cm) and INS (0.003, 0.003, 0.006°) last as long as a strip; 25 control points.
+    """
     base, spacing = base_of(CAMERA, HEIGHT, 0.6), spacing_of(CAMERA, HEIGHT, 0.6)
     lines = (EXPOSURES,) * (strips // 2)
     specification = small_specification(
@@ -61,7 +70,8 @@ def two_step_flight(strips: int) -> TwoStepFlight:
             LineGroup("N", "1", 0, 0.0, HEIGHT, lines, base, spacing),
         ),
         points=PointSpecification(count=40 * strips),
-        survey=(SurveyLayout("grid", columns=3, rows=3),),
+        survey=(SurveyLayout("grid", columns=5, rows=5),),
+        noise=INS_OF_STRIPS,
         system=SystemSpecification(strip_bias=(0.03, 0.03, 0.03)),
     )
     calm = simulate_block(without_noise(specification))
@@ -73,7 +83,7 @@ def two_step_flight(strips: int) -> TwoStepFlight:
     of_exposures = result.cofactor.reduced.of_exposures
     turn = np.zeros((len(mounting), 6, 6))
     turn[:, :3, 3:], turn[:, 3:, :3] = mounting, np.eye(3)
-    observed = np.diag(np.concatenate([np.array(NOISE.ins) ** 2, np.array(NOISE.gnss) ** 2]))
+    observed = np.diag(np.concatenate([INS_OF_STRIPS.stated_ins**2, np.array(NOISE.gnss) ** 2]))
     covariance = turn @ of_exposures @ np.swapaxes(turn, 1, 2) + observed
     return TwoStepFlight(simulate_block(specification), errors, covariance)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse
 
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.approximate.intersection import intersect
@@ -45,8 +46,13 @@ class CalibratedFlight:
         truth = self.simulated.truth
         return truth.surveyed[~truth.is_check]
 
-    def predicted(self, *, same_flight: bool) -> tuple[Floats, Sensitivity]:
-        """Variance (m, 3) by image points, and sensitivity of all intersected points to everything else."""
+    def predicted(self, *, same_flight: bool, at_control: bool = False) -> tuple[Floats, Sensitivity]:
+        """Variance (m, 3) by image points, and sensitivity of all intersected points to everything else.
+
+        Parameters
+        ----------
+        at_control : of the differences of the c control points from their survey.
+        """
         errors = self.errors if same_flight else replace(self.errors, shared=None)
         flight = fly(self.simulated)
         common = np.append(self.simulated.specification.system.strip_bias, np.zeros(3))
@@ -54,7 +60,14 @@ class CalibratedFlight:
         points = flight.intersected()
         axes = np.broadcast_to(np.eye(3), (len(points), 3, 3))
         found = point_errors(flight.rays, sources, points, axes)
-        return np.diagonal(found.by_image_points, axis1=1, axis2=2), found.sensitivity
+        by_image_points = np.diagonal(found.by_image_points, axis1=1, axis2=2)
+        if not at_control:
+            return by_image_points, found.sensitivity
+        chosen = self.control
+        of_control = found.sensitivity.only((3 * chosen[:, None] + np.arange(3)).ravel())
+        assert errors.shared is not None
+        survey = scipy.sparse.csr_array(scipy.sparse.block_diag(list(-errors.shared.survey_spread)))
+        return by_image_points[chosen], replace(of_control, survey=survey)
 
     def points(self, own: SimulatedBlock, flown: SimulatedBlock) -> Floats:
         """Errors (m, 3) of the points of a flight, with the calibration of its own or another flight."""
@@ -90,7 +103,7 @@ def shared_errors(calm: SimulatedBlock, influences: tuple[ParameterInfluence, ..
     """What a calibration shares with its own flight, weighted as stated."""
     of = {item.group.name: item for item in influences}
     positions, attitudes = of["gnss_positions"].derivative, of["ins_attitudes"].derivative
-    k, n, _ = positions.shape
+    n = positions.shape[1]
     control = of[ControlPoints.name]
     sigma = np.nan_to_num(control.group.stochastic.sigma)
     strips = np.zeros((int(calm.truth.plan.strip.max()) + 1, 6))
