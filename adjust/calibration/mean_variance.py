@@ -81,7 +81,7 @@ def widening(freedom: Floats | float, level: float = _OUTER) -> Floats:
     level : one-sided probability of the limits it is used for.
     """
     finite = np.clip(np.nan_to_num(freedom, nan=_MOST, posinf=_MOST), _LEAST, _MOST)
-    return np.asarray(special.stdtrit(finite, level) / special.ndtri(level))
+    return np.where(finite < _MOST, special.stdtrit(finite, level) / special.ndtri(level), 1.0)
 
 
 def _mixture(squares: Floats, known: Floats) -> tuple[Floats, Floats]:

@@ -129,15 +129,15 @@ class ErrorSources:
         noise = (np.einsum("kni,nij->knj", shared.of_images * factor, spread)).reshape(k, 6 * n)
         if orientations.over_time is not None:
             noise = noise @ orientations.over_time
-        strips = np.zeros((k, self.strips, 6))
-        np.add.at(strips, (slice(None), self.strip), shared.of_images)
-        return noise, strips.reshape(k, 6 * self.strips)
+        strips = np.zeros((self.strips, k, 6))
+        np.add.at(strips, self.strip, np.swapaxes(shared.of_images, 0, 1))
+        return noise, np.swapaxes(strips, 0, 1).reshape(k, 6 * self.strips)
 
 
 def _by_survey(shared: SharedErrors, factor: Floats) -> Floats:
     """(k, 3 c) by surveyed coordinates, their σ times (c, 3) factors."""
     by_unit = np.einsum("kci,cij->kcj", shared.of_survey * factor, shared.survey_spread)
-    return by_unit.reshape(len(by_unit), -1)
+    return np.asarray(by_unit.reshape(len(by_unit), -1))
 
 
 def _root(covariance: Floats) -> Floats:

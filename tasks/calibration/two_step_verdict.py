@@ -92,8 +92,8 @@ def _parameters(camera: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator
     of_angles = (limits.roll_pitch_deg, limits.roll_pitch_deg, limits.yaw_deg)
     for number, name in enumerate(_ANGLES):
         value, sigma = main["boresight_deg"][number], main["boresight_sigma_deg"][number]
-        known = _Estimate(value, sigma, main["freedom"][number])
-        yield _judged(f"boresight_{name}", camera, "deg", known, of_angles[number], limits, strips)
+        found = _Estimate(value, sigma, main["freedom"][number])
+        yield _judged(f"boresight_{name}", camera, "deg", found, of_angles[number], limits, strips)
     called = _called_for(camera)
     fixed_in = camera["offset_fixed_in"]
     for family, limit in (("lever_arm", limits.lever_arm_m), ("gnss_shift", limits.shift_m)):
