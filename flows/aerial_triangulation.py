@@ -9,6 +9,7 @@ from tasks import publish as publishing
 from tasks.report import stage as report
 from tasks.report.provenance import delivered_names
 from tasks.settings.project import Project
+from tasks.storage.artifact import Artifact
 from tasks.storage.store import Outputs, Store
 from tasks.summary import Summary
 
@@ -24,8 +25,18 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     return publish(store, project, (*stages, report_of(project, store, stages)))
 
 
-def adjusted_block(project: Project, store: Store, block: PreparedBlock) -> Outputs:
-    """Adjust the bundle of a prepared block."""
+def adjusted_block(
+    project: Project,
+    store: Store,
+    block: PreparedBlock,
+    calibrated: tuple[Artifact, Artifact] | None = None,
+) -> Outputs:
+    """Adjust the bundle of a prepared block.
+
+    Parameters
+    ----------
+    calibrated : parameters and correlations its cameras come from, as the first of two steps.
+    """
     return adjust_bundle(
         store,
         exposures=block.exposures["exposures"],
@@ -37,6 +48,7 @@ def adjusted_block(project: Project, store: Store, block: PreparedBlock) -> Outp
         approximate_orientations=block.approximate["approximate_orientations"],
         project=project.project,
         adjustment=project.adjustment,
+        calibrated=calibrated,
     )
 
 

@@ -51,6 +51,7 @@ def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -
         checks=project.checks,
         parameters=outputs.get("parameters"),
         correlations=outputs.get("correlations"),
+        parameter_influences=outputs.get("parameter_influences"),
         control_residuals=outputs.get("control_residuals"),
         residual_grid=outputs.get("residual_grid"),
         registered=registered_calibrations(project, outputs),

@@ -158,12 +158,13 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
                 "not both observed.",
             )
         )
+    errors: Artifact | None = None
     try:
-        adjusted = (
-            _adjusted_on_control(one, store, block)
-            if calibration.adjusted is None
-            else delivered_orientations(one.project, calibration.adjusted, store)["exposures"]
-        )
+        if calibration.adjusted is None:
+            on_control = _adjusted_on_control(one, store, block)
+            adjusted, errors = on_control["exterior_orientations"], on_control["strip_errors"]
+        else:
+            adjusted = delivered_orientations(one.project, calibration.adjusted, store)["exposures"]
     except NotComputableError as error:
         return SecondStep(
             remarks=(
@@ -171,11 +172,11 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
                 f"{str(error).partition('. ')[0].rstrip('.')}.",
             )
         )
-    return SecondStep((means_of_differences(one.project, store, block.exposures, adjusted),))
+    return SecondStep((means_of_differences(one.project, store, block.exposures, adjusted, errors),))
 
 
-def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Artifact:
-    """Orientations of an adjustment on control alone with the calibrated camera."""
+def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Outputs:
+    """An adjustment on control alone with the calibrated camera."""
     cameras = apply_to_cameras(
         store,
         cameras=block.exposures["cameras"],
@@ -183,7 +184,8 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ar
         correlations=one.adjusted["correlations"],
     )
     again = block.with_cameras(cameras["cameras"])
-    return adjusted_block(control_alone(one.project), store, again)["exterior_orientations"]
+    calibrated = one.adjusted["parameters"], one.adjusted["correlations"]
+    return adjusted_block(control_alone(one.project), store, again, calibrated)
 
 
 def described_calibration(

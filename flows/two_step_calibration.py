@@ -42,12 +42,15 @@ def delivered_orientations(project: Project, adjusted: ExposuresInput, store: St
     return import_exposures(store, sources=(adjusted,), cameras=project.cameras, project=project.project)
 
 
-def means_of_differences(project: Project, store: Store, read: Outputs, adjusted: Artifact) -> Outputs:
+def means_of_differences(
+    project: Project, store: Store, read: Outputs, adjusted: Artifact, errors: Artifact | None = None
+) -> Outputs:
     """Average the differences of adjusted orientations to GNSS and INS.
 
     Parameters
     ----------
     read : exposures and cameras as imported.
+    errors : ``strip_errors`` of an adjustment of ours; None: not known.
     """
     return calibrate_in_two_steps(
         store,
@@ -58,4 +61,5 @@ def means_of_differences(project: Project, store: Store, read: Outputs, adjusted
         mounting=project.calibration.mounting,
         limits=project.calibration.limits,
         strip_bias_m=project.adjustment.priors.gnss_strip_bias_m,
+        strip_errors=errors,
     )

@@ -21,6 +21,7 @@ from tasks.georeferencing.calibrated_identity import refuse_other_cameras
 from tasks.georeferencing.calibration import (
     NO_CALIBRATION,
     Calibration,
+    CalibrationFlight,
     calibration_of,
     calibration_of_results,
     control_of,
@@ -61,6 +62,7 @@ def check_georeferencing(
     checks: ChecksSettings,
     parameters: Artifact | None = None,
     correlations: Artifact | None = None,
+    parameter_influences: Artifact | None = None,
     control_residuals: Artifact | None = None,
     residual_grid: Artifact | None = None,
     registered: tuple[RegisteredCalibration, ...] = (),
@@ -71,8 +73,8 @@ def check_georeferencing(
 
     Parameters
     ----------
-    parameters, correlations, control_residuals, residual_grid : of this project's own adjustment, where
-        that is the calibration.
+    parameters, correlations, parameter_influences, control_residuals, residual_grid : of this project's own
+        adjustment, where that is the calibration.
     registered : calibrations of the registry, where they are the calibration.
 
     Raises
@@ -90,11 +92,13 @@ def check_georeferencing(
         refuse_other_cameras(direct.calibration, given[given["camera"].isin(read_table(exposures)["camera"])])
         calibration = calibration_of_results(direct.calibration)
     elif parameters is not None and correlations is not None and control_residuals is not None:
-        own = _OwnAdjustment(parameters, correlations, control_residuals)
-        calibration = own.calibration(surveyed, map_frame)
+        own = _OwnAdjustment(parameters, correlations, control_residuals, parameter_influences)
+        calibration = own.calibration(read_table(exposures), surveyed, map_frame)
     if residual_grid is not None:
         adjustment = _with_own_corrections(adjustment, residual_grid)
-    delivery = Delivery(read_table(exposures), read_table(cameras), read_table(image_points), map_frame)
+    delivery = Delivery(
+        read_table(exposures), read_table(cameras), read_table(image_points), surveyed, map_frame
+    )
     oriented = directly_oriented(delivery, calibration, CheckRules(direct, adjustment, checks))
     comparison = compared(oriented, surveyed, calibration, direct.critical_value)
     write_comparison(folder, comparison)
@@ -112,11 +116,18 @@ class _OwnAdjustment:
     parameters: Artifact
     correlations: Artifact
     control_residuals: Artifact
+    parameter_influences: Artifact | None
 
-    def calibration(self, surveyed: pd.DataFrame, map_frame: MapFrame) -> Calibration:
-        """What it estimates, with the points that took part in it as control."""
+    def calibration(
+        self, exposures: pd.DataFrame, surveyed: pd.DataFrame, map_frame: MapFrame
+    ) -> Calibration:
+        """What it estimates, with the points that took part in it as control, and its own flight."""
         control = control_of(surveyed, read_table(self.control_residuals), map_frame.name)
-        return calibration_of(read_table(self.parameters), read_table(self.correlations), control)
+        flight = None
+        if self.parameter_influences is not None:
+            influences = read_table(self.parameter_influences)
+            flight = CalibrationFlight(influences, exposures, surveyed, map_frame.name)
+        return calibration_of(read_table(self.parameters), read_table(self.correlations), control, flight)
 
 
 def _with_own_corrections(adjustment: AdjustmentSettings, grid: Artifact) -> AdjustmentSettings:

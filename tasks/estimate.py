@@ -26,6 +26,7 @@ from tasks.block.calibration_contradiction import (
     contradictions_of,
 )
 from tasks.block.check_point_test import check_point_sentences, check_point_test, tested_points
+from tasks.block.influence_table import write_parameter_influences
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
 from tasks.block.model_test_tables import ExaminedModel, write_model_alternatives
@@ -50,6 +51,7 @@ from tasks.block.self_calibration_tables import (
     write_self_calibration,
 )
 from tasks.block.shared_readings import about_shared_readings
+from tasks.block.strip_error_table import write_strip_errors
 from tasks.block.surveyed_differences import write_control_residuals
 from tasks.block.variance_figures import with_estimated_sigmas
 from tasks.coordinates.crs import MapFrame
@@ -85,8 +87,14 @@ def adjust_bundle(
     approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
+    calibrated: tuple[Artifact, Artifact] | None = None,
 ) -> None:
     """Adjust the block and write orientations, points, residuals, parameters and their quality.
+
+    Parameters
+    ----------
+    calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
+        the first of two steps: then ``strip_errors.parquet`` is written, too.
 
     Raises
     ------
@@ -105,6 +113,10 @@ def adjust_bundle(
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment)
     write_notes(folder, _written(folder, prepared, estimated, adjustment))
+    if calibrated is not None:
+        parameters, correlations = (read_table(table) for table in calibrated)
+        options = _options(adjustment)
+        write_strip_errors(folder, estimated.adjusted, prepared.given, parameters, correlations, options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +179,7 @@ def _written(
         own_figures = self_calibration_figures(selection, offered, settings)
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
+    write_parameter_influences(folder, adjusted, _options(settings))
     examined = _examined_model(prepared, adjusted, settings)
     findings = model_findings(write_model_alternatives(folder, examined))
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)

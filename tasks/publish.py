@@ -32,6 +32,7 @@ PUBLISHED = (
     "residuals",
     "parameters",
     "correlations",
+    "parameter_influences",
     "self_calibration",
     "model_alternatives",
     "model_alternative_effects",

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.mountings import MountingRule
 from adjust.calibration.two_step import two_step_calibration
 from tasks.block.orientation_pairs import CameraDifferences, PairedOrientations, paired_orientations
+from tasks.block.strip_error_table import strip_errors_of
 from tasks.block.two_step_tables import (
     camera_figures,
     columns_of,
@@ -42,6 +44,7 @@ def calibrate_in_two_steps(
     mounting: MountingSettings,
     limits: AcceptanceLimits,
     strip_bias_m: tuple[float, float, float],
+    strip_errors: Artifact | None = None,
 ) -> None:
     """Write ``orientation_differences.parquet``, ``orientation_difference_means.parquet`` and notes.
 
@@ -50,6 +53,7 @@ def calibrate_in_two_steps(
     exposures : observed orientations (GNSS/INS).
     adjusted : ``exterior_orientations`` or an external result imported as ``exposures``.
     mounting, limits, strip_bias_m : when strips belong to another mounting.
+    strip_errors : of the adjusted orientations; None: not known.
 
     Raises
     ------
@@ -60,8 +64,10 @@ def calibrate_in_two_steps(
         read_table(exposures), read_table(adjusted), read_table(cameras), project_frame(project)
     )
     rules = [_rule(item, mounting, limits, strip_bias_m) for item in paired.cameras]
+    table = None if strip_errors is None else read_table(strip_errors)
     results = [
-        two_step_calibration(item.differences, rule) for item, rule in zip(paired.cameras, rules, strict=True)
+        two_step_calibration(item.differences, rule, None if table is None else _errors(item, table))
+        for item, rule in zip(paired.cameras, rules, strict=True)
     ]
     both = list(zip(paired.cameras, results, strict=True))
     differences = pd.concat([difference_columns(*pair) for pair in both])
@@ -71,6 +77,12 @@ def calibrate_in_two_steps(
     remarks = [remark for pair in both for remark in camera_remarks(*pair, mounting.error_probability)]
     figures = [camera_figures(*pair) for pair in both]
     write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": list(figures)}))
+
+
+def _errors(item: CameraDifferences, table: pd.DataFrame) -> StripErrors | None:
+    """Errors of the strips that show differences, ascending; None if they are not known of all."""
+    numbers = np.unique(item.differences.strip)
+    return strip_errors_of(table, item.camera, tuple(item.strip_names[number] for number in numbers))
 
 
 def _rule(

@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.orientation_differences import MISALIGNMENT, SHIFT
 from adjust.calibration.strip_means import StripMeans
 from adjust.calibration.strip_offsets import (
@@ -44,6 +45,7 @@ class OffsetSeparation:
     lever_arm, shift : (2,) forward, right and east, north, metres, estimated together; the shift is that of
         all flights. NaN where the headings do not separate them.
     lever_arm_sigma, shift_sigma : (2,) their standard deviations.
+    freedom : degrees of freedom of these.
     """
 
     verdict: Verdict
@@ -52,14 +54,18 @@ class OffsetSeparation:
     lever_arm_sigma: Floats
     shift: Floats
     shift_sigma: Floats
+    freedom: int
 
 
-def separated_offset(strips: StripMeans, mounting: Ints, error_probability: float) -> OffsetSeparation:
+def separated_offset(
+    strips: StripMeans, mounting: Ints, error_probability: float, errors: StripErrors | None = None
+) -> OffsetSeparation:
     """Test the strips (k,) of the main mounting, and the mountings against each other.
 
     Parameters
     ----------
     error_probability : of finding that the shift differs from flight to flight when it does not.
+    errors : of the adjusted orientations of the strips; None: not known.
     """
     main = mounting == 0
     heading, flight = strips.heading[main], strips.flight[main]
@@ -68,17 +74,18 @@ def separated_offset(strips: StripMeans, mounting: Ints, error_probability: floa
     shift, lever_arm = map_fixed(one), body_fixed(heading, one)
     shifts = map_fixed(flight)
     both = np.hstack([shift, lever_arm])
-    by_flight = nested_test(both, np.hstack([shifts, lever_arm]), offset)
+    known = None if errors is None else errors.only(main).in_plan()
+    by_flight = nested_test(both, np.hstack([shifts, lever_arm]), offset, known)
     # A shift of each flight where they differ: else it would pass for scatter.
     used = shifts if by_flight.probability < error_probability else shift
     together = np.hstack([used, lever_arm])
     tests = {
-        "offset": nested_test(without(both), together, offset),
-        "lever_arm": nested_test(used, together, offset),
-        "shift": nested_test(lever_arm, together, offset),
+        "offset": nested_test(without(both), together, offset, known),
+        "lever_arm": nested_test(used, together, offset, known),
+        "shift": nested_test(lever_arm, together, offset, known),
         "shift_by_flight": by_flight,
         "lever_arm_by_flight": nested_test(
-            np.hstack([shifts, lever_arm]), np.hstack([shifts, body_fixed(heading, flight)]), offset
+            np.hstack([shifts, lever_arm]), np.hstack([shifts, body_fixed(heading, flight)]), offset, known
         ),
         "lever_arm_by_mounting": _by_mounting(strips, mounting),
     }
@@ -88,10 +95,10 @@ def separated_offset(strips: StripMeans, mounting: Ints, error_probability: floa
     for name, column in zip(_ANGLES, angles.T, strict=True):
         tests[f"{name}_by_mounting"] = nested_test(membership(0 * mounting), membership(mounting), column)
     fit = linear_fit(both, offset)
-    sigma = np.sqrt(fit.variance * np.diagonal(fit.cofactor))
+    sigma = np.sqrt(np.diagonal(fit.covariance(both, known)))
     separable = fit.freedom == len(offset) - 4
     found, sigmas = (fit.solution, sigma) if separable else (np.full(4, np.nan), np.full(4, np.nan))
-    return OffsetSeparation(_verdict(tests), tests, found[2:], sigmas[2:], found[:2], sigmas[:2])
+    return OffsetSeparation(_verdict(tests), tests, found[2:], sigmas[2:], found[:2], sigmas[:2], fit.freedom)
 
 
 def _by_mounting(strips: StripMeans, mounting: Ints) -> NestedTest:

@@ -70,6 +70,19 @@ class LinearFit:
         """Of one observation; NaN without redundancy."""
         return self.squares / self.freedom if self.freedom > 0 else float("nan")
 
+    def covariance(self, design: Floats, known: Floats | None = None) -> Floats:
+        """(u, u) of the unknowns: by the scatter, and by known errors (n, n) of the values.
+
+        What these give to the scatter is not counted twice.
+        """
+        by_scatter = self.variance * self.cofactor
+        if known is None:
+            return by_scatter
+        gain = self.cofactor @ design.T
+        of_known = gain @ known @ gain.T
+        in_scatter = (np.trace(known) - np.trace(design @ of_known @ design.T)) / max(self.freedom, 1)
+        return np.asarray(max(self.variance - in_scatter, 0.0) * self.cofactor + of_known)
+
 
 def linear_fit(design: Floats, values: Floats) -> LinearFit:
     """Fit values (n,) by a design (n, u)."""
@@ -107,8 +120,14 @@ class _Axes:
         return cls(scale, directions[:, kept], directions[:, ~kept], squares[kept])
 
 
-def nested_test(smaller: Floats, larger: Floats, values: Floats) -> NestedTest:
-    """Test the larger design (n, u) against the smaller one, whose columns it contains."""
+def nested_test(smaller: Floats, larger: Floats, values: Floats, known: Floats | None = None) -> NestedTest:
+    """Test the larger design (n, u) against the smaller one, whose columns it contains.
+
+    Parameters
+    ----------
+    known : (n, n) covariance of errors that values have in common; None: none. By as much as they make the
+        decrease larger than the scatter says, the variance is larger.
+    """
     small, large = linear_fit(smaller, values), linear_fit(larger, values)
     more = small.freedom - large.freedom
     if more <= 0 or large.freedom <= 0:
@@ -119,9 +138,29 @@ def nested_test(smaller: Floats, larger: Floats, values: Floats) -> NestedTest:
         # Without any scatter whatever is there is significant.
         chi_squared = np.inf if decrease > rounding else 0.0
     else:
-        chi_squared = decrease / large.variance
+        chi_squared = decrease / (large.variance + _beyond_scatter(smaller, larger, known, more))
     probability = float(stats.f.sf(chi_squared / more, more, large.freedom))
     return NestedTest(float(chi_squared), more, large.freedom, probability)
+
+
+def _beyond_scatter(smaller: Floats, larger: Floats, known: Floats | None, more: int) -> float:
+    """Variance by which known errors (n, n) make a decrease larger, for each unknown more; at least 0."""
+    if known is None:
+        return 0.0
+    small, large = _projector(smaller), _projector(larger)
+    in_decrease = float(np.trace((large - small) @ known)) / more
+    rest = len(known) - float(np.trace(large))
+    in_scatter = float(np.trace(known) - np.trace(large @ known)) / rest
+    return max(in_decrease - in_scatter, 0.0)
+
+
+def _projector(design: Floats) -> Floats:
+    """(n, n) onto what a design explains."""
+    if design.shape[1] == 0:
+        return np.zeros((len(design), len(design)))
+    axes = _Axes.of(design)
+    directions = (design / axes.scale) @ (axes.determined / np.sqrt(axes.squares))
+    return np.asarray(directions @ directions.T)
 
 
 def map_fixed(group: Ints) -> Floats:

@@ -9,22 +9,46 @@ Three kinds, independent of each other and all scaled to unit variance:
 A quantity y (coordinates of intersected points, y-parallaxes) has the first-order error S ε with the matrix S
 of its sensitivities. Because strips and calibration are common to many images, errors at different places are
 correlated, and Σ = S Sᵀ says how.
+
+A calibration from an adjustment of the same flight has seen the same errors of GNSS, INS and control. Then
+its parameters answer to the sources of images, strips and survey as well, dp = K ε + rest, and what is
+left of its covariance is independent of them. Of a quantity with dy = T ε + T_p dp the variance is that of
+independent sources and X + Xᵀ, X = T Kᵀ T_pᵀ.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy.sparse
 
 from adjust.arrays import Floats, Ints
 from adjust.georeferencing.direct_orientation import DirectOrientations
-from adjust.observations.base import Term
 
-# Rows whose sensitivities to a dense calibration covariance are multiplied out together.
-_ROWS_AT_ONCE = 20_000
+
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """What k calibrated parameters have taken from the observations of the flight they are applied to.
+
+    Attributes
+    ----------
+    of_images : (k, n, 6) derivatives of the parameters by the position (three components in the axes it is
+        weighted in, metres) and attitude (small rotations in body axes, radians) of each image.
+    of_survey : (k, c, 3) by the coordinates of c surveyed points, east, north, up.
+    survey_spread : (c, 3, 3) L with the covariance L Lᵀ of these.
+    in_adjustment : (n, 6) standard deviations the observations had there over those they have here.
+    strips_in_adjustment : (s, 6) standard deviations of what is common to a strip that the adjustment knew.
+    survey_in_adjustment : (c, 3) likewise over those here.
+    """
+
+    of_images: Floats
+    of_survey: Floats
+    survey_spread: Floats
+    in_adjustment: Floats
+    strips_in_adjustment: Floats
+    survey_in_adjustment: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +60,17 @@ class CalibrationErrors:
     columns : family → (entities, components) position of each parameter in the covariance, −1 where it is
         taken to be free of error.
     covariance : (k, k), SI and radians, or the family's own units.
+    shared : what they have in common with the flight; None: nothing.
     """
 
     columns: Mapping[str, Ints]
     covariance: Floats
+    shared: SharedErrors | None = None
 
     @property
     def factor(self) -> Floats:
-        """(k, k) L with L Lᵀ = covariance.
-
-        From eigenvalues: correlations of ±1, rounded in a table, leave the matrix with a tiny negative one.
-        """
-        sigma = np.sqrt(np.diagonal(self.covariance))
-        scale = np.where(sigma > 0.0, sigma, 1.0)
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        """(k, k) L with L Lᵀ = covariance."""
+        return _root(self.covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,116 +91,61 @@ class ErrorSources:
     common_to_strip: Floats
     calibration: CalibrationErrors
 
+    @property
+    def strips(self) -> int:
+        """Number of strips s."""
+        return int(self.strip.max(initial=-1)) + 1
 
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
-    """How q scalar quantities answer to sources of unit variance; every matrix has q rows.
+    @cached_property
+    def taken(self) -> Floats:
+        """K (k, 6 n + 6 s + 3 c): what the parameters take from the sources of unit variance."""
+        shared = self.calibration.shared
+        if shared is None:
+            return np.zeros((len(self.calibration.covariance), 0))
+        images, strips = self._taken(np.ones_like(shared.in_adjustment))
+        survey = _by_survey(shared, np.ones_like(shared.survey_in_adjustment))
+        return np.hstack([images, strips * np.tile(self.common_to_strip, self.strips), survey])
 
-    Attributes
-    ----------
-    images : (q, 6 n) noise of the images.
-    strips : (q, 6 s) errors common to strips.
-    parameters : (q, k) system parameters in their own units.
-    factor : (k, k) L with the covariance L Lᵀ of these.
+    @cached_property
+    def factor(self) -> Floats:
+        """(k, k) L with L Lᵀ = covariance of the parameters less what is taken from the sources."""
+        shared, covariance = self.calibration.shared, self.calibration.covariance
+        if shared is None:
+            return self.calibration.factor
+        images, strips = self._taken(shared.in_adjustment)
+        survey = _by_survey(shared, shared.survey_in_adjustment)
+        known = np.hstack([images, strips * shared.strips_in_adjustment.ravel(), survey])
+        return _root(covariance - known @ known.T)
+
+    def _taken(self, factor: Floats) -> tuple[Floats, Floats]:
+        """(k, 6 n) by the noise of the images, its σ times (n, 6) factors; (k, 6 s) by errors of strips.
+
+        What is common to a strip acts by all of its exposures.
+        """
+        shared, orientations = self.calibration.shared, self.orientations
+        assert shared is not None
+        k, n = len(shared.of_images), orientations.images
+        spread = np.linalg.solve(orientations.of_observations, orientations.of_noise)
+        noise = (np.einsum("kni,nij->knj", shared.of_images * factor, spread)).reshape(k, 6 * n)
+        if orientations.over_time is not None:
+            noise = noise @ orientations.over_time
+        strips = np.zeros((self.strips, k, 6))
+        np.add.at(strips, self.strip, np.swapaxes(shared.of_images, 0, 1))
+        return noise, np.swapaxes(strips, 0, 1).reshape(k, 6 * self.strips)
+
+
+def _by_survey(shared: SharedErrors, factor: Floats) -> Floats:
+    """(k, 3 c) by surveyed coordinates, their σ times (c, 3) factors."""
+    by_unit = np.einsum("kci,cij->kcj", shared.of_survey * factor, shared.survey_spread)
+    return np.asarray(by_unit.reshape(len(by_unit), -1))
+
+
+def _root(covariance: Floats) -> Floats:
+    """L (k, k) with L Lᵀ = covariance.
+
+    From eigenvalues: correlations of ±1, rounded in a table, leave the matrix with a tiny negative one.
     """
-
-    images: scipy.sparse.csr_array
-    strips: scipy.sparse.csr_array
-    parameters: scipy.sparse.csr_array
-    factor: Floats
-
-    def only(self, rows: Ints | slice) -> Sensitivity:
-        """The sensitivities of some of the quantities."""
-        return Sensitivity(self.images[rows], self.strips[rows], self.parameters[rows], self.factor)
-
-    def variance_by_images(self) -> Floats:
-        """(q,) variance that comes from the noise of the images."""
-        return _squared_rows(self.images)
-
-    def variance_by_strips(self) -> Floats:
-        """(q,) variance that comes from errors common to strips."""
-        return _squared_rows(self.strips)
-
-    def variance_by_calibration(self) -> Floats:
-        """(q,) variance that comes from the calibration."""
-        q = self.parameters.shape[0]
-        parts = [slice(first, first + _ROWS_AT_ONCE) for first in range(0, q, _ROWS_AT_ONCE)]
-        squares = [np.sum((self.parameters[part] @ self.factor) ** 2, axis=1) for part in parts]
-        return np.concatenate([np.zeros(0), *squares])
-
-    def variance(self) -> Floats:
-        """(q,) variance from all sources."""
-        return self.variance_by_images() + self.variance_by_strips() + self.variance_by_calibration()
-
-    def matrix(self) -> scipy.sparse.csr_array:
-        """S (q, 6 n + 6 s + k), all sources of unit variance side by side."""
-        calibration = scipy.sparse.csr_array(self.parameters @ scipy.sparse.csr_array(self.factor))
-        return scipy.sparse.csr_array(scipy.sparse.hstack([self.images, self.strips, calibration]))
-
-
-def sensitivity(
-    sources: ErrorSources,
-    quantities: int,
-    quantity: Ints,
-    image: Ints,
-    of_orientation: Floats,
-    of_system: tuple[Term, ...] = (),
-) -> Sensitivity:
-    """Sensitivities of quantities with c components each, from what they take from single images.
-
-    Parameters
-    ----------
-    quantities : how many there are; component a of quantity i has the row c i + a.
-    quantity, image : (r,) which quantity takes something from which image; contributions add up.
-    of_orientation : (r, c, 6) derivatives of the quantity by the elements of the image's orientation.
-    of_system : derivatives (r, c, d) by system parameters that do not go through the orientation.
-    """
-    orientations, calibration = sources.orientations, sources.calibration
-    rows = quantities * of_orientation.shape[1]
-    k = len(calibration.covariance)
-    six = np.arange(6)
-    strips = int(sources.strip.max(initial=-1)) + 1
-    common = orientations.of_observations[image] * sources.common_to_strip
-    through_orientation = [
-        Term(term.block, term.index[image], of_orientation @ term.jacobian[image])
-        for term in orientations.terms
-    ]
-    parameters = scipy.sparse.csr_array((rows, k))
-    for term in (*through_orientation, *of_system):
-        if term.block in calibration.columns:
-            column = calibration.columns[term.block][term.index]
-            parameters = parameters + _scattered(quantity, column, term.jacobian, (rows, k))
-    noise = _scattered(
-        quantity,
-        6 * image[:, None] + six,
-        of_orientation @ orientations.of_noise[image],
-        (rows, 6 * orientations.images),
-    )
-    if orientations.over_time is not None:
-        noise = scipy.sparse.csr_array(noise @ orientations.over_time)
-    return Sensitivity(
-        noise,
-        _scattered(
-            quantity, 6 * sources.strip[image][:, None] + six, of_orientation @ common, (rows, 6 * strips)
-        ),
-        scipy.sparse.csr_array(parameters),
-        calibration.factor,
-    )
-
-
-def _scattered(
-    quantity: Ints, column: Ints, values: Floats, shape: tuple[int, int]
-) -> scipy.sparse.csr_array:
-    """Values (r, c, d) summed into the rows of their quantities and columns (r, d); −1 is left out."""
-    components = values.shape[1]
-    row = components * quantity[:, None, None] + np.arange(components)[None, :, None]
-    row, place = np.broadcast_arrays(row, column[:, None, :])
-    kept = (place >= 0) & (values != 0.0)
-    return scipy.sparse.csr_array(
-        scipy.sparse.coo_array((values[kept], (row[kept], place[kept])), shape=shape)
-    )
-
-
-def _squared_rows(matrix: scipy.sparse.csr_array) -> Floats:
-    """Sum of squares of each row."""
-    return np.asarray(matrix.multiply(matrix).sum(axis=1), dtype=np.float64).ravel()
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -15,11 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
 from scipy import special
 
 from adjust.arrays import Floats
-from adjust.georeferencing.error_sources import Sensitivity
+from adjust.georeferencing.sensitivity import Sensitivity
 
 _DRAWS = 200
 _DRAWS_AT_ONCE = 20
@@ -55,22 +54,18 @@ def predicted_rms(errors: Sensitivity, own_variance: Floats) -> PredictedRms:
     ------
     ValueError : if there are no quantities, or nothing makes them wrong.
     """
-    matrix, q = errors.matrix(), len(own_variance)
-    by_sources = np.asarray(matrix.multiply(matrix).sum(axis=1)).ravel()
+    q = len(own_variance)
+    by_sources = errors.variance()
     trace = float(by_sources.sum() + own_variance.sum())
     if q == 0 or not trace > 0.0:
         raise ValueError("There is nothing to predict a root mean square of.")
-    # ‖S Sᵀ‖² = ‖Sᵀ S‖²: whichever of the two is smaller.
-    wide = matrix.shape[1] > q
-    products = matrix @ matrix.T if wide else matrix.T @ matrix
     trace_of_square = float(
-        _squared_norm(products) + 2.0 * own_variance @ by_sources + own_variance @ own_variance
+        errors.trace_of_square() + 2.0 * own_variance @ by_sources + own_variance @ own_variance
     )
-    together = np.asarray(matrix.sum(axis=0)).ravel()
     return PredictedRms(
         float(np.sqrt(trace / q)),
         trace**2 / trace_of_square,
-        float(np.sqrt(together @ together + own_variance.sum())) / q,
+        float(np.sqrt(errors.variance_of_sum() + own_variance.sum())) / q,
     )
 
 
@@ -89,10 +84,6 @@ def rms_of_covariance(covariance: Floats) -> PredictedRms:
         trace**2 / float(np.sum(covariance**2)),
         float(np.sqrt(max(covariance.sum(), 0.0))) / q,
     )
-
-
-def _squared_norm(matrix: scipy.sparse.csr_array) -> float:
-    return float(np.sum(scipy.sparse.csr_array(matrix).data ** 2))
 
 
 @dataclass(frozen=True)
@@ -114,12 +105,10 @@ def predicted_largest(errors: Sensitivity, own_variance: Floats, seed: int = 0) 
 
     200 draws leave an uncertainty of some 2 % to the median; the same seed gives the same numbers.
     """
-    matrix, own = errors.matrix(), np.sqrt(own_variance)[:, None]
-    random = np.random.default_rng(seed)
+    own, random = np.sqrt(own_variance)[:, None], np.random.default_rng(seed)
     largest = [
         np.abs(
-            matrix @ random.standard_normal((matrix.shape[1], _DRAWS_AT_ONCE))
-            + own * random.standard_normal((len(own), _DRAWS_AT_ONCE))
+            errors.draws(random, _DRAWS_AT_ONCE) + own * random.standard_normal((len(own), _DRAWS_AT_ONCE))
         ).max(axis=0)
         for _ in range(_DRAWS // _DRAWS_AT_ONCE)
     ]

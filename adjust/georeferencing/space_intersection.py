@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.georeferencing.error_sources import ErrorSources, Sensitivity, sensitivity
+from adjust.georeferencing.error_sources import ErrorSources
+from adjust.georeferencing.sensitivity import Sensitivity, sensitivity
 from adjust.observations.base import Term
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT

@@ -20,7 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.georeferencing.error_sources import ErrorSources, Sensitivity, sensitivity
+from adjust.georeferencing.error_sources import ErrorSources
+from adjust.georeferencing.sensitivity import Sensitivity, sensitivity
 from adjust.georeferencing.stereo_model import CommonPoints
 from adjust.observations.base import Term
 from adjust.observations.image_point import IdealRays, ImagePoints

@@ -61,7 +61,9 @@ def _group_rows(item: CameraDifferences, group: GroupMean) -> pd.DataFrame:
         value_plain=_in_units(mean.plain),
         sigma_plain=mean.plain_sigma * _SHOWN,
         value=_in_units(mean.robust),
-        sigma=mean.robust_sigma * _SHOWN,
+        sigma=group.sigma * _SHOWN,
+        freedom=group.freedom,
+        sigma_adjusted=group.known * _SHOWN,
         rms=mean.rms * _SHOWN,
         between_strips=group.between * _SHOWN,
     )
@@ -95,7 +97,15 @@ def _rows(scope: str, name: str, images: int, strips: int, heading: float, heigh
     rows = pd.DataFrame({"component": COMPONENTS, "unit": _UNITS})
     rows = rows.assign(scope=scope, group=name, images=images, strips=strips, height_m=height)
     rows = rows.assign(heading_deg=np.rad2deg(heading) % 360.0)
-    empty = ("value_plain", "sigma_plain", "between_strips", "drift", "sigma_drift")
+    empty = (
+        "value_plain",
+        "sigma_plain",
+        "between_strips",
+        "drift",
+        "sigma_drift",
+        "freedom",
+        "sigma_adjusted",
+    )
     rows = rows.assign(**dict.fromkeys(empty, np.nan))
     return rows.assign(mounting=pd.array([pd.NA] * 9, dtype="Int32"), outlying=_untested())
 
@@ -148,8 +158,8 @@ def camera_figures(item: CameraDifferences, result: TwoStep) -> dict[str, JSON]:
 
 
 def _means(group: GroupMean) -> dict[str, JSON]:
-    """Boresight, lever arm and shift of a group, with their σ."""
-    value, sigma = _in_units(group.mean.robust), group.mean.robust_sigma * _SHOWN
+    """Boresight, lever arm and shift of a group, with σ and degrees of freedom of the nine components."""
+    value, sigma = _in_units(group.mean.robust), group.sigma * _SHOWN
     return {
         "boresight_deg": value[:3].tolist(),
         "boresight_sigma_deg": sigma[:3].tolist(),
@@ -157,6 +167,7 @@ def _means(group: GroupMean) -> dict[str, JSON]:
         "lever_arm_sigma_m": sigma[3:6].tolist(),
         "shift_m": value[6:].tolist(),
         "shift_sigma_m": sigma[6:].tolist(),
+        "freedom": group.freedom.tolist(),
     }
 
 
@@ -178,6 +189,7 @@ def _separated(item: CameraDifferences, offset: OffsetSeparation) -> JSON:
         "lever_arm_sigma_m": offset.lever_arm_sigma.tolist(),
         "shift_m": offset.shift.tolist(),
         "shift_sigma_m": offset.shift_sigma.tolist(),
+        "freedom": offset.freedom,
     }
 
 

@@ -24,7 +24,7 @@ _MOST_NAMES = 12
 def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: float) -> tuple[str, ...]:
     """What contradicts one boresight and one offset for all, and what the offset is."""
     found = result.main.mean
-    sigma = np.nan_to_num(found.robust_sigma[3:6])
+    sigma = np.nan_to_num(result.main.widened[3:6])
     # In height a shift looks like a lever arm in every strip.
     sigma[2] = np.hypot(sigma[2], UNSTATED_SHIFT)
     slip = lever_arm_suspicion(item.given_lever_arm, found.robust[3:6], sigma, item.camera)
@@ -58,7 +58,7 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     main = result.main.mean
     difference = np.rad2deg(group.mean.robust[:3] - main.robust[:3])
-    sigma = np.rad2deg(np.hypot(group.mean.robust_sigma[:3], np.nan_to_num(main.robust_sigma[:3])))
+    sigma = np.rad2deg(np.hypot(group.sigma[:3], np.nan_to_num(result.main.sigma[:3])))
     angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in zip(difference, sigma, strict=True))
     moved = ""
     if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:

@@ -2,7 +2,8 @@
 
 Both come from the same images, so their errors are positively correlated and the variance of their difference
 is smaller than the sum of their variances. The test with the sum is therefore a cautious one: what it calls a
-contradiction is one. The standard deviations of the second step come from the scatter of the strips.
+contradiction is one. The standard deviations of the second step come from the scatter of few strips: they
+count with Student's quantile over the normal one.
 
 The one-step calibration has one mounting for all its images. Where the second step finds several, it is
 compared with that of most of these images, and it is said that there is not one.
@@ -18,6 +19,7 @@ import pandas as pd
 from scipy import special
 
 from adjust.arrays import Floats
+from adjust.calibration.mean_variance import widening
 from tasks.storage.json_text import JSON
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
@@ -35,11 +37,18 @@ _COMPONENT = {
 }
 #: Probability below which the two contradict each other.
 CONTRADICTION = 0.01
+# A verdict is given at 0.1 %, two-sided: so far Student's tails are to hold.
+_LEVEL = 1.0 - 0.5 * 0.001
 
 
 @dataclass(frozen=True)
 class ComparedParameter:
-    """A parameter that both have estimated, in the unit of parameters.parquet."""
+    """A parameter that both have estimated, in the unit of parameters.parquet.
+
+    Attributes
+    ----------
+    two_step_widening : Student's quantile of the second step over the normal one.
+    """
 
     parameter: str
     entity: str
@@ -48,6 +57,7 @@ class ComparedParameter:
     one_step_sigma: float
     two_step: float
     two_step_sigma: float
+    two_step_widening: float = 1.0
 
     @property
     def difference(self) -> float:
@@ -56,8 +66,13 @@ class ComparedParameter:
 
     @property
     def t(self) -> float:
-        """Difference over the root of the sum of both variances."""
-        return self.difference / float(np.hypot(self.one_step_sigma, self.two_step_sigma))
+        """Difference over the root of the sum of both variances, the second widened."""
+        return self.difference / float(np.hypot(self.one_step_sigma, self.widened_sigma))
+
+    @property
+    def widened_sigma(self) -> float:
+        """σ of the second step by which limits of the normal distribution hold."""
+        return self.two_step_widening * self.two_step_sigma
 
     def to_json(self) -> JSON:
         """For summary.json."""
@@ -154,7 +169,7 @@ def compared_steps(
         return None
     keys: list[Key] = [(item.parameter, item.entity) for item in found]
     covariance = covariance_of(keys, sigmas_of(parameters), correlation_pairs(correlations))
-    covariance += np.diag([item.two_step_sigma**2 for item in found])
+    covariance += np.diag([item.widened_sigma**2 for item in found])
     difference: Floats = np.array([item.difference for item in found])
     chi_squared = float(difference @ np.linalg.solve(covariance, difference))
     probability = float(special.chdtrc(len(found), chi_squared))
@@ -203,4 +218,5 @@ def _compared(
         float(str(row["sigma"])),
         float(own["value"].iloc[0]),
         float(own["sigma"].iloc[0]),
+        float(widening(float(own["freedom"].iloc[0]), _LEVEL)),
     )

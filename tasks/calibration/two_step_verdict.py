@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
+from adjust.calibration.mean_variance import widening
 from tasks.calibration.describe import REFUSED, RESTRICTED
 from tasks.settings.calibration import AcceptanceLimits
 from tasks.storage.artifact import Artifact
@@ -91,15 +92,15 @@ def _parameters(camera: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator
     of_angles = (limits.roll_pitch_deg, limits.roll_pitch_deg, limits.yaw_deg)
     for number, name in enumerate(_ANGLES):
         value, sigma = main["boresight_deg"][number], main["boresight_sigma_deg"][number]
-        yield _judged(f"boresight_{name}", camera, "deg", value, sigma, of_angles[number], limits, strips)
+        found = _Estimate(value, sigma, main["freedom"][number])
+        yield _judged(f"boresight_{name}", camera, "deg", found, of_angles[number], limits, strips)
     called = _called_for(camera)
     fixed_in = camera["offset_fixed_in"]
     for family, limit in (("lever_arm", limits.lever_arm_m), ("gnss_shift", limits.shift_m)):
         for number, axis in enumerate("xy"):
             name = f"{family}_{axis}"
             if (known := called[family]) is not None:
-                values, sigmas = known
-                yield _judged(name, camera, "m", values[number], sigmas[number], limit, limits, strips)
+                yield _judged(name, camera, "m", known[number], limit, limits, strips)
                 continue
             undecided = fixed_in == "undecided"
             why = "the headings do not tell lever arm and shift apart" if undecided else "by the nested tests"
@@ -115,18 +116,38 @@ def _parameters(camera: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator
             )
 
 
-def _called_for(camera: Mapping[str, Any]) -> dict[str, tuple[Sequence[float], Sequence[float]] | None]:
-    """Values and σ in plan of what the tests call for; both together where they call for both."""
+@dataclass(frozen=True)
+class _Estimate:
+    """A value with σ and degrees of freedom."""
+
+    value: float
+    sigma: float | None
+    freedom: float | None
+
+    @property
+    def widened(self) -> float | None:
+        """σ by which 95 % of the normal distribution hold; None: no strips show it."""
+        if self.sigma is None or self.freedom is None or not np.isfinite(self.sigma):
+            return None
+        return float(self.sigma * widening(self.freedom))
+
+
+def _called_for(camera: Mapping[str, Any]) -> dict[str, tuple[_Estimate, _Estimate] | None]:
+    """Estimates in plan of what the tests call for; both together where they call for both."""
     main, both = camera["mountings"][0], camera["separated"]
     fixed_in = camera["offset_fixed_in"]
-    lever_arm = main["lever_arm_m"], main["lever_arm_sigma_m"]
-    shift = main["shift_m"], main["shift_sigma_m"]
-    if fixed_in == "both":
-        lever_arm = both["lever_arm_m"], both["lever_arm_sigma_m"]
-        shift = both["shift_m"], both["shift_sigma_m"]
+
+    def of(family: str, place: int) -> tuple[_Estimate, _Estimate]:
+        own = both if fixed_in == "both" else main
+        freedom = [both["freedom"]] * 2 if fixed_in == "both" else main["freedom"][place : place + 2]
+        east, north = (
+            _Estimate(own[f"{family}_m"][k], own[f"{family}_sigma_m"][k], freedom[k]) for k in range(2)
+        )
+        return east, north
+
     return {
-        "lever_arm": lever_arm if fixed_in in ("body", "both") else None,
-        "gnss_shift": shift if fixed_in in ("map", "both") else None,
+        "lever_arm": of("lever_arm", 3) if fixed_in in ("body", "both") else None,
+        "gnss_shift": of("shift", 6) if fixed_in in ("map", "both") else None,
     }
 
 
@@ -134,22 +155,25 @@ def _judged(
     name: str,
     camera: Mapping[str, Any],
     unit: str,
-    value: float,
-    sigma: float | None,
+    found: _Estimate,
     limit: float,
     limits: AcceptanceLimits,
     strips: int,
 ) -> TwoStepParameter:
-    """By its σ against the limit, as in the one-step calibration."""
+    """By its σ against the limit, as in the one-step calibration; that of few strips is widened."""
     own = name, str(camera["camera"]), unit
-    if sigma is None or not np.isfinite(sigma) or strips < _LEAST_STRIPS:
+    widened = found.widened
+    if widened is None or strips < _LEAST_STRIPS:
         why = f"{strips} strip does not show how strips scatter: fly more of them"
-        return TwoStepParameter(*own, value, None, limit, "not_determinable", why)
-    if sigma <= limit:
-        return TwoStepParameter(*own, value, sigma, limit, "determined")
-    verdict: Determined = "weak" if sigma <= limits.weak_up_to * limit else "not_determinable"
-    why = f"σ {sigma:.2g} {unit}, limit {limit:g} {unit}, with {strips} strips: fly more of them"
-    return TwoStepParameter(*own, value, sigma, limit, verdict, why)
+        return TwoStepParameter(*own, found.value, None, limit, "not_determinable", why)
+    if widened <= limit:
+        return TwoStepParameter(*own, found.value, found.sigma, limit, "determined")
+    verdict: Determined = "weak" if widened <= limits.weak_up_to * limit else "not_determinable"
+    why = (
+        f"σ {found.sigma:.2g} {unit}, with {found.freedom:.0f} degrees of freedom as good as {widened:.2g} "
+        f"{unit}, limit {limit:g} {unit}, with {strips} strips: fly more of them"
+    )
+    return TwoStepParameter(*own, found.value, found.sigma, limit, verdict, why)
 
 
 def _restrictions(camera: Mapping[str, Any]) -> Iterator[str]:

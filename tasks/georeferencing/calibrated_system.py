@@ -29,11 +29,13 @@ class CalibratedSystem:
     ----------
     parameters : every family of the block.
     errors : which of the values have a standard deviation, and their covariance.
+    estimated : (parameter, entity) of the calibration and factor from SI, in the order of the covariance.
     flights : flight of the project → flight of the calibration whose shift and time offset it has.
     """
 
     parameters: tuple[SystemParameters, ...]
     errors: CalibrationErrors
+    estimated: tuple[tuple[Key, float], ...]
     flights: Mapping[str, str]
 
 
@@ -79,7 +81,12 @@ def calibrated_system(
         system.append(filled)
     scale = np.array(estimated.factors)
     covariance = calibration.covariance(estimated.keys) / np.outer(scale, scale)
-    return CalibratedSystem(tuple(system), CalibrationErrors(columns, covariance), flights)
+    return CalibratedSystem(
+        tuple(system),
+        CalibrationErrors(columns, covariance),
+        tuple(zip(estimated.keys, estimated.factors, strict=True)),
+        flights,
+    )
 
 
 def _filled(

@@ -56,6 +56,23 @@ class SurveyedControl:
 
 
 @dataclass(frozen=True, eq=False)
+class CalibrationFlight:
+    """What a calibration was estimated from, and how it answers to it.
+
+    Attributes
+    ----------
+    influences : parameter_influences.parquet.
+    exposures, control_points : the tables of its adjustment.
+    crs : of their coordinates.
+    """
+
+    influences: pd.DataFrame
+    exposures: pd.DataFrame
+    control_points: pd.DataFrame
+    crs: str
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """Values of system parameters, and how well they are known.
 
@@ -67,6 +84,7 @@ class Calibration:
     correlations : of pairs of estimated parameters, each pair once.
     statuses : what the calibration says about each, such as "significant".
     control : what it was made with.
+    flight : the observations it was made with; None: not known.
     """
 
     values: Mapping[Key, float]
@@ -75,6 +93,7 @@ class Calibration:
     correlations: Mapping[tuple[Key, Key], float]
     statuses: Mapping[Key, str]
     control: SurveyedControl
+    flight: CalibrationFlight | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -106,7 +125,10 @@ NO_CALIBRATION = Calibration({}, {}, {}, {}, {}, SurveyedControl())
 
 
 def calibration_of(
-    parameters: pd.DataFrame, correlations: pd.DataFrame, control: SurveyedControl
+    parameters: pd.DataFrame,
+    correlations: pd.DataFrame,
+    control: SurveyedControl,
+    flight: CalibrationFlight | None = None,
 ) -> Calibration:
     """The calibration in parameters.parquet and correlations.parquet."""
     rows = parameters.to_dict("records")
@@ -118,6 +140,7 @@ def calibration_of(
         correlation_pairs(correlations),
         {key: str(row["status"]) for key, row in zip(keys, rows, strict=True)},
         control,
+        flight,
     )
 
 
@@ -141,4 +164,10 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
     control = control_of(surveyed, residuals, crs)
     parameters, _ = read_foreign_table(source.parameters, schemas.PARAMETERS, _REMEDY)
     correlations, _ = read_foreign_table(source.correlations, schemas.CORRELATIONS, _REMEDY)
-    return calibration_of(parameters, correlations, control)
+    flight = None
+    if source.parameter_influences is not None and source.exposures is not None:
+        influences, _ = read_foreign_table(source.parameter_influences, schemas.PARAMETER_INFLUENCES, _REMEDY)
+        exposures, of_exposures = read_foreign_table(source.exposures, schemas.EXPOSURES, _REMEDY)
+        if of_exposures == crs:
+            flight = CalibrationFlight(influences, exposures, surveyed, crs)
+    return calibration_of(parameters, correlations, control, flight)

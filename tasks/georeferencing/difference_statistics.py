@@ -17,7 +17,7 @@ from tasks.storage.json_text import JSON
 CONFIDENCE = 0.95
 _UM = 1e6
 #: Names of the parts of a predicted root mean square.
-PARTS = ("image_points", "gnss_ins", "strips", "calibration", "survey")
+PARTS = ("image_points", "gnss_ins", "strips", "calibration", "survey", "shared")
 
 
 def difference_figures(found: PointDifferences, chosen: Bools, *, with_limits: bool) -> dict[str, JSON]:
@@ -63,12 +63,15 @@ def _axis_figures(found: PointDifferences, chosen: Bools, axis: int, *, with_lim
 
 
 def _prediction(found: PointDifferences, rows: np.ndarray, axis: int) -> PredictedRms:
-    own = found.by_image_points[rows, axis] + found.survey_variance[rows, axis]
-    return predicted_rms(found.errors.sensitivity.only(3 * rows + axis), own)
+    return predicted_rms(found.errors.sensitivity.only(3 * rows + axis), found.own_variance[rows, axis])
 
 
 def _parts(found: PointDifferences, chosen: Bools, axis: int) -> dict[str, JSON]:
-    """Root mean squares the sources would give each by itself, metres."""
+    """Root mean squares the sources would give each by itself, metres.
+
+    ``shared``: what the calibration has in common with the others adds to their squares, or takes from them
+    with the sign minus.
+    """
     rows = np.flatnonzero(chosen & np.isfinite(found.difference[:, axis]))
     if len(rows) == 0:
         return {}
@@ -80,7 +83,11 @@ def _parts(found: PointDifferences, chosen: Bools, axis: int) -> dict[str, JSON]
         answering.variance_by_calibration(),
         found.survey_variance[rows, axis],
     )
-    return {name: float(np.sqrt(v.mean())) for name, v in zip(PARTS, variances, strict=True)}
+    parts: dict[str, JSON] = {
+        name: float(np.sqrt(v.mean())) for name, v in zip(PARTS, variances, strict=False)
+    }
+    shared = float(answering.shared_variance().mean())
+    return parts | {"shared": float(np.copysign(np.sqrt(abs(shared)), shared))}
 
 
 def parallax_figures(found: ModelParallaxes) -> dict[str, JSON]:

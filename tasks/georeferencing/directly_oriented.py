@@ -11,10 +11,16 @@ from adjust.approximate.intersection import Intersection, intersect
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.georeferencing.direct_orientation import DirectOrientations, direct_orientations
-from adjust.georeferencing.error_sources import ErrorSources
+from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import TIME_OFFSET
-from tasks.block.block_input import block_of, gnss_positions, image_point_observations, ins_attitudes
+from tasks.block.block_input import (
+    block_of,
+    gnss_positions,
+    image_point_observations,
+    ins_attitudes,
+    surveyed_points,
+)
 from tasks.block.given_orientations import GivenOrientations, Mountings
 from tasks.block.oriented_images import oriented_images
 from tasks.block.refracted_rays import without_refraction
@@ -25,8 +31,9 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.errors import InputError
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
-from tasks.georeferencing.calibrated_system import calibrated_system
+from tasks.georeferencing.calibrated_system import CalibratedSystem, calibrated_system
 from tasks.georeferencing.calibration import Calibration
+from tasks.georeferencing.shared_observations import SharedExposures, same_exposures, shared_errors
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.quality import ChecksSettings
@@ -35,11 +42,12 @@ from tasks.settings.self_calibration import SelfCalibrationSettings
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """What a check is made from: exposures.parquet, cameras.parquet, image_points.parquet, and the CRS."""
+    """What a check is made from: exposures, cameras, image points, control points (tables), and the CRS."""
 
     exposures: pd.DataFrame
     cameras: pd.DataFrame
     measured: pd.DataFrame
+    control_points: pd.DataFrame
     map_frame: MapFrame
 
 
@@ -68,6 +76,7 @@ class DirectlyOriented:
     object_point : (m, 3) their intersections, metres, local frame.
     sources : orientations, and what makes them wrong.
     flights : flight → flight of the calibration whose GNSS shift it has.
+    from_calibration : how many exposures the calibration was made with, too.
     not_oriented : measured images without position or attitude of their own.
     """
 
@@ -79,6 +88,7 @@ class DirectlyOriented:
     object_point: Floats
     sources: ErrorSources
     flights: dict[str, str]
+    from_calibration: SharedExposures
     not_oriented: tuple[str, ...]
 
 
@@ -113,6 +123,7 @@ def directly_oriented(delivery: Delivery, calibration: Calibration, rules: Check
     )
     block, rays = _intersected(block, measured, additional, orientations, rules)
     common = _common_to_strip(given, rules)
+    errors, shared = _with_shared(delivery, calibration, system, given, frame, orientations)
     return DirectlyOriented(
         frame,
         delivery.map_frame,
@@ -120,10 +131,33 @@ def directly_oriented(delivery: Delivery, calibration: Calibration, rules: Check
         block.points,
         rays,
         block.object_point,
-        ErrorSources(orientations, given.strip_of_image, common, system.errors),
+        ErrorSources(orientations, given.strip_of_image, common, errors),
         dict(system.flights),
+        shared,
         not_oriented,
     )
+
+
+def _with_shared(
+    delivery: Delivery,
+    calibration: Calibration,
+    system: CalibratedSystem,
+    given: GivenOrientations,
+    frame: AdjustmentFrame,
+    orientations: DirectOrientations,
+) -> tuple[CalibrationErrors, SharedExposures]:
+    """Errors of the calibration with what they share with this flight, if it is the one it comes from."""
+    flight = calibration.flight
+    if flight is None or not system.estimated:
+        return system.errors, SharedExposures()
+    images = same_exposures(flight, delivery.exposures, delivery.map_frame.name)
+    used = flight.influences.loc[flight.influences["observation"] == "position", "name"].unique()
+    counted = SharedExposures(int(np.isin(used, list(images)).sum()), len(used))
+    if counted.shared == 0:
+        return system.errors, counted
+    surveyed = surveyed_points(delivery.control_points, delivery.map_frame, frame)
+    shared = shared_errors(flight, images, system, given, orientations, surveyed, delivery.control_points)
+    return replace(system.errors, shared=shared), counted
 
 
 def _observed_images(delivery: Delivery) -> tuple[GivenOrientations, AdjustmentFrame, tuple[str, ...]]:

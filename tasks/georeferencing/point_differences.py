@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+import scipy.sparse
 
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
+from adjust.georeferencing.error_sources import SharedErrors
 from adjust.georeferencing.space_intersection import PointErrors, point_errors, rays_of
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION
@@ -47,7 +49,8 @@ class PointDifferences:
     x_in_local : (q, 3) intersections, metres, local frame.
     difference : (q, 3) intersected − given, metres; NaN where not known.
     survey_variance : (q, 3) of the given coordinates, m².
-    errors : what makes the intersections wrong.
+    in_calibration : (q,) whether it has seen them: then their errors are among the sources of ``errors``.
+    errors : what makes the differences wrong.
     gsd : (q,) ground sampling distance, metres.
     rays : (q,) number of image points.
     """
@@ -56,6 +59,7 @@ class PointDifferences:
     x_in_local: Floats
     difference: Floats
     survey_variance: Floats
+    in_calibration: Bools
     errors: PointErrors
     gsd: Floats
     rays: Ints
@@ -66,11 +70,14 @@ class PointDifferences:
         return np.diagonal(self.errors.by_image_points, axis1=1, axis2=2)
 
     @property
+    def own_variance(self) -> Floats:
+        """(q, 3) variance of what no other quantity answers to: image points, and survey that is new."""
+        return self.by_image_points + np.where(self.in_calibration[:, None], 0.0, self.survey_variance)
+
+    @property
     def sigma(self) -> Floats:
         """(q, 3) predicted standard deviation of the differences, metres; NaN where there is none."""
-        variance = (
-            self.by_image_points + self.errors.sensitivity.variance().reshape(-1, 3) + self.survey_variance
-        )
+        variance = self.own_variance + self.errors.sensitivity.variance().reshape(-1, 3)
         return np.where(np.isfinite(self.difference), np.sqrt(variance), np.nan)
 
     def columns(self, independent: Bools) -> dict[str, np.ndarray]:
@@ -136,15 +143,34 @@ def point_differences(
     difference = np.einsum("qji,qj->qi", axes, computed - anchor)
     if len(chosen):
         difference[:, 2] = oriented.frame.height(computed) - surveyed.height[chosen]
+    errors = point_errors(rays, oriented.sources, computed, axes)
+    shared = oriented.sources.calibration.shared
+    in_calibration = np.zeros(len(chosen), dtype=bool)
+    if shared is not None:
+        in_calibration = np.any(shared.survey_in_adjustment > 0.0, axis=1)[chosen]
+        errors = _less_survey(errors, shared, np.where(in_calibration, chosen, -1))
     return PointDifferences(
         chosen,
         computed,
         np.where(surveyed.present[chosen], difference, np.nan),
         np.diagonal(surveyed.covariance[chosen], axis1=1, axis2=2),
-        point_errors(rays, oriented.sources, computed, axes),
+        in_calibration,
+        errors,
         _ground_sampling_distance(oriented, rays, computed),
         np.bincount(rays.point, minlength=len(chosen)).astype(np.int64),
     )
+
+
+def _less_survey(errors: PointErrors, shared: SharedErrors, surveyed: Ints) -> PointErrors:
+    """Errors of differences from surveyed points (q,) that the calibration has seen; −1: from others."""
+    seen = np.flatnonzero(surveyed >= 0)
+    row, column = (3 * index[:, None, None] for index in (seen, surveyed[seen]))
+    rows, columns, values = np.broadcast_arrays(
+        row + np.arange(3)[:, None], column + np.arange(3), -shared.survey_spread[surveyed[seen]]
+    )
+    shape = (errors.sensitivity.images.shape[0], 3 * len(shared.survey_spread))
+    survey = scipy.sparse.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+    return replace(errors, sensitivity=replace(errors.sensitivity, survey=scipy.sparse.csr_array(survey)))
 
 
 def _ground_sampling_distance(oriented: DirectlyOriented, rays: ImagePoints, x_in_local: Floats) -> Floats:

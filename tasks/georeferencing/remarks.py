@@ -8,6 +8,7 @@ from typing import cast
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.difference_statistics import CONFIDENCE
 from tasks.georeferencing.directly_oriented import DirectlyOriented
+from tasks.georeferencing.shared_observations import SharedExposures
 from tasks.storage.json_text import JSON
 
 _WAYS = ("east", "north", "up")
@@ -85,6 +86,7 @@ def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) ->
             "takes them to be free of error."
         )
         return
+    yield _of_which_flight(oriented.from_calibration)
     cameras = set(oriented.given.mountings.names)
     for (parameter, entity), status in calibration.statuses.items():
         if status in _POOR and (entity in cameras or entity in oriented.flights.values()):
@@ -95,6 +97,25 @@ def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) ->
                 f"The GNSS shift of the calibration's flight '{source}' is applied to "
                 + (f"the flight '{flight}'." if flight else "this flight.")
             )
+
+
+def _of_which_flight(exposures: SharedExposures) -> str:
+    """Whether the prediction takes the calibration as of this flight or of another one."""
+    if exposures.of_calibration == 0:
+        return (
+            "Which exposures the calibration was made with is not known: the prediction takes its errors as "
+            "independent of those of this flight, and is too large if it is the same."
+        )
+    if exposures.shared == 0:
+        return (
+            "The calibration was made with other exposures: the prediction takes its errors as independent "
+            "of those of this flight."
+        )
+    return (
+        f"The calibration was made with this flight ({exposures.shared:,} of its "
+        f"{exposures.of_calibration:,} exposures are the same): the prediction knows that it has seen "
+        "their errors."
+    )
 
 
 def coverage_remarks(

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from pydantic import Field, model_validator
+from pathlib import Path
 
-from tasks.settings.base import InputPath, Settings, trouble
+from pydantic import Field, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
+
+from tasks.settings.base import InputPath, PathContext, Settings, trouble
 from tasks.settings.coordinates import NotNegativeTriple, Positive, PositivePair
 
 CAMERAS, ADJUSTMENT, REGISTRY = "cameras", "adjustment", "registry"
 _WRITE = 'Write one text: "cameras", "adjustment", "registry", or a folder of results.'
 _TABLES = ("parameters", "correlations", "control_residuals", "control_points", "cameras")
+# What results of older versions do not have: without it no flight is taken for that of the calibration.
+_OF_FLIGHT = ("parameter_influences", "exposures")
+
+
+def _is_there(path: str, info: ValidationInfo) -> bool:
+    context = info.context if isinstance(info.context, PathContext) else PathContext(Path.cwd())
+    try:
+        context.resolve(path)
+    except PydanticCustomError:
+        return False
+    return True
 
 
 class CalibrationInput(Settings):
@@ -43,14 +57,26 @@ class CalibrationInput(Settings):
         description="What was calibrated: body, lens, product, image and mounting must be those of the "
         "project's camera of the same name.",
     )
+    parameter_influences: InputPath | None = Field(
+        default=None,
+        description="How its parameters answer to the observations they were estimated from; taken from the "
+        "folder if it is there.",
+    )
+    exposures: InputPath | None = Field(
+        default=None,
+        description="The exposures it was made with: where this project has the same, their errors are known "
+        "to be in the calibration. Taken from the folder if it is there.",
+    )
 
     @model_validator(mode="before")
     @classmethod
-    def _from_text(cls, value: object) -> object:
+    def _from_text(cls, value: object, info: ValidationInfo) -> object:
         if isinstance(value, str) and value.strip():
             if value in (CAMERAS, ADJUSTMENT, REGISTRY):
                 return {name: value == name for name in (ADJUSTMENT, REGISTRY)}
-            return {name: f"{value}/{name}.parquet" for name in _TABLES}
+            files = {name: f"{value}/{name}.parquet" for name in (*_TABLES, *_OF_FLIGHT)}
+            of_flight = all(_is_there(files[name], info) for name in _OF_FLIGHT)
+            return {name: files[name] for name in (*_TABLES, *(_OF_FLIGHT if of_flight else ()))}
         if isinstance(value, dict | CalibrationInput):
             return value
         raise trouble("The calibration is not understood.", _WRITE)
@@ -59,7 +85,9 @@ class CalibrationInput(Settings):
     def _complete(self) -> CalibrationInput:
         given = [name for name in _TABLES if getattr(self, name) is not None]
         ways = int(self.adjustment) + int(self.registry) + bool(given)
-        if ways > 1 or (given and len(given) < len(_TABLES)):
+        of_flight = [name for name in _OF_FLIGHT if getattr(self, name) is not None]
+        partly = len(given) % len(_TABLES) or len(of_flight) % len(_OF_FLIGHT) or (of_flight and not given)
+        if ways > 1 or partly:
             raise trouble("The calibration is named by some of its files only, or twice.", _WRITE)
         return self
 

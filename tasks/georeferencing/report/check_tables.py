@@ -36,6 +36,7 @@ _PART_WORDS = {
     "strips": "GNSS and INS, common to a strip",
     "calibration": "calibration, common to all images",
     "survey": "survey of the points",
+    "shared": "seen by the calibration, too (−: less)",
 }
 
 

@@ -32,10 +32,19 @@ from tasks.tables.schemas.georeferencing import (
     Y_PARALLAXES,
 )
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
-from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS, SELF_CALIBRATION
+from tasks.tables.schemas.parameters import (
+    CORRELATIONS,
+    PARAMETER_INFLUENCES,
+    PARAMETERS,
+    SELF_CALIBRATION,
+)
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
-from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+from tasks.tables.schemas.two_step import (
+    ORIENTATION_DIFFERENCE_MEANS,
+    ORIENTATION_DIFFERENCES,
+    STRIP_ERRORS,
+)
 
 #: All tables, in the order in which they are documented.
 SCHEMAS: dict[str, TableSchema] = {
@@ -55,12 +64,14 @@ SCHEMAS: dict[str, TableSchema] = {
         PARAMETERS,
         SELF_CALIBRATION,
         CORRELATIONS,
+        PARAMETER_INFLUENCES,
         MODEL_ALTERNATIVES,
         MODEL_ALTERNATIVE_EFFECTS,
         CONTROL_RESIDUALS,
         CHECK_POINTS,
         ORIENTATION_DIFFERENCES,
         ORIENTATION_DIFFERENCE_MEANS,
+        STRIP_ERRORS,
         SWEEP,
         RESIDUAL_GRID,
         RESIDUAL_AUTOCORRELATION,
@@ -92,12 +103,14 @@ __all__ = [
     "ORIENTATION_DIFFERENCES",
     "ORIENTATION_DIFFERENCE_MEANS",
     "PARAMETERS",
+    "PARAMETER_INFLUENCES",
     "RESIDUALS",
     "RESIDUAL_AUTOCORRELATION",
     "RESIDUAL_GRID",
     "SCHEMAS",
     "SELF_CALIBRATION",
     "STEREO_MODELS",
+    "STRIP_ERRORS",
     "SWEEP",
     "Y_PARALLAXES",
     "Column",

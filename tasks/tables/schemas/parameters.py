@@ -78,3 +78,38 @@ CORRELATIONS = TableSchema(
     ),
     ("parameter_a", "entity_a", "parameter_b", "entity_b"),
 )
+
+PARAMETER_INFLUENCES = TableSchema(
+    "parameter_influences",
+    "What a system parameter of a camera or flight changes by when an observation changes by one unit.",
+    (
+        text("parameter", "name, e.g. boresight_roll"),
+        text("entity", "camera or flight it belongs to"),
+        text(
+            "observation",
+            "kind of the observation",
+            values=("position", "attitude", "strip_bias", "control"),
+        ),
+        text("name", "image, strip or point of the observation"),
+        text("unit", "unit of the parameter"),
+        *(
+            number(
+                f"by_{axis}",
+                "see unit",
+                f"per metre of the component {axis}, grid east, north, up (control: true east, north); "
+                f"attitude: per degree about the axis {axis} of the body",
+            )
+            for axis in "xyz"
+        ),
+        *(
+            number(
+                f"sigma_{axis}",
+                "m, deg",
+                f"standard deviation the component {axis} of the observation had in the adjustment",
+                nullable=True,
+            )
+            for axis in "xyz"
+        ),
+    ),
+    ("parameter", "entity", "observation", "name"),
+)

@@ -16,6 +16,8 @@ _COMPONENTS = (
     ("up", "m", "the same, up"),
 )
 
+_ADJUSTED = ("roll", "pitch", "yaw", "east", "north", "up")
+
 ORIENTATION_DIFFERENCES = TableSchema(
     "orientation_differences",
     "What the adjusted and the observed orientation of an image say about boresight and offset.",
@@ -54,8 +56,22 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         number(
             "sigma",
             "",
-            "its standard deviation, from the scatter of the strips; of a mounting or flight with fewer than "
-            "five not less than that of the main mounting lets expect",
+            "its standard deviation, from the scatter of the strips and the errors of the adjustment; of a "
+            "mounting or flight with fewer than five strips not less than that of the main mounting lets "
+            "expect",
+            nullable=True,
+        ),
+        number(
+            "freedom",
+            "",
+            "degrees of freedom of sigma: a limit of confidence is Student's quantile times sigma",
+            nullable=True,
+        ),
+        number(
+            "sigma_adjusted",
+            "",
+            "part of sigma by the errors of the adjusted orientations and of the camera; null: not known, "
+            "and not in sigma",
             nullable=True,
         ),
         number("value_plain", "", "arithmetic mean", nullable=True),
@@ -74,5 +90,21 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         number("height_m", "m", "median height in the project's height system"),
     ),
     ("camera", "scope", "group", "component"),
-    version=2,
+    version=3,
+)
+
+STRIP_ERRORS = TableSchema(
+    "strip_errors",
+    "Covariances of the mean errors of two strips of a camera that come from an adjustment on control alone.",
+    (
+        CAMERA,
+        text("strip_a", "one strip, with its flight if there are several"),
+        text("strip_b", "the same or another one"),
+        text("component_a", "of the first strip", values=_ADJUSTED),
+        text("component_b", "of the second strip", values=_ADJUSTED),
+        number(
+            "covariance", "see meaning", "products of degrees (roll, pitch, yaw) and metres (east, north, up)"
+        ),
+    ),
+    ("camera", "strip_a", "strip_b", "component_a", "component_b"),
 )

@@ -8,8 +8,9 @@ import scipy.sparse
 from scipy import stats
 
 from adjust.arrays import Floats
-from adjust.georeferencing.error_sources import CalibrationErrors, Sensitivity
+from adjust.georeferencing.error_sources import CalibrationErrors
 from adjust.georeferencing.predicted_rms import predicted_largest, predicted_rms, rms_of_covariance
+from adjust.georeferencing.sensitivity import Sensitivity
 
 
 def answering(parameters: Floats, factor: Floats | None = None) -> Sensitivity:

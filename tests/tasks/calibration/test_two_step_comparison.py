@@ -29,7 +29,11 @@ def correlations(*rows: tuple[tuple[str, str], tuple[str, str], float]) -> pd.Da
 
 
 def means(
-    *rows: tuple[str, float, float], scope: str = "mounting", group: str = "0", camera: str = CAMERA
+    *rows: tuple[str, float, float],
+    scope: str = "mounting",
+    group: str = "0",
+    camera: str = CAMERA,
+    freedom: float = np.inf,
 ) -> pd.DataFrame:
     return pd.DataFrame(
         [
@@ -40,6 +44,7 @@ def means(
                 "component": name,
                 "value": value,
                 "sigma": sigma,
+                "freedom": freedom,
             }
             for name, value, sigma in rows
         ]
@@ -69,6 +74,14 @@ def test_a_contradiction_is_called_one_and_names_the_largest() -> None:
     assert found.probability < 0.01
     assert "contradict each other" in found.sentence
     assert "boresight_pitch of UCE, 5.0 σ" in found.sentence
+
+
+def test_few_strips_count_with_students_quantile() -> None:
+    found = compared_steps(BOTH, CORRELATED, means(("roll", 1.2, 0.4), freedom=3.0))
+    assert found is not None
+    wide = 0.4 * stats.t.ppf(0.9995, 3) / stats.norm.ppf(0.9995)
+    assert found.parameters[0].t == pytest.approx(-0.2 / np.hypot(0.3, wide))
+    assert found.parameters[0].two_step_sigma == 0.4
 
 
 def test_false_alarms_come_as_often_as_stated_where_the_two_are_independent() -> None:

@@ -1,0 +1,125 @@
+"""Standard deviation and degrees of freedom of a mean of strips of which part of the errors is known.
+
+Strip k shows d_k = d + a_k + e_k: a has the known covariance matrix Q (errors of the adjustment, partly
+common to all strips), e_k are errors of GNSS and INS of each strip with an unknown variance s².
+Contrasts c_j between the strips, along the eigenvectors of Q without its mean, are independent with the
+variances s² + λ_j. With s² given, the mean with weights w has the variance s² Σ w² + wᵀ Q w; of the
+second part only λ shows in the scatter.
+
+A few strips do not determine s². So the error of the mean has not one normal distribution but a mixture
+of them, over s² with the density
+
+    p(s²) ∝ √(Σ_j (s² + λ_j)⁻²) · Π_j (s² + λ_j)^(−1/2) exp(−c_j² / (2 (s² + λ_j)))
+
+(likelihood of the contrasts with the prior of Jeffreys 1946). Without known errors that is exactly
+Student's t with k − 1 degrees of freedom and the scatter of the strips over √k; where known errors
+prevail, the normal distribution; in between σ is rather too large than too small. Stated are σ and ν of
+the t-distribution with the same central intervals of 68.3 and 95 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, special
+
+from adjust.arrays import Floats, Ints
+
+_INNER, _OUTER = float(special.ndtr(1.0)), 0.975
+# More degrees of freedom are as good as all.
+_MOST, _LEAST = 1e6, 0.5
+# s² over the scale of the contrasts, and at how many places.
+_RANGE, _PLACES = (1e-8, 1e10), 300
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanSigma:
+    """Of one component of the mean of k strips.
+
+    Attributes
+    ----------
+    sigma : standard deviation σ of the mean; times Student's quantile it is a limit of confidence.
+    freedom : ν.
+    known : √(wᵀ Q w), its part by known errors.
+    """
+
+    sigma: float
+    freedom: float
+    known: float
+
+
+def mean_sigma(strips: Floats, covariance: Floats, count: Ints) -> MeanSigma:
+    """σ and ν of the mean of k > 1 strips.
+
+    Parameters
+    ----------
+    strips : (k,) what each shows.
+    covariance : (k, k) Q.
+    count : (k,) their exposures: the weights w are their shares.
+    """
+    k = len(strips)
+    across = np.linalg.svd(np.ones((1, k)))[2][1:]
+    values, axes = np.linalg.eigh(across @ covariance @ across.T)
+    share = count / count.sum()
+    known = float(share @ covariance @ share)
+    squares = (axes.T @ (across @ strips)) ** 2
+    variance, mass = _mixture(squares, np.maximum(values, 0.0))
+    sigma = np.sqrt(variance * float(share @ share) + known)
+    if not np.any(sigma > 0.0):
+        return MeanSigma(0.0, float(k - 1), 0.0)
+    inner, outer = (_quantile(sigma, mass, level) for level in (_INNER, _OUTER))
+    freedom = _freedom(outer / inner)
+    return MeanSigma(inner / float(special.stdtrit(freedom, _INNER)), freedom, float(np.sqrt(known)))
+
+
+def widening(freedom: Floats | float, level: float = _OUTER) -> Floats:
+    """Student's quantile over the normal one: what a σ with so many degrees of freedom counts for.
+
+    Parameters
+    ----------
+    level : one-sided probability of the limits it is used for.
+    """
+    finite = np.clip(np.nan_to_num(freedom, nan=_MOST, posinf=_MOST), _LEAST, _MOST)
+    return np.where(finite < _MOST, special.stdtrit(finite, level) / special.ndtri(level), 1.0)
+
+
+def _mixture(squares: Floats, known: Floats) -> tuple[Floats, Floats]:
+    """Values (n,) of s², and the probability of each."""
+    scale = float(np.mean(squares) + np.mean(known))
+    if not scale > 0.0:
+        return np.zeros(1), np.ones(1)
+    variance = scale * np.geomspace(*_RANGE, _PLACES)
+    of_contrast = variance[:, None] + known
+    logarithm = (
+        np.log(variance)  # equal steps of log s²
+        + 0.5 * np.log(np.sum((scale / of_contrast) ** 2, axis=1))
+        - 0.5 * np.sum(np.log(of_contrast / scale) + squares / of_contrast, axis=1)
+    )
+    mass = np.exp(logarithm - logarithm.max())
+    return variance, mass / mass.sum()
+
+
+def _quantile(sigma: Floats, mass: Floats, level: float) -> float:
+    """Of a mixture of normal distributions about zero."""
+
+    def excess(value: float) -> float:
+        with np.errstate(divide="ignore"):
+            return float(mass @ special.ndtr(value / sigma)) - level
+
+    kept = sigma[mass > 1e-12]
+    high = float(kept.max()) * 10.0
+    return float(optimize.brentq(excess, 0.0, high, xtol=1e-9 * high, rtol=1e-8))
+
+
+def _freedom(ratio: float) -> float:
+    """ν at which the quantiles of Student's t have this ratio."""
+
+    def excess(logarithm: float) -> float:
+        freedom = np.exp(logarithm)
+        return float(special.stdtrit(freedom, _OUTER) / special.stdtrit(freedom, _INNER)) - ratio
+
+    low, high = float(np.log(_LEAST)), float(np.log(_MOST))
+    if excess(high) >= 0.0:
+        return _MOST
+    return float(np.exp(optimize.brentq(excess, low, high))) if excess(low) > 0.0 else _LEAST

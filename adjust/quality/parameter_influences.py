@@ -1,0 +1,103 @@
+"""How the estimated system parameters answer to the observations they were estimated from.
+
+An estimate is a linear function of the observations, to first order: with the design matrix A, the weight
+matrix P and Q = (AᵀPA)⁻¹,
+
+    dp̂ = Q_p· Aᵀ P dl,    Cov(p̂, l) = Q_p· Aᵀ.
+
+Q_p· is one solution with the factors that are there for each parameter p: its own cofactors and those with
+the exposures, the other parameters and the object points. So whatever uses the estimates *and* the
+observations again knows what their errors have in common.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from adjust.arrays import Floats, Ints
+from adjust.block import Block
+from adjust.observations.base import Linearization, ObservationGroup
+from adjust.observations.image_point import ImagePoints
+from adjust.options import AdjustmentOptions
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
+from adjust.result import AdjustmentResult
+from adjust.solve.full_vectors import FullVectors, solve_full
+from adjust.solve.gauss_newton import iterate
+from adjust.solve.normal_equations import Observations, System
+
+# Solutions at once: each is as large as all unknowns.
+_AT_ONCE = 10
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterInfluence:
+    """What k system parameters change by with each of n observations of one group.
+
+    Attributes
+    ----------
+    group : the observations that took part, weighted as in the adjustment.
+    derivative : (k, n, m) of the parameters by the observed components, SI and radians or the families' own
+        units; zero for what takes no part.
+    """
+
+    group: ObservationGroup
+    derivative: Floats
+
+
+def parameter_influences(
+    block: Block, result: AdjustmentResult, columns: Ints, options: AdjustmentOptions
+) -> tuple[ParameterInfluence, ...]:
+    """Influence of all observations but the image points on some system parameters.
+
+    Parameters
+    ----------
+    columns : (k,) of the border.
+
+    Raises
+    ------
+    DatumDefectError, DivergenceError : as of ``adjust_block``.
+    """
+    rays, *others = result.groups
+    image_points = rays.taking_part
+    assert isinstance(image_points, ImagePoints)  # the first group of every result
+    groups = tuple(group.taking_part for group in others)
+    with threadpool_limits(limits=1):
+        system = System.of(block, Observations(image_points, groups), options.threads)
+        solution = iterate(system, result.state, options.most_iterations)
+        equations = [group.linearize(solution.state) for group in groups]
+        found = [np.zeros((len(columns), *item.misclosure.shape)) for item in equations]
+        for start in range(0, len(columns), _AT_ONCE):
+            part = columns[start : start + _AT_ONCE]
+            cofactors = solve_full(system, solution.state, solution.factorization, _units(system, part))
+            for number, (group, item) in enumerate(zip(groups, equations, strict=True)):
+                for k in range(len(part)):
+                    computed = _along(item, cofactors, k, system.layout)
+                    present = np.where(group.stochastic.present, computed, 0.0)
+                    found[number][start + k] = group.stochastic.weighted(present)
+    return tuple(ParameterInfluence(*pair) for pair in zip(groups, found, strict=True))
+
+
+def _units(system: System, columns: Ints) -> FullVectors:
+    """Vectors of one at a system parameter each."""
+    layout, count = system.layout, len(columns)
+    of_border = np.zeros((layout.border, count))
+    of_border[columns, np.arange(count)] = 1.0
+    return FullVectors(np.zeros((layout.images, 6, count)), of_border, np.zeros((layout.points, 3, count)))
+
+
+def _along(equations: Linearization, vectors: FullVectors, number: int, layout: ParameterLayout) -> Floats:
+    """A x (n, m) with one of the vectors."""
+    total = np.zeros_like(equations.misclosure)
+    for term in equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            unknown = vectors.of_exposures[term.index, :, number]
+        elif term.block == OBJECT_POINT:
+            unknown = vectors.of_points[term.index, :, number]
+        else:
+            column = layout.columns[term.block][term.index]
+            unknown = np.where(column >= 0, vectors.of_border[column, number], 0.0)
+        total += np.einsum("nij,nj->ni", term.jacobian, unknown)
+    return total
