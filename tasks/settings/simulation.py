@@ -181,7 +181,9 @@ class SimulatedTerrain(Settings):
 class SimulatedPoints(Settings):
     """Tie points."""
 
-    count: Annotated[Whole, Field(gt=0, le=_MOST_POINTS)] = Field(description="Expected number of tie points.")
+    count: Annotated[Whole, Field(gt=0, le=_MOST_POINTS)] = Field(
+        description="Expected number of tie points."
+    )
     detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Probability that a point is found in an image that shows it."
     )
