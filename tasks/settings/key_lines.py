@@ -10,6 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+# No key of ours has as many parts; of more the rest says nothing.
+_MOST_PARTS = 64
 # Nothing gives back what it has taken (possessive quantifiers); what is not closed reaches to the end.
 _TOKEN = re.compile(
     r"""
@@ -101,7 +103,7 @@ def _statements(text: str) -> Iterator[tuple[int, int, tuple[str, ...]]]:
         elif kind == "sign":
             in_value = token == "="
             opening += token == "["
-        elif kind in ("bare", "quoted") and not in_value:
+        elif kind in ("bare", "quoted") and not in_value and len(parts) < _MOST_PARTS:
             parts.append(token if kind == "bare" else token[1:-1])
         line += token.count("\n")
 
