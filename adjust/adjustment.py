@@ -124,7 +124,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
     return AdjustmentResult(
         state,
         system.layout,
-        with_inner_constraints(system, adjusted.solution, adjusted.quality),
+        with_inner_constraints(system, adjusted.solution, adjusted.quality).without_joins(system.layout),
         global_test(adjusted.weighted_squares, adjusted.redundancy, options.confidence),
         groups,
         adjusted.history,

@@ -62,17 +62,22 @@ def normals_at(system: System, state: State) -> ParameterNormals:
     factor, defect = _exposures_alone(system, state, normals)
     of_rhs, _ = factor.solve(normals.rhs_exposure, np.zeros(0))
     normal = normals.corner.copy()
-    for column in range(g):
+    for column in range(system.border):
         solved, _ = factor.solve(np.ascontiguousarray(normals.border[:, :, column]), np.zeros(0))
         normal[:, column] -= np.einsum("nig,ni->g", normals.border, solved)
     rhs = normals.rhs_border - np.einsum("nig,ni->g", normals.border, of_rhs)
     squares = normals.weighted_squares - normals.eliminated - float(np.sum(normals.rhs_exposure * of_rhs))
+    if system.border > g:
+        joins = np.linalg.solve(normal[g:, g:], np.column_stack([normal[g:, :g], rhs[g:]]))
+        squares -= float(rhs[g:] @ joins[:, g])
+        rhs = rhs[:g] - normal[:g, g:] @ joins[:, g]
+        normal = normal[:g, :g] - normal[:g, g:] @ joins[:, :g]
     return _normals(
         layout,
         state,
         0.5 * (normal + normal.T),
         rhs,
-        np.diagonal(normals.corner).copy(),
+        np.diagonal(normals.corner)[:g].copy(),
         system.observations.others,
         squares,
         system.redundancy + defect,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
+from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
@@ -27,13 +29,31 @@ class Cofactor:
     reduced : of exposures (with each other where they see common points) and system parameters.
     of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that took no part.
     hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
+    of_joins : (k, 3, 3) between the two object points of every join, local axes, m²; zero where one takes no
+        part.
     considered : what errors of considered parameters add, not part of the above; None without any.
     """
 
     reduced: ReducedCofactor
     of_points: Floats
     hat_of_rays: Floats
+    of_joins: Floats
     considered: ConsideredErrors | None = None
+
+    def without_joins(self, layout: ParameterLayout) -> Cofactor:
+        """The same of the unknowns of a layout alone: what joins object points has no column any more."""
+        reduced, g = self.reduced, layout.border
+        if len(reduced.corner) == g:
+            return self
+        mixed, own = reduced.normal[:g, g:], reduced.normal[g:, g:]
+        parameters = replace(
+            reduced,
+            border=reduced.border[:, :, :g],
+            corner=reduced.corner[:g, :g],
+            normal=reduced.normal[:g, :g] - mixed @ np.linalg.solve(own, mixed.T),
+            reduced_diagonal=reduced.reduced_diagonal[:g],
+        )
+        return replace(self, reduced=parameters)
 
 
 def cofactor(system: System, solution: Solution) -> Cofactor:
@@ -50,6 +70,7 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
         cofactor_kernel.point_cofactors(
             *system.rays_of_lane(state, lane),
             system.ray_columns.of_image,
+            *solution.normals.couplings.columns(system.layout.border),
             solution.normals.point_factor,
             system.pattern.row_start,
             system.pattern.column,
@@ -61,4 +82,17 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
         )
 
     in_any_order(work, lanes(system.point_start), system.threads)
-    return Cofactor(reduced, of_points, hat)
+    return Cofactor(reduced, of_points, hat, _between_joined_points(system, solution))
+
+
+def _between_joined_points(system: System, solution: Solution) -> Floats:
+    """Cofactors (k, 3, 3) between the two object points of every join."""
+    point, other = system.joined
+    found = np.zeros((len(point), 3, 3))
+    kept = np.flatnonzero(system.active_point[point] & system.active_point[other])
+    if len(kept):
+        points, place = np.unique(np.stack([point[kept], other[kept]]), return_inverse=True)
+        first, second = place.reshape(2, -1)
+        joint = joint_cofactors(system, solution, points)
+        found[kept] = joint[first, :, second, :]
+    return found

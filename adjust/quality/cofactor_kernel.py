@@ -35,8 +35,8 @@ def inverse_from_factor(lower, inverse):
 @kernel
 def point_cofactors(
     first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
-    slope, basis, inverse_sigma, active_point, columns, point_factor, row_start, column, blocks, border,
-    corner, cofactor, hat,
+    slope, basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector,
+    point_factor, row_start, column, blocks, border, corner, cofactor, hat,
 ):  # fmt: skip
     """Cofactors of the object points first_point … last_point − 1, and hat matrices of their image points.
 
@@ -102,6 +102,16 @@ def point_cofactors(
                     gain_border[position[g], q] += (
                         mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
                     )
+        for i in range(coupled_start[j], coupled_start[j + 1]):
+            g = coupled_column[i]
+            if position[g] < 0:
+                position[g] = touched
+                local[touched] = g
+                gain_border[touched, :] = 0.0
+                touched += 1
+            for q in range(3):
+                for k in range(3):
+                    gain_border[position[g], q] += coupled_vector[i, k] * inverse[k, q]
         # moved = Q Y, exposure rows of this point and system rows it touches
         moved[:count, :, :] = 0.0
         moved_border[:touched, :] = 0.0

@@ -154,6 +154,7 @@ def considered_errors(system: System, solution: Solution) -> ConsideredErrors | 
     if solution.movements is not None:
         g = solution.movements.vectors
         of_unknowns = of_unknowns.minus(g.times(solution.movements.selected.dot(of_unknowns)))
+    of_unknowns = replace(of_unknowns, of_border=of_unknowns.of_border[: system.layout.border])
     return ConsideredErrors(
         known,
         of_unknowns,

@@ -66,7 +66,7 @@ def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
 
 def _mixed(system: System, solution: Solution, points: Ints) -> _Mixed:
     """Mixed parts of the normal equations, from the rays of these points alone."""
-    rays, g = system.observations.image_points, system.layout.border
+    rays, g = system.observations.image_points, system.border
     place = np.full(system.layout.points, -1, dtype=np.int64)
     place[points] = np.arange(len(points))
     part = rays.only(np.flatnonzero((place[rays.point] >= 0) & rays.active))
@@ -83,4 +83,8 @@ def _mixed(system: System, solution: Solution, points: Ints) -> _Mixed:
     point = place[part.point]
     border = np.zeros((len(points), g, 3))
     np.add.at(border, point, np.swapaxes(of_border, 1, 2) @ of_point)
+    start, column, vector = solution.normals.couplings.columns(system.layout.border)
+    for k, j in enumerate(points):
+        own = slice(start[j], start[j + 1])
+        np.add.at(border[k], column[own], vector[own])
     return _Mixed(np.swapaxes(of_exposure, 1, 2) @ of_point, part.image, point, border)

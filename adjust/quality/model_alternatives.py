@@ -28,7 +28,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup, Term
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, ParameterLayout, State
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
 from adjust.quality.model_alternatives_kernel import add_products
 from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
@@ -249,7 +249,7 @@ def _eliminated(products: Floats, first: int, root: Floats) -> Floats:
 def products_of(system: System, state: State, alternatives: Sequence[ModelAlternative]) -> Products:
     """CᵀC and AᵀC of k alternatives and, as column k + 1, of the misclosures at a state."""
     last = len(alternatives)
-    products = Products(system.layout, last + 1)
+    products = Products(system, last + 1)
     for group in system.observations.groups:
         equations = _present(group, group.linearize(state))
         found = [
@@ -271,10 +271,10 @@ class Products:
     load : AᵀC.
     """
 
-    def __init__(self, layout: ParameterLayout, count: int) -> None:
-        self.layout = layout
+    def __init__(self, system: System, count: int) -> None:
+        self.layout = system.layout
         self.own = np.zeros((count, count))
-        self.load = SparseVectors.zeros(layout, count)
+        self.load = SparseVectors.zeros(system, count)
 
     def add(
         self, group: ObservationGroup, equations: Linearization, columns: Sequence[tuple[int, Floats]]

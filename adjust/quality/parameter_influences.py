@@ -83,7 +83,7 @@ def parameter_influences(
 def _units(system: System, columns: Ints) -> FullVectors:
     """Vectors of one at a system parameter each."""
     layout, count = system.layout, len(columns)
-    of_border = np.zeros((layout.border, count))
+    of_border = np.zeros((system.border, count))
     of_border[columns, np.arange(count)] = 1.0
     return FullVectors(np.zeros((layout.images, 6, count)), of_border, np.zeros((layout.points, 3, count)))
 

@@ -40,8 +40,13 @@ def with_inner_constraints(system: System, solution: Solution, quality: Cofactor
     g = movements.vectors
     z = solve_full(system, solution.state, solution.factorization, movements.selected)
     f = z.minus(g.times(0.5 * movements.selected.dot(z)))
+    first, second = system.joined
+    between = _product(g.of_points[first], f.of_points[second])
     return replace(
-        quality, reduced=_reduced(quality.reduced, g, f), of_points=_moved_points(quality.of_points, g, f)
+        quality,
+        reduced=_reduced(quality.reduced, g, f),
+        of_points=_moved_points(quality.of_points, g, f),
+        of_joins=quality.of_joins - between - _product(f.of_points[first], g.of_points[second]),
     )
 
 

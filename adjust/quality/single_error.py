@@ -99,15 +99,14 @@ def hat_matrices(
     equations: Linearization, others: Linearization, layout: ParameterLayout, cofactor: Cofactor
 ) -> Floats:
     """A Q Bᵀ (n, m, m) between the rows of each observation in one set of equations and in another."""
-    of_border, of_exposures, of_point = _by_kind(equations, layout)
-    same = others is equations
-    other_border, other_exposures, other_point = (
-        (of_border, of_exposures, of_point) if same else _by_kind(others, layout)
-    )
-    if of_point is not None and other_point is not None:
-        point, jacobian = of_point
-        return jacobian @ cofactor.of_points[point] @ np.swapaxes(other_point[1], 1, 2)
     reduced = cofactor.reduced
+    of_border, of_exposures, of_points = _by_kind(equations, layout, len(reduced.corner))
+    same = others is equations
+    other_border, other_exposures, other_points = (
+        (of_border, of_exposures, of_points) if same else _by_kind(others, layout, len(reduced.corner))
+    )
+    if of_points:
+        return _hat_of_points(of_points, other_points, cofactor)
     transposed = np.swapaxes(other_border, 1, 2)
     hat: Floats = of_border @ reduced.corner @ transposed
     for image, jacobian in of_exposures:
@@ -119,18 +118,32 @@ def hat_matrices(
     return hat
 
 
+def _hat_of_points(
+    of_points: list[tuple[Ints, Floats]], others: list[tuple[Ints, Floats]], cofactor: Cofactor
+) -> Floats:
+    """A Q Bᵀ (n, m, m) of rows that touch one object point each, or join two."""
+    hat: Floats = np.zeros((1, 1, 1))
+    for (point, jacobian), (_, other) in zip(of_points, others, strict=True):
+        hat = hat + jacobian @ cofactor.of_points[point] @ np.swapaxes(other, 1, 2)
+    if len(of_points) == 2:
+        (_, first), (_, second) = of_points
+        mixed = first @ cofactor.of_joins @ np.swapaxes(others[1][1], 1, 2)
+        hat = hat + mixed + second @ np.swapaxes(others[0][1] @ cofactor.of_joins, 1, 2)
+    return hat
+
+
 def _by_kind(
-    equations: Linearization, layout: ParameterLayout
-) -> tuple[Floats, list[tuple[Ints, Floats]], tuple[Ints, Floats] | None]:
+    equations: Linearization, layout: ParameterLayout, border: int
+) -> tuple[Floats, list[tuple[Ints, Floats]], list[tuple[Ints, Floats]]]:
     """Jacobians (n, m, g) of the border, those of exposures and of object points with their indices."""
     n, m = equations.misclosure.shape
-    of_border = np.zeros((n, m, layout.border))
-    of_exposures, of_point = list[tuple[Ints, Floats]](), None
+    of_border = np.zeros((n, m, border))
+    of_exposures, of_points = list[tuple[Ints, Floats]](), list[tuple[Ints, Floats]]()
     for term in equations.terms:
         if term.block == EXTERIOR_ORIENTATION:
             of_exposures.append((term.index, term.jacobian))
         elif term.block == OBJECT_POINT:
-            of_point = (term.index, term.jacobian)
+            of_points.append((term.index, term.jacobian))
         else:
             add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
-    return of_border, of_exposures, of_point
+    return of_border, of_exposures, of_points

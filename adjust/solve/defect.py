@@ -66,9 +66,9 @@ class OpenDirection:
 
 def explain_defect(system: System, state: State, singular: SingularNormalsError) -> DatumDefectError:
     """Name what a singular reduced system leaves undetermined."""
-    n = system.layout.images
+    n, g = system.layout.images, system.layout.border
     scaled = singular.null_space / singular.scale[:, None]
-    null = _NullSpace(scaled[: 6 * n], scaled[6 * n :], _border_names(system))
+    null = _NullSpace(scaled[: 6 * n], scaled[6 * n : 6 * n + g], _border_names(system))
     movements = datum_basis(state).reshape(6 * n, 7) / singular.scale[: 6 * n, None]
     directions, found = _pure_directions(null, movements)
     parameters: list[str] = []
@@ -91,11 +91,12 @@ def open_directions(
     system: System, state: State, normals: ReducedNormals, vectors: FullVectors
 ) -> tuple[OpenDirection, ...]:
     """Name the movements that a free network has open."""
-    n, d = system.layout.images, vectors.count
+    n, g, d = system.layout.images, system.layout.border, vectors.count
     root = np.sqrt(np.where(normals.diagonal_exposure > 0.0, normals.diagonal_exposure, 1.0)).reshape(-1, 1)
-    root_border = np.sqrt(np.where(normals.diagonal_border > 0.0, normals.diagonal_border, 1.0))
+    diagonal = normals.diagonal_border[:g]
+    root_border = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     basis = np.concatenate(
-        [root * vectors.of_exposures.reshape(6 * n, d), root_border[:, None] * vectors.of_border]
+        [root * vectors.of_exposures.reshape(6 * n, d), root_border[:, None] * vectors.of_border[:g]]
     )
     basis, _ = np.linalg.qr(basis)
     null = _NullSpace(basis[: 6 * n], basis[6 * n :], _border_names(system))

@@ -13,12 +13,13 @@ from adjust.observations.image_point_kernel import linearize_ray
 @kernel
 def subtract_eliminated(
     first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
-    slope, basis, inverse_sigma, active_point, compact, point_factor, rhs_point, rhs_exposure, rhs_border,
+    slope, basis, inverse_sigma, active_point, compact, coupled_start, coupled_column, coupled_vector,
+    point_factor, rhs_point, rhs_exposure, rhs_border,
 ):  # fmt: skip
     """Subtract N_qp N_pp⁻¹ b_p of the object points first_point … last_point − 1.
 
-    rhs_point (m, 3, d) is b_p; rhs_exposure (n, 6, d) and rhs_border (k, d), of the system parameters
-    that rays touch, are changed. ideal, slope and basis are those of these points' rays alone.
+    rhs_point (m, 3, d) is b_p; rhs_exposure (n, 6, d) and rhs_border (k, d), of the columns that rays and
+    couplings touch, are changed. ideal, slope and basis are those of these points' rays alone.
     """
     width = rhs_point.shape[2]
     misclosure = np.zeros((1, 2))
@@ -42,6 +43,10 @@ def subtract_eliminated(
                 for q in range(k + 1, 3):
                     value -= lower[q, k] * solved[q, t]
                 solved[k, t] = value / lower[k, k]
+        for i in range(coupled_start[j], coupled_start[j + 1]):
+            for k in range(3):
+                for t in range(width):
+                    rhs_border[coupled_column[i], t] -= coupled_vector[i, k] * solved[k, t]
         for i in range(point_start[j], point_start[j + 1]):
             e = image[i]
             linearize_ray(

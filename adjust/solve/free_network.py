@@ -30,6 +30,7 @@ from adjust.errors import InconsistentBlockError
 from adjust.parameters import InnerConstraints, State
 from adjust.solve.datum import datum_basis, movements_of_points, noticed_movements
 from adjust.solve.full_vectors import FullVectors
+from adjust.solve.joined_points import Joins
 from adjust.solve.normal_equations import ReducedNormals, System, add_border_columns, whiten
 
 # Information below this part of what an exposure's own observations would give alone is rounding: with it
@@ -114,9 +115,13 @@ def open_movements(system: System, state: State, normals: ReducedNormals) -> Ope
     if coefficients.shape[1] == 0:
         return None
     of_points = movements_of_points(state, np.arange(system.layout.points)) @ coefficients
-    vectors = FullVectors(
-        movements @ coefficients, of_border, np.where(system.active_point[:, None, None], of_points, 0.0)
-    )
+    of_points = np.where(system.active_point[:, None, None], of_points, 0.0)
+    of_joins = [
+        joined.moved(of_points)
+        for group in system.observations.others
+        if (joined := Joins.of(whiten(group, group.linearize(state)))) is not None
+    ]
+    vectors = FullVectors(movements @ coefficients, np.concatenate([of_border, *of_joins]), of_points)
     return OpenMovements(_orthonormal(vectors, system.inner_constraints), system.inner_constraints)
 
 

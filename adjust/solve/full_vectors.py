@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from adjust.arrays import Bools, Floats
-from adjust.parameters import ParameterLayout, State
+from adjust.parameters import State
 from adjust.solve import elimination_kernel
 from adjust.solve.factorization import Factorization
 from adjust.solve.lanes import Lane, in_order, lanes
-from adjust.solve.normal_equations import System, substitute_back
+from adjust.solve.normal_equations import ReducedNormals, System, substitute_back
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class FullVectors:
 
     Attributes
     ----------
-    of_exposures : (n, 6, d).  of_border : (g, d).
+    of_exposures : (n, 6, d).  of_border : (g, d), with the unknowns of joins behind the system parameters.
     of_points : (m, 3, d); zero for object points that take no part.
     """
 
@@ -74,9 +74,10 @@ class SparseVectors:
     of_points: dict[int, Floats] = field(default_factory=dict)
 
     @classmethod
-    def zeros(cls, layout: ParameterLayout, count: int) -> SparseVectors:
-        """Vectors of zeros."""
-        return cls(np.zeros((layout.images, 6, count)), np.zeros((layout.border, count)), layout.points)
+    def zeros(cls, system: System, count: int) -> SparseVectors:
+        """Vectors of zeros over the unknowns of a system."""
+        layout = system.layout
+        return cls(np.zeros((layout.images, 6, count)), np.zeros((system.border, count)), layout.points)
 
     def points_of(self, number: int) -> Floats:
         """The part (m, 3) of one vector at the object points, to be written into."""
@@ -102,7 +103,7 @@ def inverse_products(
     ----------
     state : that of linearisation.
     """
-    point_factor = factorization.normals.point_factor
+    normals = factorization.normals
     of_exposures, of_border = vectors.of_exposures.copy(), vectors.of_border.copy()
     count = of_border.shape[1]
     products = np.zeros((count, count))
@@ -111,8 +112,10 @@ def inverse_products(
         at_points = np.stack([vectors.of_points[k] for k in numbers], axis=2)
         at_points[~system.active_point] = 0.0
         load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
-        of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, point_factor, load)
-        y = _forward_substituted(point_factor, at_points, system.active_point).reshape(-1, len(numbers))
+        of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, normals, load)
+        y = _forward_substituted(normals.point_factor, at_points, system.active_point).reshape(
+            -1, len(numbers)
+        )
         products[np.ix_(numbers, numbers)] = y.T @ y
     exposures, border = factorization.factor.solve(of_exposures, of_border)
     products += of_exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + of_border.T @ border
@@ -139,7 +142,7 @@ def solve_full(
     state : that of linearisation.
     """
     normals = factorization.normals
-    rhs_exposure, rhs_border = _reduced(system, state, normals.point_factor, right_hand_sides)
+    rhs_exposure, rhs_border = _reduced(system, state, normals, right_hand_sides)
     parts = (rhs_exposure, rhs_border, right_hand_sides.of_points)
     found = FullVectors(*(np.empty_like(part) for part in parts))
     found.of_exposures[:], found.of_border[:] = factorization.factor.solve(rhs_exposure, rhs_border)
@@ -152,17 +155,20 @@ def solve_full(
     return found
 
 
-def _reduced(system: System, state: State, point_factor: Floats, given: FullVectors) -> tuple[Floats, Floats]:
+def _reduced(
+    system: System, state: State, normals: ReducedNormals, given: FullVectors
+) -> tuple[Floats, Floats]:
     """Right-hand sides (n, 6, d) and (g, d) after elimination of the object points."""
-    columns = system.ray_columns
+    columns, touched = system.ray_columns, system.touched_columns
 
     def work(lane: Lane) -> tuple[Floats, Floats]:
         of_exposures = np.zeros_like(given.of_exposures)
-        of_border = np.zeros((len(columns.border), given.count))
+        of_border = np.zeros((len(touched), given.count))
         elimination_kernel.subtract_eliminated(
             *system.rays_of_lane(state, lane),
             columns.compact,
-            point_factor,
+            *normals.couplings.columns(len(columns.border)),
+            normals.point_factor,
             given.of_points,
             of_exposures,
             of_border,
@@ -172,5 +178,5 @@ def _reduced(system: System, state: State, point_factor: Floats, given: FullVect
     exposures, border = given.of_exposures.copy(), given.of_border.copy()
     for of_exposures, of_border in in_order(work, lanes(system.point_start), system.threads):
         exposures += of_exposures
-        border[columns.border] += of_border
+        border[touched] += of_border
     return exposures, border

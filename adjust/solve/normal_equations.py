@@ -16,6 +16,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import Linearization, ObservationGroup
+from adjust.observations.distance import Distances
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import (
     EXTERIOR_ORIENTATION,
@@ -27,6 +28,7 @@ from adjust.parameters import (
 )
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.joined_points import Couplings, Joins, joined_points
 from adjust.solve.lanes import Lane
 from adjust.solve.ray_columns import RayColumns, ray_columns
 from adjust.solve.reduction import Sums, increments_of_points, reduce_image_points
@@ -54,6 +56,8 @@ class Observations:
 class ReducedNormals:
     """S dq = s after elimination of the object points, and what is needed to go back to them.
 
+    The border is that of the system: the system parameters, then one unknown for each join of object points.
+
     Attributes
     ----------
     blocking : which exposure blocks are there, and in which order they are eliminated.
@@ -62,6 +66,7 @@ class ReducedNormals:
     rhs_exposure : (n, 6).  rhs_border : (g,).
     diagonal_exposure : (n, 6), diagonal_border : (g,) of the unreduced normal equations.
     point_factor : (m, 3, 3) lower Cholesky factors of N_pp.  point_rhs : (m, 3) right-hand sides b_p.
+    couplings : of object points with the unknowns of joins.
     weighted_squares : vᵀPv at the state of linearisation.
     eliminated : Σ b_pᵀ N_pp⁻¹ b_p.
     """
@@ -76,6 +81,7 @@ class ReducedNormals:
     diagonal_border: Floats
     point_factor: Floats
     point_rhs: Floats
+    couplings: Couplings
     weighted_squares: float
     eliminated: float
 
@@ -93,6 +99,7 @@ class System:
     ----------
     observations : those that take part; what belongs to an object point that is no unknown is taken out.
     active_point : (m,) object points that are unknown; the others have lost too many rays.
+    joined : the object points (k,) and (k,) that observations join.
     point_start : (m + 1,) where the rays of each point begin.
     threads : how many may work at once; never changes a result.
     inner_constraints : unknowns whose approximate values carry what the observations leave open of the
@@ -105,6 +112,7 @@ class System:
     blocking: HelmertBlocking
     point_start: Ints
     active_point: Bools
+    joined: tuple[Ints, Ints]
     threads: int = 1
     inner_constraints: InnerConstraints | None = None
 
@@ -135,6 +143,7 @@ class System:
             ),
             point_starts(observations.image_points.point, points),
             active,
+            joined_points(observations.groups),
             threads,
             inner_constraints,
         )
@@ -158,10 +167,20 @@ class System:
         """Which exposure blocks there are."""
         return self.blocking.pattern
 
+    @property
+    def border(self) -> int:
+        """Columns of the border: the system parameters, and behind them the unknown of each join."""
+        return self.layout.border + len(self.joined[0])
+
     @cached_property
     def ray_columns(self) -> RayColumns:
         """Where the system parameters that image points touch stand in the border."""
         return ray_columns(self.layout, self.observations.image_points)
+
+    @property
+    def touched_columns(self) -> Ints:
+        """Columns of the border that the elimination of object points touches."""
+        return np.concatenate([self.ray_columns.border, np.arange(self.layout.border, self.border)])
 
     def ideal_rays(self, state: State, lane: Lane) -> IdealRays:
         """The image points of the object points of a lane, corrected by the additional parameters."""
@@ -211,8 +230,13 @@ def _refuse_unknown_indices(block: Block, observations: Observations) -> None:
     images, points = len(block.images), len(block.points)
     for group in observations.groups:
         # Only image points must have both; −1 elsewhere says that there is none.
-        least = 0 if group is observations.image_points else -1
-        for kind, index, count in (("image", group.image, images), ("object point", group.point, points)):
+        lowest = 0 if group is observations.image_points else -1
+        joined = np.concatenate(joined_points((group,)))
+        for kind, index, count, least in (
+            ("image", group.image, images, lowest),
+            ("object point", group.point, points, lowest),
+            ("object point", joined, points, 0),
+        ):
             if index.size and not (index.min() >= least and index.max() < count):
                 raise InconsistentBlockError(
                     f"An observation of {group.name} has an index of its {kind} outside 0 … {count - 1}."
@@ -232,6 +256,8 @@ def determined_points(block: Block, observations: Observations) -> Bools:
         minlength=len(block.points),
     )
     for group in observations.others:
+        if isinstance(group, Distances):  # it holds its points together, wherever they are
+            continue
         touching = group.point >= 0
         present = group.stochastic.present[touching].sum(axis=1)
         np.add.at(equations, group.point[touching], present)
@@ -260,9 +286,13 @@ def _of_active_points(observations: Observations, active: Bools) -> Observations
     """Without the single rays and partial surveys of object points that they do not determine."""
     kept = np.append(active, True)  # the last one serves what belongs to no object point (−1)
     rays = observations.image_points
+    others = [group.without(~kept[group.point]) for group in observations.others]
     return Observations(
         rays.without(~kept[rays.point]),
-        tuple(group.without(~kept[group.point]) for group in observations.others),
+        tuple(
+            group.without(~kept[group.other_point]) if isinstance(group, Distances) else group
+            for group in others
+        ),
     )
 
 
@@ -275,17 +305,28 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
     InconsistentBlockError : if an object point lies behind a camera that sees it.
     """
     layout = system.layout
-    m, g = layout.points, layout.border
+    m, g = layout.points, system.border
     sums = Sums.zero(len(system.pattern.column), layout.images, g)
     point_normal, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    squares = 0.0
+    squares, joins = 0.0, list[Joins]()
     for group in system.observations.others:
         equations = whiten(group, group.linearize(state))
         squares += float(np.sum(equations.misclosure**2))
-        _add_group(sums, equations, system, point_normal, point_rhs)
+        joined = Joins.of(equations)
+        if joined is None:
+            _add_group(sums, equations, system, point_normal, point_rhs)
+        else:
+            joins.append(joined)
+            _add_joins(joined, point_normal, point_rhs)
+    # Each unknown t stands in two halves with the weight 2, whether its observation takes part or not.
+    own = np.arange(layout.border, g)
+    sums.corner[own, own] = 4.0
+    couplings = Couplings.of(joins, m)
     sums.diagonal_exposure[:] = np.diagonal(sums.blocks[system.pattern.diagonal], axis1=1, axis2=2)
     sums.diagonal_border[:] = np.diagonal(sums.corner)
-    of_images, eliminated = reduce_image_points(system, state, damping, sums, point_normal, point_rhs)
+    of_images, eliminated = reduce_image_points(
+        system, state, damping, sums, point_normal, point_rhs, couplings
+    )
     if damping > 0.0:
         diagonal = np.arange(6)
         sums.blocks[system.pattern.diagonal[:, None], diagonal, diagonal] += damping * sums.diagonal_exposure
@@ -301,6 +342,7 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
         sums.diagonal_border,
         point_normal,
         point_rhs,
+        couplings,
         squares + of_images,
         eliminated,
     )
@@ -310,7 +352,7 @@ def _add_group(
     sums: Sums, equations: Linearization, system: System, point_normal: Floats, point_rhs: Floats
 ) -> None:
     """Add one group of whitened observation equations, whatever it is."""
-    of_exposures, of_border, of_point = _gathered(equations, system.layout)
+    of_exposures, of_border, of_point = _gathered(equations, system.layout, system.border)
     if of_point is not None:
         index, jacobian = of_point
         np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
@@ -324,6 +366,13 @@ def _add_group(
             _add_pairs(sums, system.pattern, (index, other), transposed @ of_other)
     sums.corner[:] += np.einsum("nij,nik->jk", of_border, of_border)
     sums.rhs_border[:] += np.einsum("nij,ni->j", of_border, equations.misclosure)
+
+
+def _add_joins(joins: Joins, point_normal: Floats, point_rhs: Floats) -> None:
+    """Add what both halves of rows that join object points give to each of them."""
+    for point, rows in ((joins.point, joins.of_point), (joins.other_point, joins.of_other)):
+        np.add.at(point_normal, point, 2.0 * rows[:, :, None] * rows[:, None, :])
+        np.add.at(point_rhs, point, rows * joins.misclosure[:, None])
 
 
 def _add_pairs(sums: Sums, pattern: Covisibility, images: tuple[Ints, Ints], products: Floats) -> None:
@@ -353,9 +402,7 @@ def substitute_back(
     system: System, state: State, normals: ReducedNormals, of_exposures: Floats, of_border: Floats
 ) -> Floats:
     """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
-    return increments_of_points(
-        system, state, normals.point_factor, normals.point_rhs, of_exposures, of_border
-    )
+    return increments_of_points(system, state, normals, of_exposures, of_border)
 
 
 def whiten(group: ObservationGroup, equations: Linearization) -> Linearization:
@@ -375,11 +422,11 @@ def standardize(group: ObservationGroup, equations: Linearization) -> Linearizat
 
 
 def _gathered(
-    equations: Linearization, layout: ParameterLayout
+    equations: Linearization, layout: ParameterLayout, border: int
 ) -> tuple[list[tuple[Ints, Floats]], Floats, tuple[Ints, Floats] | None]:
     """Jacobians by kind: (index, (n, m, 6)) of exposures, (n, m, g) of the border, (index, (n, m, 3))."""
     n, m = equations.misclosure.shape
-    of_border = np.zeros((n, m, layout.border))
+    of_border = np.zeros((n, m, border))
     of_exposures, of_points = list[tuple[Ints, Floats]](), list[tuple[Ints, Floats]]()
     for term in equations.terms:
         if term.block == EXTERIOR_ORIENTATION:

@@ -15,7 +15,8 @@ from adjust.solve import reduction_kernel
 from adjust.solve.lanes import Lane, in_any_order, in_order, lanes
 
 if TYPE_CHECKING:
-    from adjust.solve.normal_equations import System
+    from adjust.solve.joined_points import Couplings
+    from adjust.solve.normal_equations import ReducedNormals, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,13 @@ class Sums:
 
 
 def reduce_image_points(
-    system: System, state: State, damping: float, sums: Sums, point_normal: Floats, point_rhs: Floats
+    system: System,
+    state: State,
+    damping: float,
+    sums: Sums,
+    point_normal: Floats,
+    point_rhs: Floats,
+    couplings: Couplings,
 ) -> tuple[float, float]:
     """Add all image points to the sums and eliminate the object points.
 
@@ -78,6 +85,7 @@ def reduce_image_points(
     ----------
     point_normal, point_rhs : (m, 3, 3) and (m, 3), what other groups add to the object points; on return
         the lower Cholesky factors of N_pp and the full right-hand sides.
+    couplings : of object points with the unknowns of joins.
 
     Returns
     -------
@@ -90,12 +98,14 @@ def reduce_image_points(
     """
     pattern = system.pattern
     columns = system.ray_columns
+    touched = system.touched_columns
 
     def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
-        mine = Sums.zero(len(pattern.column), pattern.images, len(columns.border))
+        mine = Sums.zero(len(pattern.column), pattern.images, len(touched))
         return mine, *reduction_kernel.reduce_points(
             *system.rays_of_lane(state, lane),
             columns.compact,
+            *couplings.columns(len(columns.border)),
             damping,
             pattern.row_start,
             pattern.column,
@@ -115,19 +125,14 @@ def reduce_image_points(
         work, lanes(system.point_start), system.threads
     ):
         _refuse(system.block, behind, undetermined)
-        sums.add(of_lane, columns.border)
+        sums.add(of_lane, touched)
         weighted_squares += squares
         eliminated += reduction
     return weighted_squares, eliminated
 
 
 def increments_of_points(
-    system: System,
-    state: State,
-    point_factor: Floats,
-    point_rhs: Floats,
-    of_exposures: Floats,
-    of_border: Floats,
+    system: System, state: State, normals: ReducedNormals, of_exposures: Floats, of_border: Floats
 ) -> Floats:
     """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
     increments = np.zeros_like(state.object_point)
@@ -136,8 +141,9 @@ def increments_of_points(
         reduction_kernel.substitute_back(
             *system.rays_of_lane(state, lane),
             system.ray_columns.of_image,
-            point_factor,
-            point_rhs,
+            *normals.couplings.columns(system.layout.border),
+            normals.point_factor,
+            normals.point_rhs,
             of_exposures,
             of_border,
             increments,

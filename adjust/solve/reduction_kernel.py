@@ -195,7 +195,8 @@ def subtract_exposure_rows(
 @kernel
 def reduce_points(
     first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
-    basis, inverse_sigma, active_point, columns, damping, row_start, column,
+    basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector, damping,
+    row_start, column,
     blocks, border, corner, rhs_exposure, rhs_border, diagonal_exposure, diagonal_border,
     point_normal, point_rhs,
 ):  # fmt: skip
@@ -204,7 +205,8 @@ def reduce_points(
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
     ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone;
-    columns (n, 3 + t) says where the system parameters of each image stand.
+    columns (n, 3 + t) says where the system parameters of each image stand; coupled_vector (c, 3) are the
+    elements of N in the rows of other columns of the border, those of each object point beside each other.
     blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border
     (g) are added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
 
@@ -284,6 +286,15 @@ def reduce_points(
                         reduced_border[position[g], q] += (
                             of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                         )
+        for i in range(coupled_start[j], coupled_start[j + 1]):
+            g = coupled_column[i]
+            if position[g] < 0:
+                position[g] = touched
+                local[touched] = g
+                reduced_border[touched, :] = 0.0
+                touched += 1
+            for q in range(3):
+                reduced_border[position[g], q] += coupled_vector[i, q]
         times_inverse_transpose(reduced, 0, 6 * (rays[1] - rays[0]), lower)
         times_inverse_transpose(reduced_border, 0, touched, lower)
         subtract_exposure_rows(
@@ -299,7 +310,8 @@ def reduce_points(
 @kernel
 def substitute_back(
     first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
-    basis, inverse_sigma, active_point, columns, point_factor, point_rhs, of_exposures, of_border, result,
+    basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector, point_factor,
+    point_rhs, of_exposures, of_border, result,
 ):  # fmt: skip
     """Increments dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a) of the object points first … last − 1, to result (m, 3)."""
     misclosure = np.zeros((1, 2))
@@ -313,6 +325,8 @@ def substitute_back(
             continue
         for k in range(3):
             rhs[k] = point_rhs[j, k]
+            for i in range(coupled_start[j], coupled_start[j + 1]):
+                rhs[k] -= coupled_vector[i, k] * of_border[coupled_column[i]]
         for i in range(point_start[j], point_start[j + 1]):
             e = image[i]
             linearize_ray(

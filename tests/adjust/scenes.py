@@ -25,6 +25,7 @@ from adjust.geometry.earth import CartesianFrame, Ellipsoid, LocalFrame, Topocen
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
@@ -90,7 +91,8 @@ class Plan:
     the values. ``priors`` gives a standard deviation (SI) with which a family is observed
     directly. ``additional``: every camera has a set of additional parameters of its own; ``forward``: and a
     distortion of the ideal point, some millimetres in the corners. ``turning``: the body turns at the
-    exposures, and the rates are delivered.
+    exposures, and the rates are delivered. ``distances``: number of measured distances between object points;
+    the first point is an end of two of them.
     ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
     those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
@@ -117,6 +119,8 @@ class Plan:
     sigma_gnss_m: float = 0.05
     sigma_ins_rad: float = 0.005 * DEGREE
     sigma_control_m: float = 0.03
+    distances: int = 0
+    sigma_distance_m: float = 0.01
     turning: bool = False
     gnss_correlation_s: float | None = None
     ins_correlation_s: float | None = None
@@ -169,6 +173,8 @@ def two_strips(**switches: object) -> Scene:
         observed = attitude @ later @ rotation.exp(-drawn)
         turning = BodyRates(flight_of_image, rates) if plan.turning else None
         others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights, turning))
+    if plan.distances:
+        others.append(_distances(plan, truth.object_point, noise))
     for family, sigma in plan.priors.items():
         shape = system[family].shape
         given = system[family] + _drawn(noise, sigma, shape)
@@ -375,6 +381,16 @@ def _control(
     )
 
 
+def _distances(plan: Plan, points: Floats, noise: np.random.Generator | None) -> Distances:
+    """Distances between object points all over the block."""
+    ends = np.random.default_rng(14).choice(len(points), (plan.distances, 2), replace=False)
+    ends[1:2, 0] = ends[0, 0]
+    true = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
+    sigma = np.full((plan.distances, 1), plan.sigma_distance_m)
+    given = true + _drawn(noise, plan.sigma_distance_m, true.shape)
+    return Distances(ends[:, 0], ends[:, 1], given, StochasticModel.from_sigma(sigma))
+
+
 def _gnss(
     plan: Plan,
     frame: LocalFrame,
@@ -494,6 +510,14 @@ def with_correlated_attitudes(scene: Scene) -> Scene:
     return replace(scene, observations=replace(scene.observations, others=tuple(others)))
 
 
+def with_rejected_distances(scene: Scene, rows: tuple[int, ...]) -> Scene:
+    """The same block without some distances."""
+    others = list(scene.observations.others)
+    number = next(k for k, group in enumerate(others) if isinstance(group, Distances))
+    others[number] = others[number].without(np.isin(np.arange(len(others[number].point)), rows))
+    return replace(scene, observations=replace(scene.observations, others=tuple(others)))
+
+
 def with_rejected_positions(scene: Scene, rows: tuple[int, ...]) -> Scene:
     """The same block without some GNSS positions."""
     others = list(scene.observations.others)
@@ -542,6 +566,9 @@ def variants() -> dict[str, Scene]:
             free={GNSS_STRIP_BIAS: True, GNSS_DRIFT: True, TIME_OFFSET: True, BORESIGHT: True},
             priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
             **seeds,
+        ),
+        "distances": with_rejected_distances(
+            two_strips(**{**everything, "priors": {}}, control=("full",) * 3, distances=8, **seeds), rows=(2,)
         ),
         "correlated_over_time": with_rejected_positions(
             with_correlated_attitudes(

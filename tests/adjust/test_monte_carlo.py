@@ -71,7 +71,7 @@ def variances_of(result: AdjustmentResult) -> Floats:
 def trials() -> Trials:
     squared, weighted, passed, standardized, normalized = [], [], 0, [], []
     for seed in range(TRIALS):
-        scene = two_strips(free=FREE, noise_seed=seed)
+        scene = two_strips(free=FREE, distances=5, noise_seed=seed)
         result = adjust_block(scene.block, scene.observations)
         system = System.of(scene.block, scene.observations)
         normal, _ = full_normals(design_matrix(system, result.state))

@@ -39,6 +39,7 @@ def scene() -> Scene:
         flights=2,
         additional=True,
         turning=True,
+        distances=5,
         free=free,
         priors=priors,
         noise_seed=31,
@@ -228,6 +229,7 @@ def test_misclosure_vanishes_at_the_truth_without_noise(name: str) -> None:
         cameras=2,
         flights=2,
         turning=True,
+        distances=5,
         free={**ALL_FREE, "time_offset": True},
         priors=dict.fromkeys(FAMILIES, 0.01),
     )

@@ -55,6 +55,12 @@ BLOCKS: dict[str, tuple[dict[str, object], int]] = {
     "attitudes": ({"control": (), "gnss": False}, 4),
     "attitudes and boresight": ({"control": (), "gnss": False, "free": {BORESIGHT: True}}, 4),
     "attitudes, correlated over time": ({"control": (), "gnss": False, "ins_correlation_s": 20.0}, 4),
+    "distances": ({**NOTHING, "distances": 6}, 6),
+    "distances, focal length free": (
+        {**NOTHING, "distances": 6, "free": {INTERIOR_ORIENTATION: [[True, False, False]]}},
+        6,
+    ),
+    "distances and attitudes": ({"control": (), "gnss": False, "distances": 3}, 3),
     "positions with a free shift": ({"control": (), "ins": False, "free": {GNSS_SHIFT: True}}, 3),
 }
 
@@ -91,7 +97,8 @@ class BothWays:
     def stacked(self, vectors: FullVectors) -> Floats:
         """Vectors (u, d) in the order of the design matrix."""
         d, active = vectors.count, self.system.active_point
-        parts = (vectors.of_exposures, vectors.of_border, vectors.of_points[active])
+        of_parameters = vectors.of_border[: self.system.layout.border]
+        parts = (vectors.of_exposures, of_parameters, vectors.of_points[active])
         return np.concatenate([part.reshape(-1, d) for part in parts])
 
     def bordered(self) -> tuple[Floats, Floats]:
@@ -113,7 +120,8 @@ class BothWays:
 
     def cofactor(self) -> Cofactor:
         solution = self.solution()
-        return with_inner_constraints(self.system, solution, cofactor(self.system, solution))
+        found = with_inner_constraints(self.system, solution, cofactor(self.system, solution))
+        return found.without_joins(self.system.layout)
 
 
 @pytest.fixture(scope="module", params=CASES, ids=str)
@@ -190,11 +198,13 @@ def test_solutions_for_other_right_hand_sides_fulfil_the_full_equations(both: Bo
     normal, _ = full_normals(both.design)
     random = np.random.default_rng(5)
     n, g, m = both.system.layout.images, both.system.layout.border, both.system.layout.points
-    x = FullVectors(*(random.normal(size=(*shape, 2)) for shape in ((n, 6), (g,), (m, 3))))
+    joins = both.system.border - g
+    x = FullVectors(*(random.normal(size=(*shape, 2)) for shape in ((n, 6), (g + joins,), (m, 3))))
     # N maps onto vectors without a part along G, whatever x is; so N (solution of N x) = N x.
     product = normal @ both.stacked(x)
     split = np.split(product, [6 * n, 6 * n + g])
-    rhs = FullVectors(split[0].reshape(n, 6, 2), split[1], split[2].reshape(m, 3, 2))
+    of_border = np.concatenate([split[1], np.zeros((joins, 2))])
+    rhs = FullVectors(split[0].reshape(n, 6, 2), of_border, split[2].reshape(m, 3, 2))
     found = both.stacked(solve_full(both.system, both.state, both.solution().factorization, rhs))
     # |N x|_i ≤ √N_ii |A x|.
     scale = np.outer(
@@ -477,8 +487,9 @@ def test_the_normal_matrix_of_the_system_parameters_is_that_of_the_datum(both: B
     np.testing.assert_allclose(product, np.eye(len(scale)), atol=1e-7)
 
 
-def test_parameters_that_the_datum_does_not_touch_are_judged_as_in_any_block() -> None:
-    scene = scene_of("nothing, additional parameters")
+@pytest.mark.parametrize("distances", [0, 5])
+def test_parameters_that_the_datum_does_not_touch_are_judged_as_in_any_block(distances: int) -> None:
+    scene = scene_of("nothing, additional parameters", distances=distances)
     result = adjusted(scene)
     system = System.of(scene.block, scene.observations, inner_constraints="object_points")
     found, expected = normals_at(system, result.state), normals_of_result(result)

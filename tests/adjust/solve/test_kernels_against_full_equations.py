@@ -48,6 +48,15 @@ class BothWays:
     def exposures(self) -> int:
         return self.design.exposure_columns.size
 
+    @property
+    def reduced(self) -> tuple[Floats, Floats]:
+        """Reduced matrix and right-hand side without the unknowns of joins, which the full equations lack."""
+        matrix = dense_matrix(self.normals)
+        rhs = np.concatenate([self.normals.rhs_exposure.ravel(), self.normals.rhs_border])
+        kept = self.exposures + self.system.layout.border
+        gain = np.linalg.solve(matrix[kept:, kept:], matrix[kept:, :kept]).T
+        return matrix[:kept, :kept] - gain @ matrix[kept:, :kept], rhs[:kept] - gain @ rhs[kept:]
+
     def kernel_cofactor(self) -> Cofactor:
         return cofactor(self.system, Solution(self.state, self.normals, factorize(self.normals), ()))
 
@@ -67,12 +76,12 @@ def assert_equal_on_scale(found: Floats, expected: Floats, scale: Floats) -> Non
 def test_reduced_matrix_is_the_schur_complement_of_the_full_normal_equations(both: BothWays) -> None:
     expected, _ = schur_complement(both.design)
     root = np.sqrt(np.diagonal(expected))
-    assert_equal_on_scale(dense_matrix(both.normals), expected, np.outer(root, root))
+    assert_equal_on_scale(both.reduced[0], expected, np.outer(root, root))
 
 
 def test_reduced_right_hand_side_is_that_of_the_schur_complement(both: BothWays) -> None:
     matrix, expected = schur_complement(both.design)
-    found = np.concatenate([both.normals.rhs_exposure.ravel(), both.normals.rhs_border])
+    found = both.reduced[1]
     # |s_i| ≤ √S_ii |l| by Cauchy–Schwarz.
     scale = np.sqrt(np.diagonal(matrix)) * np.sqrt(both.design.weighted_squares)
     assert_equal_on_scale(found, expected, scale)
@@ -85,6 +94,7 @@ def test_weighted_squares_agree(both: BothWays) -> None:
 def test_diagonal_before_reduction_is_that_of_the_full_normal_equations(both: BothWays) -> None:
     normal, _ = full_normals(both.design)
     found = np.concatenate([both.normals.diagonal_exposure.ravel(), both.normals.diagonal_border])
+    found = found[: both.exposures + both.system.layout.border]
     expected = np.diagonal(normal)[: len(found)]
     assert_equal_on_scale(found, expected, expected)
 
@@ -95,7 +105,8 @@ def test_solution_and_decrement_agree(both: BothWays) -> None:
     of_exposures, of_border = factorize(both.normals).solve()
     of_points = substitute_back(both.system, both.state, both.normals, of_exposures, of_border)
     active = both.system.active_point
-    found = np.concatenate([of_exposures.ravel(), of_border, of_points[active].ravel()])
+    of_parameters = of_border[: both.system.layout.border]
+    found = np.concatenate([of_exposures.ravel(), of_parameters, of_points[active].ravel()])
     # |dx_i| ≤ σ_i |l|.
     scale = np.sqrt(np.diagonal(cofactors)) * np.sqrt(both.design.weighted_squares)
     assert_equal_on_scale(found, expected, scale)
@@ -109,7 +120,7 @@ def test_solution_and_decrement_agree(both: BothWays) -> None:
 
 def test_cofactors_of_exposures_and_border_are_blocks_of_the_full_inverse(both: BothWays) -> None:
     expected = full_cofactor(both.design)
-    found = both.kernel_cofactor().reduced
+    found = both.kernel_cofactor().without_joins(both.system.layout).reduced
     root = np.sqrt(np.diagonal(expected))
     for block, i, j in zip(found.blocks, found.pattern.row, found.pattern.column, strict=True):
         rows, columns = both.design.exposure_columns[i], both.design.exposure_columns[j]
@@ -122,9 +133,21 @@ def test_cofactors_of_exposures_and_border_are_blocks_of_the_full_inverse(both: 
         expected[np.ix_(exposures, border)],
         np.outer(root[exposures], root[border]),
     )
-    assert_equal_on_scale(
-        found.corner, expected[np.ix_(border, border)], np.outer(root[border], root[border])
-    )
+    corner = expected[np.ix_(border, border)]
+    assert_equal_on_scale(found.corner, corner, np.outer(root[border], root[border]))
+    if len(border):
+        inverse = np.linalg.inv(corner)
+        root = np.sqrt(np.diagonal(inverse))
+        assert_equal_on_scale(1e-3 * found.normal, 1e-3 * inverse, np.outer(root, root))
+
+
+def test_cofactors_between_joined_points_are_blocks_of_the_full_inverse(both: BothWays) -> None:
+    expected = full_cofactor(both.design)
+    point, other = both.system.joined
+    for found, j, k in zip(both.kernel_cofactor().of_joins, point, other, strict=True):
+        rows, columns = both.design.point_columns[j], both.design.point_columns[k]
+        scale = np.sqrt(np.outer(np.diagonal(expected)[rows], np.diagonal(expected)[columns]))
+        assert_equal_on_scale(found, expected[np.ix_(rows, columns)], scale)
 
 
 def test_cofactors_of_object_points_are_blocks_of_the_full_inverse(both: BothWays) -> None:

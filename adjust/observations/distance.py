@@ -1,0 +1,61 @@
+"""Distances between object points: scale bars, tapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.parameters import OBJECT_POINT, State, Unit
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Measured straight distances between two object points each.
+
+    The observation is zero when |X_other − X_point| = d.
+
+    Attributes
+    ----------
+    point, other_point : (n,) indices of the two object points.
+    given : (n,) distance d, metres.
+    stochastic : one component.
+    """
+
+    point: Ints
+    other_point: Ints
+    given: Floats
+    stochastic: StochasticModel
+
+    name: ClassVar[str] = "distances"
+    components: ClassVar[tuple[str, ...]] = ("distance",)
+    unit: ClassVar[Unit] = "m"
+
+    @property
+    def image(self) -> Ints:
+        """−1 for every distance: it belongs to no image."""
+        return np.full(len(self.point), -1, dtype=np.int64)
+
+    def linearize(self, state: State) -> Linearization:
+        """Observation equations at a state; where both points coincide the direction is any."""
+        between = state.object_point[self.other_point] - state.object_point[self.point]
+        length = np.linalg.norm(between, axis=1)
+        apart = length > 0.0
+        direction = np.where(
+            apart[:, None], between / np.where(apart, length, 1.0)[:, None], np.array([1.0, 0.0, 0.0])
+        )[:, None, :]
+        return Linearization(
+            (self.given - length)[:, None],
+            (Term(OBJECT_POINT, self.point, -direction), Term(OBJECT_POINT, self.other_point, direction)),
+        )
+
+    def without(self, rejected: Bools) -> Self:
+        """The same group with the distances (n,) that are rejected taken out."""
+        return replace(self, stochastic=self.stochastic.without(rejected))
+
+    def rescaled(self, factor: Floats) -> Self:
+        """The same group with its standard deviations multiplied by factors that broadcast to (n, m)."""
+        return replace(self, stochastic=self.stochastic.rescaled(factor))
