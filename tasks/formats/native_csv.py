@@ -5,6 +5,7 @@
 | image points | image, point, x, y [, sx, sy] |
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
+| distances | point, other_point, distance [, sigma, role] |
 
 The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
@@ -23,7 +24,13 @@ from pathlib import Path
 import pyarrow as pa
 
 from tasks.errors import InputError
-from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
+from tasks.formats.records import (
+    AngleOrder,
+    ControlRecords,
+    DistanceRecords,
+    ExposureRecords,
+    ImagePointRecords,
+)
 from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
 from tasks.nearest_name import nearest
 from tasks.plain_text import trouble_in
@@ -106,6 +113,28 @@ def read_csv_control(path: Path) -> ControlRecords:
         point=table.text("point"),
         position=table.numbers(_XYZ, may_be_empty=True),
         sigma=table.numbers(_SIGMA_XYZ, may_be_empty=True),
+        role=_optional_text(table, "role"),
+        line=table.line,
+        extra=extra,
+    )
+
+
+def read_csv_distances(path: Path) -> DistanceRecords:
+    """Read distances between object points.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; missing columns.
+    """
+    numeric = ("distance", "sigma")
+    table, extra = _read(path, ("point", "other_point", "distance"), ("sigma", "role"), numeric)
+    return DistanceRecords(
+        file=path,
+        point=table.text("point"),
+        other_point=table.text("other_point"),
+        distance=table.numbers(("distance",))[:, 0],
+        sigma=table.numbers(("sigma",), may_be_empty=True)[:, 0],
         role=_optional_text(table, "role"),
         line=table.line,
         extra=extra,

@@ -106,6 +106,31 @@ class ControlRecords:
     remarks: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DistanceRecords:
+    """Measured distances between object points as read.
+
+    Attributes
+    ----------
+    file : the file they came from.
+    point, other_point : names of both ends, text (n,).
+    distance : (n,) in the unit the project file declares.
+    sigma : (n,) in the same unit, NaN where the row gives none.
+    role : text (n,) ``control`` or ``check``, null where the row gives none.
+    line : (n,) 1-based line of each row.
+    extra : further columns of the file, text (n,), verbatim.
+    """
+
+    file: Path
+    point: pa.Array
+    other_point: pa.Array
+    distance: Floats
+    sigma: Floats
+    role: pa.Array
+    line: Lines
+    extra: Mapping[str, pa.Array] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, slots=True)
 class CameraRecord:
     """A frame camera as a file describes it.

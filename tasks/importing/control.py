@@ -140,11 +140,23 @@ def _roles(source: ControlInput, records: ControlRecords, places: Places) -> lis
             file=source.file,
             entity=unknown[0],
         )
-    given = records.role.to_pylist()
-    for row, role in enumerate(given):
-        if role is not None and role not in _ROLES:
-            raise places.error(row, f"There is no role '{role}'.", "Write control or check.", names[row])
+    given = roles_of_rows(records.role, places, records.point)
     check = set(source.check_points)
     return [
         "check" if name in check else role or source.role for name, role in zip(names, given, strict=True)
     ]
+
+
+def roles_of_rows(given: pa.Array, places: Places, names: pa.Array) -> list[str | None]:
+    """Roles as the rows give them, None where they do not.
+
+    Raises
+    ------
+    InputError
+        If there is another one.
+    """
+    roles: list[str | None] = given.to_pylist()
+    for row, role in enumerate(roles):
+        if role is not None and role not in _ROLES:
+            raise places.error(row, f"There is no role '{role}'.", "Write control or check.", str(names[row]))
+    return roles

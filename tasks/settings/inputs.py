@@ -6,13 +6,19 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from tasks.formats.register import control_formats, exposure_formats, image_point_formats
+from tasks.formats.register import (
+    control_formats,
+    distance_formats,
+    exposure_formats,
+    image_point_formats,
+)
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
     Angles,
     Heights,
     NotNegativeTriple,
     PlacedSettings,
+    Positive,
     PositivePair,
     PositiveTriple,
     one_table_or_several,
@@ -129,10 +135,34 @@ class ControlInput(PlacedSettings):
     )
 
 
+class DistancesInput(Settings):
+    """One file of measured distances between object points: scale bars, tapes."""
+
+    file: InputPath = Field(description="The file.")
+    format: Annotated[str, AfterValidator(one_of(distance_formats, "format of distances"))] = Field(
+        default="csv", description="`csv` (point, other_point, distance [, sigma, role])."
+    )
+    unit: Literal["m", "mm"] = Field(
+        description="Unit of distances and σ. They are straight distances in space, neither horizontal nor "
+        "reduced to a map."
+    )
+    sigma: Positive | None = Field(
+        default=None,
+        description="Standard deviation of a distance in `unit`; a row's sigma beats it. One of both is "
+        "needed: scale bars are known to some 0.01 mm, taped distances to millimetres.",
+    )
+    role: Literal["control", "check"] = Field(
+        default="control",
+        description="Role of the distances whose row gives none: a `check` distance never enters an "
+        "adjustment.",
+    )
+
+
 _AsTuple = BeforeValidator(one_table_or_several)
 ImagePointsInputs: TypeAlias = Annotated[tuple[ImagePointsInput, ...], _AsTuple]
 ExposuresInputs: TypeAlias = Annotated[tuple[ExposuresInput, ...], _AsTuple]
 ControlInputs: TypeAlias = Annotated[tuple[ControlInput, ...], _AsTuple]
+DistancesInputs: TypeAlias = Annotated[tuple[DistancesInput, ...], _AsTuple]
 
 
 class Inputs(Settings):
@@ -155,6 +185,11 @@ class Inputs(Settings):
     )
     control: ControlInputs = Field(
         default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."
+    )
+    distances: DistancesInputs = Field(
+        default=(),
+        description="Files of distances between object points, control and check. They give a block its "
+        "scale that has neither control points nor positions.",
     )
 
     @model_validator(mode="after")
