@@ -22,6 +22,8 @@ os.environ["PREFECT_HOME"] = _prefect_home.name
 # A server that somebody runs on this machine must not hear of the tests.
 os.environ["AEROCAL_STATE"] = str(Path(_prefect_home.name) / "state")
 os.environ["DO_NOT_TRACK"] = "1"
+# Whichever test has Prefect set up its logging first: our messages outside a run are no warning.
+os.environ["PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW"] = "ignore"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
 for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
     os.environ.pop(name, None)

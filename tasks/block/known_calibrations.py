@@ -5,7 +5,6 @@ The covariance comes with cameras.parquet. Its parameters are those of the camer
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +24,7 @@ from adjust.parameters import (
 )
 from tasks.block.parameter_tables import reported_unit
 from tasks.errors import InputError
+from tasks.storage.json_text import from_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def known_calibrations(block: Block, cameras: pd.DataFrame) -> tuple[KnownCalibr
         text = rows[camera.name]["calibration_covariance"]
         if not isinstance(text, str):
             continue
-        known = json.loads(text)
+        known = from_json(text)
         matrix = np.array(known["covariance"], dtype=np.float64)
         chosen = [
             (number, parameters, place)

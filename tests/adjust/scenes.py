@@ -553,8 +553,9 @@ def variants() -> dict[str, Scene]:
         "additional_parameters_two_cameras": two_strips(
             **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: True}}, additional=True, **seeds
         ),
+        # b1 stretches the image as test:stretch does: one of both.
         "distortion_of_the_ideal_point": two_strips(
-            **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: True}},
+            **{**everything, "free": {**ALL_FREE, ADDITIONAL_PARAMETERS: [[True] * 7 + [False], [True] * 8]}},
             additional=True,
             forward=True,
             **seeds,
