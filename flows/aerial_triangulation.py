@@ -43,6 +43,7 @@ def adjusted_block(
         cameras=block.exposures["cameras"],
         image_points=block.image_points["image_points"],
         control_points=block.control["control_points"],
+        distances=block.control["distances"],
         approximate_points=block.approximate["approximate_points"],
         approximate_boresight=block.approximate["approximate_boresight"],
         approximate_orientations=block.approximate["approximate_orientations"],

@@ -49,7 +49,12 @@ def prepare_block(
     read = import_exposures(
         store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
     )
-    control = import_control(store, sources=project.inputs.control, project=project.project)
+    control = import_control(
+        store,
+        sources=project.inputs.control,
+        project=project.project,
+        distances=project.inputs.distances,
+    )
     points = import_image_points(
         store,
         sources=project.inputs.image_points,
@@ -65,6 +70,7 @@ def prepare_block(
         cameras=read["cameras"],
         image_points=points["image_points"],
         control_points=control["control_points"],
+        distances=control["distances"],
         project=project.project,
         checks=project.checks,
         misaligned="boresight" in (project.adjustment.free if free is None else free),

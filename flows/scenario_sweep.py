@@ -119,6 +119,7 @@ class _Case:
             "cameras": self.block.exposures["cameras"],
             "image_points": images["image_points"],
             "control_points": roles["control_points"],
+            "distances": self.block.control["distances"],
             "project": self.project.project,
         }
 

@@ -34,6 +34,7 @@ from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.first_run import announce_compilation
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
+from tasks.plausibility.distances import check_distances
 from tasks.plausibility.flight_direction import check_flight_direction
 from tasks.plausibility.misalignment import misalignment
 from tasks.plausibility.orientations import check_orientations, ray_residuals
@@ -56,6 +57,7 @@ def approximate_block(
     cameras: Artifact,
     image_points: Artifact,
     control_points: Artifact,
+    distances: Artifact,
     project: ProjectSettings,
     checks: ChecksSettings,
     misaligned: bool = False,
@@ -78,7 +80,10 @@ def approximate_block(
     measured = read_table(image_points)
     surveyed_table = read_table(control_points)
     delivered, camera_table = read_table(exposures), read_table(cameras)
-    oriented = found_orientations(delivered, camera_table, measured, surveyed_table, map_frame)
+    given_distances = read_table(distances)
+    oriented = found_orientations(
+        delivered, camera_table, measured, surveyed_table, given_distances, map_frame
+    )
     own = measured_exposures(delivered, camera_table, measured)
     given, frame, unoriented = oriented_images(delivered, camera_table, measured, map_frame, oriented.table)
     measured = measured[~measured["image"].isin(unoriented)]
@@ -97,6 +102,7 @@ def approximate_block(
     ]
     problems += suspicions
     problems += found.remarks
+    problems += check_distances(given_distances, found.point, found.x_in_local)
     problems += _dropped(found) + _unmeasured(surveyed, found)
 
     write_images(folder, found, own[own["image"].isin(unoriented)])

@@ -16,6 +16,7 @@ from tasks.block.approximation import USED
 from tasks.block.block_input import (
     SurveyedPoints,
     block_of,
+    distance_observations,
     gnss_positions,
     image_point_observations,
     ins_attitudes,
@@ -51,6 +52,7 @@ class DeliveredTables:
     cameras: pd.DataFrame
     image_points: pd.DataFrame
     control_points: pd.DataFrame
+    distances: pd.DataFrame
     approximate_points: pd.DataFrame
     approximate_boresight: pd.DataFrame
     approximate_orientations: pd.DataFrame
@@ -108,7 +110,8 @@ def assembled_block(
     known = known_calibrations(block, delivered.cameras)
     block = with_known_calibrations(block, known)
     observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
-    observations = replace(observations, others=with_joint_priors(block, observations.others, known))
+    others = (*observations.others, *distance_observations(block, delivered.distances))
+    observations = replace(observations, others=with_joint_priors(block, others, known))
     rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
@@ -26,6 +28,11 @@ from tasks.block.calibration_contradiction import (
     contradictions_of,
 )
 from tasks.block.check_point_test import check_point_sentences, check_point_test, tested_points
+from tasks.block.distance_residuals import (
+    distance_figures,
+    distance_sentences,
+    write_distance_residuals,
+)
 from tasks.block.influence_table import write_parameter_influences
 from tasks.block.model_alternatives import model_alternatives
 from tasks.block.model_findings import model_findings
@@ -82,6 +89,7 @@ def adjust_bundle(
     cameras: Artifact,
     image_points: Artifact,
     control_points: Artifact,
+    distances: Artifact,
     approximate_points: Artifact,
     approximate_boresight: Artifact,
     approximate_orientations: Artifact,
@@ -106,6 +114,7 @@ def adjust_bundle(
         read_table(cameras),
         read_table(image_points),
         read_table(control_points),
+        read_table(distances),
         read_table(approximate_points),
         read_table(approximate_boresight),
         read_table(approximate_orientations),
@@ -170,6 +179,7 @@ def _written(
     write_object_points(folder, adjusted)
     write_residuals(folder, adjusted)
     write_control_residuals(folder, adjusted)
+    distances = write_distance_residuals(folder, adjusted)
     eliminated: frozenset[tuple[str, str]] = frozenset()
     problems: tuple[str, ...] = ()
     own_figures: JSON = None
@@ -187,10 +197,12 @@ def _written(
     slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
     contradictions = contradictions_of(adjusted, prepared.known)
     checked = check_point_test(adjusted, settings.confidence)
+    of_distances = distance_figures(distances, settings.confidence)
     said = (
         *slips,
         *contradiction_sentences(contradictions),
         *check_point_sentences(checked),
+        *distance_sentences(distances, settings.confidence),
         *(item.sentence for item in findings),
         *adjustment_problems(adjusted, settings),
         *about_shared_readings(prepared.given),
@@ -199,7 +211,8 @@ def _written(
     )
     figures = adjustment_figures(adjusted, settings, parameters) | {
         "check_point_test": checked,
-        "check_over_limit": None if checked is None else checked["over_limit"],
+        "distances": of_distances,
+        "check_over_limit": _largest(checked, of_distances),
         "self_calibration": own_figures,
         "model_findings": [item.to_json() for item in findings],
         **examined.figures(),
@@ -207,6 +220,12 @@ def _written(
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
     }
     return Notes(said, figures, slips)
+
+
+def _largest(*tests: Mapping[str, JSON] | None) -> JSON:
+    """The largest figure over its limit of check points and check distances; null without any."""
+    found = [cast(float, test["over_limit"]) for test in tests if test is not None and test["over_limit"]]
+    return max(found, default=None)
 
 
 def _examined_model(

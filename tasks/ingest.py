@@ -18,17 +18,18 @@ from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
 from tasks.importing.cameras import taken_from_registry, write_cameras
 from tasks.importing.control import control_columns
+from tasks.importing.distances import distance_columns
 from tasks.importing.exposures import exposure_columns
 from tasks.importing.image_points import usable_image_points
 from tasks.settings.cameras import CameraInput
-from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
+from tasks.settings.inputs import ControlInput, DistancesInput, ExposuresInput, ImagePointsInput
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.storage.artifact import Artifact
 from tasks.storage.notes import Notes, write_notes
 from tasks.storage.store import stored
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CONTROL_POINTS, EXPOSURES, IMAGE_POINTS
+from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
 
 
 def project_frame(project: ProjectSettings) -> MapFrame:
@@ -122,13 +123,19 @@ def import_image_points(
 
 
 @stored("import_control")
-def import_control(folder: Path, *, sources: tuple[ControlInput, ...], project: ProjectSettings) -> None:
-    """Write ``control_points.parquet`` (without rows if there are no sources) and notes.
+def import_control(
+    folder: Path,
+    *,
+    sources: tuple[ControlInput, ...],
+    project: ProjectSettings,
+    distances: tuple[DistancesInput, ...] = (),
+) -> None:
+    """Write ``control_points.parquet``, ``distances.parquet`` (empty if nothing is given) and notes.
 
     Raises
     ------
     InputError
-        See `tasks.importing.control`.
+        See `tasks.importing.control` and `tasks.importing.distances`.
     """
     frame = project_frame(project)
     if sources:
@@ -137,4 +144,9 @@ def import_control(folder: Path, *, sources: tuple[ControlInput, ...], project: 
         notes = Notes((), {"counts": {"control": 0, "check": 0}})
         columns, extra = {"point": [], "role": []}, {}
     write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame, extra)
+    columns, extra = {column.name: [] for column in DISTANCES.columns}, {}
+    if distances:
+        columns, extra, remarks = distance_columns(distances)
+        notes = replace(notes, problems=(*notes.problems, *remarks))
+    write_table(folder / "distances.parquet", DISTANCES, columns, extra=extra)
     write_notes(folder, notes)

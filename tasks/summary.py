@@ -77,6 +77,21 @@ class CheckPointTest(BaseModel):
         return self.over_limit <= 1.0
 
 
+class DistanceFigures(BaseModel):
+    """Distances between object points after the adjustment; null where there are none of a kind."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    used: int
+    rejected: int
+    check: int
+    rms_used_m: float | None
+    rms_check_m: float | None
+    max_check_m: float | None
+    confidence: float
+    over_limit: float | None
+
+
 class DirectGeoreferencing(BaseModel):
     """Figures of the direct-georeferencing check.
 
@@ -111,11 +126,23 @@ class Summary(BaseModel):
     rmse_check_m: tuple[float | None, ...] | None = None
     max_check_m: tuple[float | None, ...] | None = None
     check_point_test: CheckPointTest | None = None
+    distances: DistanceFigures | None = None
     parameters: tuple[ParameterFigure, ...] | None = None
     direct_georeferencing: DirectGeoreferencing | None = None
     gates: tuple[GateResult, ...] = ()
     timings_s: Mapping[str, float] = {}
     problems: tuple[str, ...] = ()
+
+    @property
+    def missed_checks(self) -> str | None:
+        """What of the independent checks is beyond its limits, in words; None: nothing."""
+        points, distances = self.check_point_test, self.distances
+        beyond = (
+            points is not None and not points.passed,
+            distances is not None and (distances.over_limit or 0.0) > 1.0,
+        )
+        named = [words for words, is_beyond in zip(("points", "distances"), beyond, strict=True) if is_beyond]
+        return f"check {' and '.join(named)}" if named else None
 
     def to_json(self) -> Mapping[str, JSON]:
         """The summary as it is written: JSON without NaN."""

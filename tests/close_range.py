@@ -91,6 +91,33 @@ def image_points(truth: CloseRange, generator: np.random.Generator) -> pd.DataFr
     return pd.DataFrame(rows, columns=["image", "point", "x", "y"])
 
 
+def with_scale_bars(
+    folder: Path, truth: CloseRange, bars: int, sigma_m: float, generator: np.random.Generator
+) -> None:
+    """The project of `write_project` without control points, in the place of which distances.csv gives scale.
+
+    In millimetres; every third is a check distance.
+    """
+    ends = generator.choice(len(truth.target), (bars, 2), replace=False)
+    true = np.linalg.norm(truth.target[ends[:, 0]] - truth.target[ends[:, 1]], axis=1)
+    names = np.array(truth.targets)[ends]
+    pd.DataFrame(
+        {
+            "point": names[:, 0],
+            "other_point": names[:, 1],
+            "distance": (true + sigma_m * generator.standard_normal(bars)) * 1e3,
+            "role": ["check" if k % 3 == 2 else "control" for k in range(bars)],
+        }
+    ).to_csv(folder / "distances.csv", index=False)
+    project = folder / "project.toml"
+    text = project.read_text()
+    start, end = text.index("[inputs.control]"), text.index("[adjustment]")
+    bar = f'[inputs.distances]\nfile = "distances.csv"\nunit = "mm"\nsigma = {sigma_m * 1e3}\n'
+    text = text[:start] + bar + text[end:]
+    text = text.replace('observe = ["control"]', 'datum = "free_network"\nobserve = []')
+    project.write_text(text)
+
+
 def write_project(
     folder: Path, truth: CloseRange, control_sigma_m: float, generator: np.random.Generator
 ) -> None:

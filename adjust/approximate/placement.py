@@ -7,7 +7,7 @@ projection centres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from adjust.approximate.similarity import (
     robustly_fitted,
     turned_about,
 )
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,15 @@ class KnownPlaces:
     object_point : (m, 3) surveyed coordinates, metres.
     projection_centre : (n, 3) given positions, metres.
     local_from_camera : (n, 3, 3) given attitudes.
+    distance_ends : (k, 2) object points between which distances are known.
+    distance : (k,) these, metres.
     """
 
     object_point: Floats
     projection_centre: Floats
     local_from_camera: Floats
+    distance_ends: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    distance: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,7 @@ class Placement:
     ----------
     similarity : from the model to the known places.
     places : number of control points and positions that agree with it.
-    scaled : whether places gave the scale; else it is arbitrary.
+    scaled : whether places or distances gave the scale; else it is arbitrary.
     turned : whether places or attitudes gave the rotation; else the images were taken to look down.
     """
 
@@ -73,7 +77,7 @@ def placement(model: ImageModel, known: KnownPlaces) -> Placement:
         similarity, agreeing = robustly_fitted(source, target)
         return Placement(similarity, int(agreeing.sum()), scaled=True, turned=True)
     rotation, turned = _rotation(model, known, source, target)
-    scale, scaled = _scale(source, target)
+    scale, scaled = _scale(source, target) if len(source) > 1 else _scale_of_distances(model, known)
     if len(source):
         moved = Similarity.about(scale, rotation, source.mean(axis=0), target.mean(axis=0))
     else:
@@ -113,9 +117,15 @@ def _direction(x: Floats) -> Floats:
     return np.asarray(np.linalg.svd(x - x.mean(axis=0))[2][0])
 
 
+def _scale_of_distances(model: ImageModel, known: KnownPlaces) -> tuple[float, bool]:
+    """Scale from known distances between object points; 1 if there are none."""
+    one, other = model.object_point[known.distance_ends[:, 0]], model.object_point[known.distance_ends[:, 1]]
+    length = np.linalg.norm(one - other, axis=1)
+    kept = length > 0.0
+    return (float(np.median(known.distance[kept] / length[kept])), True) if kept.any() else (1.0, False)
+
+
 def _scale(source: Floats, target: Floats) -> tuple[float, bool]:
-    """Scale from the distances between places; 1 if there are none."""
-    if len(source) < 2:
-        return 1.0, False
+    """Scale from the distances between places."""
     sizes = [np.linalg.norm(x - x.mean(axis=0)) for x in (target, source)]
     return float(sizes[0] / sizes[1]), True

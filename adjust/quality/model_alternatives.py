@@ -230,7 +230,9 @@ def alternative_tests(
     normal, score = left[:count, :count], left[:count, -1]
     told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)[:count]
     kept = told[:, None] & told[None, :]
-    return AlternativeTests(score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[:, :count])
+    return AlternativeTests(
+        score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[: system.layout.border, :count]
+    )
 
 
 def considered_alternatives(known: ConsideredParameters) -> tuple[ParameterAlternative, ...]:

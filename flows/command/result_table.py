@@ -99,6 +99,10 @@ def _figures(summary: Summary) -> Table:
         ("RMS check X, Y, Z", _components(summary.rmse_check_m)),
     ]
     rows += _checked(summary)
+    if summary.distances is not None:
+        found = summary.distances
+        rows.append(("distances, check distances", f"{found.used}, {found.check}"))
+        rows.append(("RMS of them", f"{_number(found.rms_used_m, 5)}, {_number(found.rms_check_m, 5)} m"))
     for name, value in rows:
         table.add_row(name, value)
     return table

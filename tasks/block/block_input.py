@@ -17,6 +17,7 @@ from adjust.block import Block
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import BodyRates, InsAttitudes
@@ -281,6 +282,20 @@ def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | No
         block.frame,
         StochasticModel.from_covariance(surveyed.covariance[kept], surveyed.present[kept]),
     )
+
+
+def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances, ...]:
+    """Distances between object points of the block; those of the role check take no part. None: nothing."""
+    names = pd.Index(block.points)
+    ends = np.stack([names.get_indexer(pd.Index(table[name])) for name in ("point", "other_point")])
+    kept = np.flatnonzero((ends >= 0).all(axis=0))
+    if len(kept) == 0:
+        return ()
+    own = table.iloc[kept]
+    model = StochasticModel.from_sigma(own[["sigma_m"]].to_numpy(np.float64))
+    check = (own["role"] == "check").to_numpy()
+    point, other = ends[:, kept].astype(np.int64)
+    return (Distances(point, other, own["distance_m"].to_numpy(np.float64), model.without(check)),)
 
 
 def prior_sigmas(given: Priors) -> dict[str, Floats]:

@@ -11,7 +11,7 @@ import pandas as pd
 from adjust.approximate.measured_images import MeasuredImages
 from adjust.approximate.placement import KnownPlaces, Placement
 from adjust.approximate.unoriented import find_orientations
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.geometry import rotation
 from tasks.block.block_input import image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations, Mountings
@@ -48,6 +48,7 @@ def found_orientations(
     cameras: pd.DataFrame,
     measured: pd.DataFrame,
     control: pd.DataFrame,
+    distances: pd.DataFrame,
     map_frame: MapFrame,
 ) -> FoundImages:
     """Orient the measured images that lack a position or an attitude.
@@ -78,6 +79,7 @@ def found_orientations(
         _control(control, points, map_frame, frame),
         _positions(own, map_frame, frame),
         _attitudes(own, mountings, map_frame, frame, places),
+        *_distances(distances, points),
     )
     found = find_orientations(images, known, _report)
     chosen = np.flatnonzero(lacking & found.model.oriented)
@@ -106,6 +108,14 @@ def _control(
     kept = np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check)
     result[row[kept]] = surveyed.x_in_local[kept]
     return result
+
+
+def _distances(distances: pd.DataFrame, points: tuple[str, ...]) -> tuple[Ints, Floats]:
+    """Both ends (k, 2) of the control distances between object points, and their lengths (k,)."""
+    own, names = distances[distances["role"] == "control"], pd.Index(points)
+    ends = np.stack([names.get_indexer(pd.Index(own[name])) for name in ("point", "other_point")], axis=1)
+    kept = (ends >= 0).all(axis=1)
+    return ends[kept].astype(np.int64), own["distance_m"].to_numpy(np.float64)[kept]
 
 
 def _positions(own: pd.DataFrame, map_frame: MapFrame, frame: AdjustmentFrame) -> Floats:

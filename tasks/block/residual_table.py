@@ -19,6 +19,7 @@ from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.result import GroupResult, ObservationStatus
 from tasks.block.result_tables import PIECE, AdjustedBlock, reported_unit_of
@@ -148,8 +149,14 @@ def _extended(names: tuple[str, ...], more: pd.Series) -> tuple[tuple[str, ...],
 
 
 def _titles(block: Block, group: ObservationGroup) -> tuple[Names, Ints]:
-    """What the observations of a group are called in the table: priors have their entity in it."""
+    """What the observations of a group are called in the table: priors have their entity in it.
+
+    Distances have the point at their other end.
+    """
     if isinstance(group, DirectObservations):
         entities = next(p.entities for p in block.system if p.family.name == group.family.name)
         return Names.of([f"{group.name}:{entity}" for entity in entities]), group.entity
+    if isinstance(group, Distances):
+        others, row = np.unique(group.other_point, return_inverse=True)
+        return Names.of([f"{group.name}:{block.points[point]}" for point in others]), row.astype(np.int64)
     return Names.of([group.name]), np.zeros(len(group.image), dtype=np.int64)

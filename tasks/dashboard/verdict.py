@@ -105,9 +105,9 @@ def _verdict(run: EndedRun) -> tuple[Light, str]:
         of = f"{len(missed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit is"
         return "bad", f"{of} not kept: {named}."
     kept = f"all {len(gates)} limits are kept" if gates else "no limits are set in the project"
-    checked = run.summary.check_point_test
-    if checked is not None and not checked.passed:
-        return "attention", f"{kept}, but the check points are beyond their limits."
+    beyond = run.summary.missed_checks
+    if beyond is not None:
+        return "attention", f"{kept}, but the {beyond} are beyond their limits."
     test, sigma0 = run.figures.global_test, run.summary.sigma0
     if test is not None and not test.passed and sigma0 is not None and test.upper is not None:
         side = "larger" if sigma0 > test.upper else "smaller"

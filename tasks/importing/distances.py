@@ -42,27 +42,26 @@ def distance_columns(
         "role": [
             role or source.role
             for source, own in zip(sources, records, strict=True)
-            for role in roles_of_rows(
-                own.role, Places.of_files([own.file], [own.line]), own.point
-            )
+            for role in roles_of_rows(own.role, Places.of_files([own.file], [own.line]), own.point)
         ],
     }
-    return columns, joined([r.extra for r in records], [len(r.line) for r in records]), about_extra(records)
+    extra = joined([r.extra for r in records], [len(r.line) for r in records])
+    return columns, extra, tuple(about_extra(records))
 
 
 def _refuse_same_pairs(records: Sequence[DistanceRecords], places: Places) -> None:
     """Refuse a distance from a point to itself, and one that is there twice, whichever way round."""
     ends = [
-        np.concatenate([np.array(getattr(own, name).to_pylist(), dtype=object) for own in records])
-        for name in ("point", "other_point")
+        [str(name) for own in records for name in getattr(own, side).to_pylist()]
+        for side in ("point", "other_point")
     ]
-    same = np.asarray(ends[0] == ends[1], dtype=bool)
+    same = np.array(ends[0], dtype=object) == np.array(ends[1], dtype=object)
     if same.any():
         row = int(np.argmax(same))
         raise places.error(
-            row, "The distance leads from a point to itself.", "Name the other end.", str(ends[0][row])
+            row, "The distance leads from a point to itself.", "Name the other end.", ends[0][row]
         )
-    names, place = np.unique(np.concatenate(ends), return_inverse=True)
+    names, place = np.unique(np.array(ends[0] + ends[1], dtype=object), return_inverse=True)
     one, other = np.sort(place.reshape(2, -1), axis=0)
     places.refuse_duplicates(one * len(names) + other, "distance", ends)
 

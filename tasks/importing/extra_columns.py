@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import pyarrow as pa
 
-from tasks.formats.records import ControlRecords, ExposureRecords, ImagePointRecords
+from tasks.formats.records import ControlRecords, DistanceRecords, ExposureRecords, ImagePointRecords
 
 
 def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dict[str, pa.Array]:
@@ -20,7 +20,9 @@ def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dic
     }
 
 
-def about_extra(records: Sequence[ImagePointRecords | ExposureRecords | ControlRecords]) -> Iterator[str]:
+def about_extra(
+    records: Sequence[ImagePointRecords | ExposureRecords | ControlRecords | DistanceRecords],
+) -> Iterator[str]:
     """A sentence for each file with further columns."""
     for record in records:
         if record.extra:

@@ -33,9 +33,9 @@ def verdict(material: Material) -> Verdict:
     what = "The free network" if free is not None and free.defect else "The block"
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     test, good = _test_words(material)
-    checked = material.summary.check_point_test
-    if checked is not None and not checked.passed:
-        test, good = f"the check points are beyond their limits, and {test}", False
+    missed = material.summary.missed_checks
+    if missed is not None:
+        test, good = f"the {missed} are beyond their limits, and {test}", False
     if any(item.contradicted for item in material.figures.registered_calibrations):
         test, good = f"{test}; it contradicts a calibration of the registry", False
     if failed:

@@ -38,7 +38,8 @@ class Material:
     camera_table : as cameras.parquet, with the layout of the CCD images and the calibration axes.
     images : of the block, with their orientation (left join: an image without attitude has none).
     image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
-        check_points, model_alternatives, residual_grid, residual_autocorrelation : the tables of these names.
+        check_points, distance_residuals, model_alternatives, residual_grid, residual_autocorrelation : the
+        tables of these names.
     self_calibration : the additional parameters that were offered; empty without any.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
     """
@@ -56,6 +57,7 @@ class Material:
     correlations: pd.DataFrame
     control_residuals: pd.DataFrame
     check_points: pd.DataFrame
+    distance_residuals: pd.DataFrame
     model_alternatives: pd.DataFrame
     residual_grid: pd.DataFrame
     residual_autocorrelation: pd.DataFrame
@@ -155,6 +157,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
             "correlations",
             "control_residuals",
             "check_points",
+            "distance_residuals",
             "model_alternatives",
             "residual_grid",
             "residual_autocorrelation",

@@ -101,6 +101,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         surveyed_points.check_test_table(material),
         surveyed_points.point_table(material, is_check=False),
         surveyed_points.point_table(material, is_check=True),
+        surveyed_points.distance_table(material),
         orientation_precision.orientation_table(material),
         point_precision.point_table(material),
         system_parameters.parameter_table(material),

@@ -106,6 +106,45 @@ def statistics(material: Material) -> Table:
     return Table("surveyed-statistics", caption, columns, tuple(rows), _folds(material))
 
 
+def distance_table(material: Material) -> Table:
+    """One row for each distance between object points, check distances first, then the largest |d|/σ."""
+    table = material.distance_residuals.copy()
+    d, sigma = (table[name].to_numpy(np.float64) for name in ("difference_m", "sigma_difference_m"))
+    table["ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
+    table = table.sort_values(["status", "ratio"], ascending=[True, False], kind="stable")
+    shown = table.head(MOST_ROWS)
+    note = (
+        ""
+        if len(shown) == len(table)
+        else f"The first {len(shown)} of {len(table):,}; all in distance_residuals.parquet."
+    )
+    columns = (
+        text_column("point", "from"),
+        text_column("other_point", "to"),
+        text_column("status", "status"),
+        Column("distance", "distance", "m"),
+        Column("difference", "d", "mm"),
+        Column("sigma", "σ of d", "mm"),
+        Column("ratio", "|d|/σ"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['point']}:{row['other_point']}",
+            (
+                str(row["point"]),
+                str(row["other_point"]),
+                str(row["status"]),
+                *numbers((row["distance_m"],), 5),
+                *numbers((1e3 * row["difference_m"],), 3, plus=True),
+                *numbers((1e3 * row["sigma_difference_m"],), 3),
+                *numbers((row["ratio"],), 1),
+            ),
+        )
+        for row in shown.to_dict("records")
+    )
+    return Table("distances", "Distances, computed − given", columns, rows, note)
+
+
 def check_test_table(material: Material) -> Table:
     """Check points beside what their σ let expect, a row for each coordinate."""
     found = material.summary.check_point_test

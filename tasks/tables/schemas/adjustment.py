@@ -5,6 +5,7 @@ from __future__ import annotations
 from tasks.tables.schemas.columns import (
     IMAGE,
     OPK,
+    OTHER_POINT,
     POINT,
     XYZ,
     XYZ_M,
@@ -114,3 +115,19 @@ CONTROL_RESIDUALS = _differences(
 )
 
 CHECK_POINTS = _differences("check_points", "Adjusted minus given coordinates of a check point.")
+
+DISTANCE_RESIDUALS = TableSchema(
+    "distance_residuals",
+    "Adjusted minus given distance between two object points.",
+    (
+        POINT,
+        OTHER_POINT,
+        number("distance_m", "m", "the given distance"),
+        number("difference_m", "m", "computed − given"),
+        number(
+            "sigma_difference_m", "m", "its predicted standard deviation; of a check distance with its own"
+        ),
+        text("status", "what became of it", values=("used", "rejected", "check")),
+    ),
+    ("point", "other_point"),
+)

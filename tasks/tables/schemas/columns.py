@@ -104,6 +104,7 @@ XYZ_M = ("x_m", "y_m", "z_m")
 IMAGE = text("image", "image name, verbatim")
 
 POINT = text("point", "point name, verbatim")
+OTHER_POINT = text("other_point", "name of the object point at its other end")
 
 CAMERA = text("camera", "camera name of the project file")
 

@@ -8,6 +8,7 @@ from tasks.tables.schemas.columns import (
     IMAGE,
     OPK,
     OPTIONAL_ANGLES,
+    OTHER_POINT,
     POINT,
     STRIP,
     XYZ,
@@ -150,6 +151,19 @@ CONTROL_POINTS = TableSchema(
     ),
     ("point",),
     XYZ_M,
+)
+
+DISTANCES = TableSchema(
+    "distances",
+    "A measured straight distance in space between two object points.",
+    (
+        POINT,
+        OTHER_POINT,
+        number("distance_m", "m", "the distance"),
+        number("sigma_m", "m", "its standard deviation"),
+        text("role", "a check distance never enters an adjustment", values=("control", "check")),
+    ),
+    ("point", "other_point"),
 )
 
 APPROXIMATE_BORESIGHT = TableSchema(
