@@ -45,6 +45,7 @@ def plan_of_project(
             cameras=block.exposures["cameras"],
             image_points=block.image_points["image_points"],
             control_points=block.control["control_points"],
+            distances=block.control["distances"],
             approximate_points=block.approximate["approximate_points"],
             approximate_orientations=block.approximate["approximate_orientations"],
             project=project.project,

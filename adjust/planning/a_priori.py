@@ -18,6 +18,7 @@ from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
@@ -30,7 +31,7 @@ from adjust.parameters import (
     TIME_OFFSET,
     SystemParameters,
 )
-from adjust.planning.network import PlannedNetwork
+from adjust.planning.network import PlannedDistances, PlannedNetwork
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import SingularNormalsError, factorize
 from adjust.solve.normal_equations import Observations, System, reduced_normals
@@ -128,8 +129,9 @@ def a_priori_covariance(network: PlannedNetwork, model: CalibrationModel, thread
             normal = factorize(normals, threads).factor.border_normal()
         except SingularNormalsError as error:
             raise explain_defect(system, state, error) from error
-        cofactor = _inverse(normal)
-    value, sigma = np.zeros(len(normal)), np.full(len(normal), np.nan)
+        g = system.layout.border
+        cofactor = _inverse(normal)[:g, :g]
+    value, sigma = np.zeros(g), np.full(g, np.nan)
     for parameters in block.system:
         columns = system.layout.columns[parameters.family.name]
         free = columns >= 0
@@ -212,6 +214,8 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
         others.append(
             ControlPoints(control.point, surveyed, network.frame.height(surveyed), network.frame, weights)
         )
+    if network.distances is not None:
+        others.append(_distances(network.object_point, network.distances))
     if np.isfinite(exposures.position_sigma).any():
         others.append(_positions(network, block, model))
     if exposures.attitude_observed.any():
@@ -219,6 +223,12 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
     if model.additional is not None and model.additional.prior is not None:
         others.append(model.additional.prior)
     return Observations(image_points, (*others, *_priors(block, model)))
+
+
+def _distances(object_point: Floats, planned: PlannedDistances) -> Distances:
+    between = object_point[planned.other_point] - object_point[planned.point]
+    weights = StochasticModel.from_sigma(planned.sigma[:, None])
+    return Distances(planned.point, planned.other_point, np.linalg.norm(between, axis=1), weights)
 
 
 def _positions(network: PlannedNetwork, block: Block, model: CalibrationModel) -> GnssPositions:

@@ -78,6 +78,21 @@ class PlannedControl:
 
 
 @dataclass(frozen=True, eq=False)
+class PlannedDistances:
+    """k distances between object points.
+
+    Attributes
+    ----------
+    point, other_point : (k,) indices of the object points.
+    sigma : (k,) metres.
+    """
+
+    point: Ints
+    other_point: Ints
+    sigma: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class PlannedRays:
     """r rays, sorted by object point, then image.
 
@@ -101,7 +116,7 @@ class PlannedNetwork:
     frame : the local frame.
     cameras : the cameras.
     flights, strips : names.
-    exposures, rays, control : what is observed.
+    exposures, rays, control, distances : what is observed.
     object_point : (m, 3) metres, local frame.
     system : values of the interior orientation, boresight and lever arm of every camera, SI and radians.
     formats, calibration_axes_deg : image of every camera in calibration axes, and these from image axes.
@@ -118,6 +133,7 @@ class PlannedNetwork:
     system: Mapping[str, Floats]
     formats: tuple[ImageFormat, ...]
     calibration_axes_deg: tuple[int, ...]
+    distances: PlannedDistances | None = None
 
     @property
     def body_from_camera(self) -> Floats:

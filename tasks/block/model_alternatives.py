@@ -57,8 +57,8 @@ _IMAGE_ERRORS = "brown"
 _PER_MILLION = 1e-6
 # Less than this part of its height is no relief, or no second height, that a scale could show in.
 _FLAT = 1e-3
-# Metres in the image: the rays of a close-range block are straight.
-_NO_REFRACTION = 1e-9
+# Refraction that stays below this part of the σ of every image point (close range) explains nothing.
+_NO_REFRACTION = 0.02
 # Radians; a local system has one north only.
 _NO_CONVERGENCE = 1e-9
 
@@ -311,7 +311,7 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
         up[image],
         coefficients_of_rays(rays, block),
     )
-    if np.abs(bent - rays.xy).max(initial=0.0) > _NO_REFRACTION:
+    if (np.abs(bent - rays.xy) * rays.inverse_sigma).max(initial=0.0) > _NO_REFRACTION:
         refraction = ObservationAlternative(rays.name, bent - rays.xy)
         yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
     for quantity, entity, change in other_readings(block, rays):

@@ -7,7 +7,13 @@ import pandas as pd
 
 from adjust.arrays import Floats, Ints
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
-from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
+from adjust.planning.network import (
+    PlannedControl,
+    PlannedDistances,
+    PlannedExposures,
+    PlannedNetwork,
+    PlannedRays,
+)
 from tasks.block.approximation import USED
 from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations
@@ -28,6 +34,7 @@ def network_of_project(
     cameras: Artifact,
     image_points: Artifact,
     control_points: Artifact,
+    distances: Artifact,
     approximate_points: Artifact,
     approximate_orientations: Artifact,
     project: ProjectSettings,
@@ -80,6 +87,7 @@ def network_of_project(
         {INTERIOR_ORIENTATION: interior, BORESIGHT: mountings.boresight, LEVER_ARM: mountings.lever_arm},
         tuple(image_format_of(row, turn) for row, turn in zip(rows, turns, strict=True)),
         turns,
+        _distances(names, read_table(distances)),
     )
 
 
@@ -107,6 +115,16 @@ def _times(given: GivenOrientations, strip: Ints) -> Floats:
     if np.isfinite(given.time_s).all():
         return given.time_s
     return np.asarray(pd.Series(strip).groupby(strip).cumcount().to_numpy(np.float64))
+
+
+def _distances(points: tuple[str, ...], table: pd.DataFrame) -> PlannedDistances | None:
+    own, names = table[table["role"] == "control"], pd.Index(points)
+    ends = np.stack([names.get_indexer(pd.Index(own[name])) for name in ("point", "other_point")])
+    kept = (ends >= 0).all(axis=0)
+    if not kept.any():
+        return None
+    point, other = ends[:, kept].astype(np.int64)
+    return PlannedDistances(point, other, own["sigma_m"].to_numpy(np.float64)[kept])
 
 
 def _control(points: tuple[str, ...], surveyed: SurveyedPoints, observed: bool) -> PlannedControl:

@@ -10,6 +10,8 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.camera.interior import FrameCamera
 from adjust.errors import DatumDefectError
+from adjust.observations.base import StochasticModel
+from adjust.observations.distance import Distances
 from adjust.parameters import (
     BORESIGHT,
     GNSS_SHIFT,
@@ -19,7 +21,7 @@ from adjust.parameters import (
     TIME_OFFSET,
 )
 from adjust.planning.a_priori import APriori, CalibrationModel, a_priori_covariance
-from adjust.planning.network import PlannedNetwork
+from adjust.planning.network import PlannedDistances, PlannedNetwork
 from adjust.planning.simulated_network import simulated_network
 from adjust.simulate.block import simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
@@ -66,7 +68,8 @@ def with_sigma_times(network: PlannedNetwork, factor: float) -> PlannedNetwork:
     )
 
 
-def test_they_are_the_cofactors_of_the_adjustment_of_the_same_block() -> None:
+@pytest.mark.parametrize("distances", [False, True])
+def test_they_are_the_cofactors_of_the_adjustment_of_the_same_block(distances: bool) -> None:
     """The adjustment's own border, on the same network without noise: nine parameters and the strips."""
     system = SystemSpecification(lever_arm=(0.4, -0.2, -1.1), strip_bias=(BIAS, BIAS, BIAS))
     simulated = simulate_block(without_noise(specification(system=replace(system, strip_bias=(0, 0, 0)))))
@@ -82,8 +85,14 @@ def test_they_are_the_cofactors_of_the_adjustment_of_the_same_block() -> None:
             for item in block.system
         ),
     )
-    adjusted = adjust_block(block, stated.observations(block))
-    network = simulated_network(stated.specification)
+    observations, network = stated.observations(block), simulated_network(stated.specification)
+    if distances:
+        one, other = np.array([3, 10, 30]), np.array([40, 50, 3])
+        length = np.linalg.norm(network.object_point[one] - network.object_point[other], axis=1)
+        bars = Distances(one, other, length, StochasticModel.from_sigma(np.full((3, 1), 1e-3)))
+        observations = replace(observations, others=(*observations.others, bars))
+        network = replace(network, distances=PlannedDistances(one, other, np.full(3, 1e-3)))
+    adjusted = adjust_block(block, observations)
     expected = a_priori_covariance(network, CalibrationModel(WITH_BIAS, PRIOR))
     assert expected.names == adjusted.layout.border_names()
     scale = expected.sigma
