@@ -25,6 +25,7 @@ from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import (
     ControlInput,
+    DistancesInput,
     DeliveredFlight,
     ExposureSigma,
     ExposuresInput,
@@ -56,6 +57,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("inputs.exposures.sigma", ExposureSigma, ""),
     ("[inputs.exposures.flights.NAME]", DeliveredFlight, ""),
     ("[inputs.control]", ControlInput, ""),
+    ("[inputs.distances]", DistancesInput, ""),
     ("[adjustment]", AdjustmentSettings, ""),
     ("adjustment.rejection", Rejection, ""),
     ("[adjustment.self_calibration]", SelfCalibrationSettings, ""),

@@ -25,6 +25,7 @@ FIELDS = {
     "rmse_check_m",
     "max_check_m",
     "check_point_test",
+    "distances",
     "parameters",
     "direct_georeferencing",
     "gates",

@@ -52,6 +52,8 @@ def stages(tmp_path_factory: pytest.TempPathFactory, project: Project) -> list[d
     _write_points(folder, random, points)
     _write_rays(folder, random, images, points)
     _write_surveyed(folder, random, points)
+    nothing: dict[str, list[object]] = {column.name: [] for column in schemas.DISTANCE_RESIDUALS.columns}
+    write_table(folder / "distance_residuals.parquet", schemas.DISTANCE_RESIDUALS, nothing)
     _write_residual_grid(folder, random)
     _write_parameters(folder, random)
     _write_model_alternatives(folder, random)

@@ -25,7 +25,7 @@ def _verdict(sigma0: float | None, limits: tuple[float, float] | None, gates: di
     figures: dict[str, JSON] = {"sigma0": sigma0, "global_test": test, "rmse_check_m": [0.02, 0.03, 0.09]}
     summary = summary_of([Notes((), figures)], Gates.model_validate(gates), {})
     project = Project.model_construct()
-    return verdict(Material(project, summary, {}, *[NOTHING] * 14))
+    return verdict(Material(project, summary, {}, *[NOTHING] * 15))
 
 
 LIMITS = (0.98, 1.02)
