@@ -25,8 +25,8 @@ from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import (
     ControlInput,
-    DistancesInput,
     DeliveredFlight,
+    DistancesInput,
     ExposureSigma,
     ExposuresInput,
     ImagePointsInput,
