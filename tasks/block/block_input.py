@@ -39,6 +39,7 @@ from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
+from tasks.tables.places import places_of
 
 #: What each name in `adjustment.free` stands for: family and components.
 FREE_FAMILIES: Mapping[FreeParameter, tuple[str, tuple[int, ...]]] = {
@@ -94,7 +95,7 @@ def surveyed_points(
     present = np.isfinite(given)
     place = given.copy()
     if near is not None and len(near):
-        row = pd.Index(near["point"]).get_indexer(table["point"])
+        row = places_of(table["point"], near["point"])
         intersected = near[["x_m", "y_m", "z_m"]].to_numpy(np.float64)[row]
         known = (row >= 0)[:, None]
         place = np.where(np.isfinite(place) | ~known, place, intersected)
@@ -146,8 +147,7 @@ def image_point_observations(
     calibration: BlockSelfCalibration | None = None,
 ) -> tuple[ImagePoints, Ints]:
     """Image points of the given images and points, sorted by point, and their rows in the table."""
-    image = pd.Index(images).get_indexer(pd.Index(table["image"])).astype(np.int64)
-    point = pd.Index(points).get_indexer(pd.Index(table["point"])).astype(np.int64)
+    image, point = places_of(table["image"], images), places_of(table["point"], points)
     rows = np.flatnonzero((image >= 0) & (point >= 0))
     rows = rows[np.lexsort((image[rows], point[rows]))]
     observations = ImagePoints(
@@ -271,7 +271,7 @@ def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:
 
 def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | None:
     """Control points that are object points of the block; None if there is none."""
-    index = pd.Index(block.points).get_indexer(pd.Index(surveyed.name)).astype(np.int64)
+    index = places_of(surveyed.name, block.points)
     kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1))
     if len(kept) == 0:
         return None

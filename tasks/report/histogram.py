@@ -95,7 +95,7 @@ def standardized_table(material: Material) -> Table:
         *(Column(f"beyond_{level}", f"|w| > {level}", "%") for level in LEVELS),
     )
     rows = []
-    for name in dict.fromkeys(material.residuals["group"]):
+    for name in material.residuals["group"].unique():
         values = standardized(material, str(name))
         size = np.abs(values)
         if len(values) == 0:
