@@ -1,7 +1,7 @@
 """Whether two runs have the same results: ``python -m benchmarks.same_results FOLDER OTHER``.
 
 For every published table: the same bytes, or by how much its numbers differ at most, in standard deviations
-where the table has them (column ``sigma…`` beside the value), else against the largest of the column.
+where the table has them (column ``sigma_…`` of the value), else against the largest of the column.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ def difference(one: pd.DataFrame, other: pd.DataFrame) -> tuple[float, str]:
         elif not np.array_equal(a.isna(), b.isna()):
             apart = np.inf
         else:
-            own = next((column for column in (f"sigma_{name}", "sigma") if column in one.columns), None)
-            scale = a.abs().max() if own in (None, name) else one[own].abs()
+            scale = one[f"sigma_{name}"] if f"sigma_{name}" in one.columns else a.abs().max()
             apart = float(np.nan_to_num(((a - b).abs() / np.maximum(scale, 1e-300)).max()))
         if apart > largest:
             largest, where = apart, str(name)

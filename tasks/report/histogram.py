@@ -23,8 +23,8 @@ LEVELS = (1.96, 2.58, 3.29, 4.13)
 def standardized(material: Material, group: str) -> Floats:
     """Standardized residuals (n,) of the controlled observations of a group that took part."""
     table = material.residuals
-    own = table[(table["group"] == group) & (table["status"] == "used")]
-    values: Floats = own["standardized"].dropna().to_numpy(np.float64)
+    own = table["standardized"][(table["group"] == group) & (table["status"] == "used")]
+    values: Floats = own.dropna().to_numpy(np.float64)
     return values
 
 

@@ -129,8 +129,9 @@ class Material:
 
         Both tables are in the order of their keys, so nothing has to be joined.
         """
-        table = self.residuals
-        own = table[(table["group"] == IMAGE_POINTS) & (table["component"] == name)].reset_index(drop=True)
+        columns = ["image", "point", "residual", "redundancy", "standardized", "status"]
+        chosen = (self.residuals["group"] == IMAGE_POINTS) & (self.residuals["component"] == name)
+        own = self.residuals.loc[chosen, columns].reset_index(drop=True)
         if not all(own[column].equals(self.image_points[column]) for column in ("image", "point")):
             raise ValueError("residuals.parquet and image_points.parquet have other image points")
         return own
