@@ -286,15 +286,14 @@ def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | No
 
 def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances, ...]:
     """Distances between object points of the block; those of the role check take no part. None: nothing."""
-    names = pd.Index(block.points)
-    ends = np.stack([names.get_indexer(pd.Index(table[name])) for name in ("point", "other_point")])
+    ends = np.stack([places_of(table[name], block.points) for name in ("point", "other_point")])
     kept = np.flatnonzero((ends >= 0).all(axis=0))
     if len(kept) == 0:
         return ()
     own = table.iloc[kept]
     model = StochasticModel.from_sigma(own[["sigma_m"]].to_numpy(np.float64))
     check = (own["role"] == "check").to_numpy()
-    point, other = ends[:, kept].astype(np.int64)
+    point, other = ends[:, kept]
     return (Distances(point, other, own["distance_m"].to_numpy(np.float64), model.without(check)),)
 
 
