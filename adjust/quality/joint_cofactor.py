@@ -21,7 +21,7 @@ from adjust.solve.gauss_newton import Solution
 from adjust.solve.normal_equations import System, add_border_columns, whiten
 
 # Object points that are solved for together: much faster than one by one, in little memory.
-_TOGETHER = 32
+_TOGETHER = 8
 
 
 @dataclass(frozen=True, eq=False)

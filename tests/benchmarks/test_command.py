@@ -19,5 +19,5 @@ def test_every_way_to_run_is_measured_and_its_phases_make_up_the_whole() -> None
         assert record.phases_processor_s is not None
         assert sum(record.phases_s.values()) == pytest.approx(record.ours_s)
         assert sum(record.phases_processor_s.values()) == pytest.approx(record.processor_s)
-    warm, _, reused = (record.phases_s["adjust_bundle"] for record in records if record.phases_s)
+    warm, _, reused = (record.phases_s["bundle_adjustment"] for record in records if record.phases_s)
     assert reused < 0.5 * warm

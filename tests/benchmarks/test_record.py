@@ -118,8 +118,8 @@ def test_the_whole_command_is_shown_by_stage() -> None:
         "",
         "",
         processor_s=3.25,
-        phases_s={"adjust_bundle": 1.5},
-        phases_processor_s={"adjust_bundle": 1.25},
+        phases_s={"bundle_adjustment": 1.5},
+        phases_processor_s={"bundle_adjustment": 1.25},
     )
     show([warm], console)
     assert isinstance(console.file, io.StringIO)
