@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
-from tests.flows.conftest import PROJECT
+from tests.flows.conftest import COLUMNS, FOCAL_LENGTH_MM, PIXEL_UM, ROWS
 from tests.flows.hostile_inputs import PART, REGISTERED, REGISTRY, Hostile, damage, place, tokens
 from tests.flows.test_registered_calibration_use import calibration
 from tests.tasks.registry.records import add, approve
@@ -30,11 +30,21 @@ TABLES = (
     "parameter_influences",
     "exposures",
 )
-_OF_REGISTRY = """mount_deg = 0
+#: What the project of the block has of its camera, and what one with a registry has instead.
+_OF_REGISTRY = {
+    'name = "two strips"': 'name = "registered"\nflown = 2024-06-01',
+    'file = "camera.xml"\nformat = "ign-xml"\n': f"""columns = {COLUMNS}
+rows = {ROWS}
+pixel_um = {PIXEL_UM}
+focal_length_mm = {FOCAL_LENGTH_MM}
+principal_point_mm = [0.0, 0.0]
 calibration = "registry"
 calibration_use = "consider"
-identity = { body = "B" }
-"""
+identity = {{ body = "B" }}
+""",
+    '[cameras.C.additional_parameters]\n"brown-forward:k1" = 1e-4\n': "",
+    'free = ["boresight", "time_offset"]': 'free = ["time_offset"]',
+}
 _NUMBERS = ("nan", "inf", "-1.0", "0.0", "1e300", "1e-300", "57.3", "null")
 _TEXTS = ("", "x", "\u202e", "\x00", "é" * 300, "null")
 
@@ -44,9 +54,10 @@ def write_registered(folder: Path) -> None:
     registry = Registry.at(registry_address(str(folder / REGISTRY)))
     add(registry, calibration())
     approve(registry, 1, date(2024, 5, 2))
-    registry.database.close()
-    text = PROJECT.replace("mount_deg = 0\n", _OF_REGISTRY).replace('free = ["boresight"]', "free = []")
-    text = text.replace('name = "two strips"', 'name = "registered"\nflown = 2024-06-01')
+    text = (folder / "project.toml").read_text()
+    for where, instead in _OF_REGISTRY.items():
+        assert where in text
+        text = text.replace(where, instead)
     (folder / REGISTERED).write_text(text)
 
 
