@@ -30,6 +30,8 @@ _REGEX = {"comma": ",", "blank": r"\s+"}
 _NAMES = pa.dictionary(pa.int32(), pa.string())
 _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
+# A row without anything in it, as spreadsheets write them.
+_NOTHING = re.compile(rb"^[, \t]+$", re.MULTILINE)
 _BLANK, _LINE_FEED = ord(" "), ord("\n")
 
 
@@ -113,7 +115,8 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         )
     except (pa.ArrowException, ValueError):
         return None
-    if len(table) != lines:
+    # Rows without anything are passed over, which only the other parser's lines allow for.
+    if len(table) != lines or all(column.null_count for column in table.columns):
         return None
     values = np.empty((lines, len(layout.numeric)))
     for position, name in enumerate(layout.numeric):
@@ -142,7 +145,7 @@ def _with_single_blanks(content: bytes) -> bytes:
     signs, blank = signs[kept], blank[kept]
     behind = np.ones_like(blank)
     np.equal(signs[1:], _LINE_FEED, out=behind[:-1])
-    return signs[~(blank & behind)].tobytes()
+    return bytes(signs[~(blank & behind)].data)
 
 
 def _joined(column: pa.ChunkedArray) -> pa.DictionaryArray:
@@ -166,11 +169,16 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     InputError
         As of :func:`rows_of`.
     """
+    file, expected = layout.file, len(layout.names)
+    if layout.separator == "comma":
+        content = _NOTHING.sub(b"", content) if content.translate(None, b", \t\n") else b"\n"
+        _refuse_other_counts(content, file, expected, first_line)
+    if content.isspace():
+        return Rows((pa.nulls(0, _NAMES),) * len(layout.texts), np.empty((0, len(layout.numeric))))
     options = _options(layout.names, layout.separator, layout.encoding)
     kinds: dict[str, Any] = {
         name: np.float64 if name in layout.numeric else object for name in (*layout.names, _REMAINDER)
     }
-    file, expected = layout.file, len(layout.names)
     try:
         with warnings.catch_warnings():
             # Of fields beyond the one column more, which is refused below.
@@ -186,8 +194,6 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     line = np.flatnonzero(~blank)
     frame = frame[~blank]
     _refuse_remainder(frame, line + first_line, file, expected)
-    if layout.separator == "comma":
-        _refuse_short_rows(content, file, expected, first_line)
     return Rows(
         tuple(
             pa.array(frame[name], pa.string(), from_pandas=True).dictionary_encode() for name in layout.texts
@@ -215,35 +221,43 @@ def _options(names: Sequence[str], separator: Separator, encoding: str) -> Mappi
 def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int) -> None:
     surplus = frame[_REMAINDER].notna().to_numpy()
     if surplus.any():
-        raise InputError(
-            f"This line has more than {expected} columns.",
-            "Correct it; numbers need a decimal point, a comma only separates columns.",
-            file=file,
-            line=int(line[np.argmax(surplus)]),
-        )
+        raise _too_many(file, expected, int(line[np.argmax(surplus)]))
 
 
-def _refuse_short_rows(content: bytes, file: Path, expected: int, first_line: int) -> None:
-    """Refuse rows with fewer commas than columns: a file that was cut off inside a row ends with one.
+def _too_many(file: Path, expected: int, line: int | None) -> InputError:
+    return InputError(
+        f"This line has more than {expected} columns.",
+        "Correct it; numbers need a decimal point, a comma only separates columns.",
+        file=file,
+        line=line,
+    )
 
-    An empty field keeps its comma, so this is no question of what is given. With blanks between the columns
-    every one of them has to be there.
+
+def _refuse_other_counts(content: bytes, file: Path, expected: int, first_line: int) -> None:
+    """Refuse rows with fewer commas than columns, as a file ends with that was cut off inside a row, or more.
+
+    An empty field keeps its comma, so this is no question of what is given; one at the end is no column.
     """
     signs = np.frombuffer(content, dtype=np.uint8)
     ends = np.flatnonzero(signs == _LINE_FEED)
     ends = ends if len(ends) and ends[-1] == len(signs) - 1 else np.append(ends, len(signs))
     commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)
-    for row in np.flatnonzero(commas < expected - 1).tolist():
-        text = content[ends[row - 1] + 1 if row else 0 : ends[row]]
+    starts = np.append(0, ends[:-1] + 1)
+    others = ((commas < expected - 1) & (ends > starts)) | (commas > expected)
+    for row in np.flatnonzero(others).tolist():
+        text = content[starts[row] : ends[row]]
         # A field in quotation marks may hold line ends.
-        if text.strip() and b'"' not in text:
-            found = int(commas[row]) + 1
-            raise InputError(
-                f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
-                "The file may have been cut off here: deliver it again. An empty field keeps its comma.",
-                file=file,
-                line=first_line + row,
-            )
+        if not text.strip() or b'"' in text:
+            continue
+        if commas[row] > expected:
+            raise _too_many(file, expected, first_line + row)
+        found = int(commas[row]) + 1
+        raise InputError(
+            f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
+            "The file may have been cut off here: deliver it again. An empty field keeps its comma.",
+            file=file,
+            line=first_line + row,
+        )
 
 
 def _malformed(message: str, file: Path, expected: int, first_line: int) -> InputError:
@@ -252,12 +266,7 @@ def _malformed(message: str, file: Path, expected: int, first_line: int) -> Inpu
         line = int(quote.group(1)) + first_line
         return InputError("A quotation mark is not closed.", "Close it or delete it.", file=file, line=line)
     found = re.search(r"in line (\d+)", message)
-    return InputError(
-        f"This line has more than {expected} columns.",
-        "Correct it; numbers need a decimal point, a comma only separates columns.",
-        file=file,
-        line=int(found.group(1)) - 1 + first_line if found else None,
-    )
+    return _too_many(file, expected, int(found.group(1)) - 1 + first_line if found else None)
 
 
 def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> InputError:
