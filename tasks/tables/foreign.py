@@ -74,7 +74,7 @@ def _trouble_in_column(table: pa.Table, column: Column) -> str | None:
     if column.type == "float64":
         # NaN, which stands nowhere in a table, is no less or equal.
         possible = pc.less_equal(pc.abs(values), HUGE)
-        if not pc.all(possible).as_py():
+        if not pc.all(possible, min_count=0).as_py():
             return f"The column '{column.name}' has a number that no quantity has."
     if column.values:
         strange = set(values.unique().drop_null().to_pylist()) - set(column.values)
