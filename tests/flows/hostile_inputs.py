@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import dist
 from pathlib import Path
 
 from hypothesis import strategies as st
@@ -22,7 +24,7 @@ CAMERA = """<?xml version="1.0" encoding="UTF-8"?>
 CALIBRATION = "calibration.json"
 #: A project whose camera comes from a registry, and that registry.
 REGISTERED, REGISTRY = "registered.toml", "registry.sqlite"
-#: What the project has beyond the synthetic block: flights, times and rates, forward distortion.
+#: What the project has beyond the synthetic block: flights, times, rates, forward distortion, distances.
 _ADDED = {
     'reference = "grid" }': 'reference = "grid", rate_axes = "forward-right-down" }',
     "[inputs.image_points]": """[cameras.C.additional_parameters]
@@ -32,10 +34,13 @@ images_without_exposure = "orient"
 [inputs.image_points]""",
     "[adjustment]": """[inputs.exposures.flights.b]
 part_of = "a"
+[inputs.distances]
+file = "distances.csv"
+unit = "m"
 [adjustment]""",
     'free = ["boresight"]': 'free = ["boresight", "time_offset"]\npriors = { time_offset_s = 0.001 }',
 }
-FILES = ("project.toml", "image_points.csv", "exposures.csv", "control.csv", "camera.xml")
+FILES = ("project.toml", "image_points.csv", "exposures.csv", "control.csv", "distances.csv", "camera.xml")
 _INLINE = re.compile(r"columns = .*?principal_point_mm = \[0\.0, 0\.0\]\n", re.DOTALL)
 #: What can be exchanged in a text: a number, a word, or a sign.
 _TOKEN = re.compile(r"[-+]?\d[\d._]*(?:[eE][-+]?\d+)?|\w+|[^\w\s]")
@@ -80,12 +85,24 @@ def hostile_block(folder: Path) -> Path:
     )
     columns = f"{header},flight,time,rate_roll,rate_pitch,rate_yaw"
     exposures.write_text("\n".join([columns, *moved]) + "\n")
+    (folder / "distances.csv").write_text(_distances(folder / "control.csv"))
     (folder / "camera.xml").write_text(CAMERA)
     text = _INLINE.sub('file = "camera.xml"\nformat = "ign-xml"\n', project.read_text())
     for where, added in _ADDED.items():
         text = text.replace(where, added)
     project.write_text(text)
     return project
+
+
+def _distances(control: Path) -> str:
+    """Distances between surveyed points that follow each other, the last one to be checked."""
+    points = [row.split(",") for row in control.read_text().splitlines()[1:]]
+    rows = ["point,other_point,distance,sigma,role"]
+    for number, (one, other) in enumerate(pairwise(points)):
+        distance = dist(*(tuple(map(float, point[1:4])) for point in (one, other)))
+        role = "check" if number == len(points) - 2 else "control"
+        rows.append(f"{one[0]},{other[0]},{distance:.4f},0.05,{role}")
+    return "\n".join(rows) + "\n"
 
 
 def place(where: float, count: int) -> int:
