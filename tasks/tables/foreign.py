@@ -19,13 +19,17 @@ from tasks.tables.parquet import METADATA
 from tasks.tables.schemas import Column, TableSchema
 
 
-def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd.DataFrame, str]:
+def read_foreign_table(
+    path: Path, schema: TableSchema, remedy: str, *, complete: bool = False
+) -> tuple[pd.DataFrame, str]:
     """A table of other results, and the CRS of its coordinates (empty without any).
 
     Parameters
     ----------
     schema : the columns that are read, and no others.
     remedy : what to do if it is none.
+    complete : whether columns that may be empty have to be there, too; those that results of older versions
+        lack are else empty, but for coordinates.
 
     Raises
     ------
@@ -51,6 +55,9 @@ def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd
             f"This is not a table '{schema.name}' of version {schema.version}.", remedy, file=path
         )
     for column in schema.columns:
+        needed = complete or not column.nullable or column.name in schema.coordinates
+        if column.name not in table.column_names and not needed:
+            table = table.append_column(column.name, pa.nulls(len(table), ARROW_TYPES[column.type]))
         trouble = _trouble_in_column(table, column)
         if trouble is not None:
             raise InputError(trouble, remedy, file=path, entity=column.name)
@@ -63,9 +70,9 @@ def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd
 
 
 def _trouble_in_column(table: pa.Table, column: Column) -> str | None:
-    """What a column of a schema holds that it may not; None: nothing, or it is not there and need not be."""
+    """Why a column is none of its schema, a sentence; None: it is one."""
     if column.name not in table.column_names:
-        return None if column.nullable else f"This table has no column '{column.name}'."
+        return f"This table has no column '{column.name}'."
     values = table.column(column.name)
     if values.type != ARROW_TYPES[column.type]:
         return f"The column '{column.name}' is {values.type}, not {column.type}."
