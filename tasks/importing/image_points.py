@@ -24,6 +24,7 @@ from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.image_point_units import in_format, in_millimetres
+from tasks.importing.neighbouring_images import about_neighbours
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
@@ -113,7 +114,8 @@ def usable_image_points(
         if without == 0
         else (f"{without:,} images have no exposure and are oriented by their image points.",)
     )
-    notes = replace(notes, problems=(*alone, *notes.problems, *about_extra(records)))
+    problems = (*alone, *notes.problems, *about_neighbours(exposures, exposure, point_code))
+    notes = replace(notes, problems=(*problems, *about_extra(records)))
     return columns, {name: values.take(taken) for name, values in extra.items()}, notes
 
 
@@ -136,7 +138,7 @@ def _with_images_alone(
             entity=f"image {alone[0]}",
         )
     added = pd.DataFrame({"image": alone, "camera": list(cameras) * len(alone)})
-    return pd.concat([exposures[["image", "camera"]], added], ignore_index=True), len(alone)
+    return pd.concat([exposures, added], ignore_index=True), len(alone)
 
 
 def _converted(
