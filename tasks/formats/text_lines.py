@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from tasks.errors import InputError
 from tasks.storage.delivered_file import file_limits, pieces_of_delivered
 
@@ -111,13 +109,13 @@ def _is_utf8(piece: bytes) -> bool:
 
 def _end_of_rows(content: bytes, end: bytes) -> int:
     """Behind the last end of a line that does not lie in quotation marks; 0: there is none."""
-    if b'"' not in content:
-        return content.rfind(end) + 1
-    signs = np.frombuffer(content, dtype=np.uint8)
-    ends = np.flatnonzero(signs == end[0])
-    marks = np.searchsorted(np.flatnonzero(signs == ord('"')), ends)
-    closed = ends[marks % 2 == 0]
-    return int(closed[-1]) + 1 if len(closed) else 0
+    cut = content.rfind(end) + 1
+    marks = content.count(b'"', 0, cut)
+    while cut and marks % 2:
+        before = content.rfind(end, 0, cut - 1) + 1
+        marks -= content.count(b'"', before, cut)
+        cut = before
+    return cut
 
 
 def _refuse_long_line(piece: bytes, file: Path, first_line: int) -> None:
