@@ -1,4 +1,4 @@
-"""Forty deliveries through `aerocal serve` with records of its own: no error in a log, an outcome is a line."""
+"""Forty deliveries through `aerocal serve` on SQLite: no error in a log, an outcome is one line."""
 
 from __future__ import annotations
 
