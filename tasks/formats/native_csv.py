@@ -18,7 +18,8 @@ from __future__ import annotations
 import csv
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import pyarrow as pa
@@ -31,7 +32,9 @@ from tasks.formats.records import (
     ExposureRecords,
     ImagePointRecords,
 )
-from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
+from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_rows import Layout
+from tasks.formats.text_table import TextTable, read_table_text
 from tasks.nearest_name import nearest
 from tasks.plain_text import trouble_in
 
@@ -60,8 +63,8 @@ def read_csv_image_points(path: Path) -> ImagePointRecords:
     table, extra = _read(path, ("image", "point", "x", "y"), ("sx", "sy"), ("x", "y", "sx", "sy"))
     return ImagePointRecords(
         file=path,
-        image=table.text("image"),
-        point=table.text("point"),
+        image=table.names("image"),
+        point=table.names("point"),
         xy=table.numbers(("x", "y")),
         sigma=table.numbers(("sx", "sy"), may_be_empty=True),
         line=table.line,
@@ -148,33 +151,37 @@ def _optional_text(table: TextTable, name: str) -> pa.Array:
 def _read(
     path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str]
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
-    content = lines_of(read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n"), path)
-    header_line, delivered, rows = _header(content, path)
+    text = DeliveredLines.of(path, lone_return=b"\n")
+    header_line, delivered, rows = _header(text)
     names = [_recognised(name, (*required, *optional)) for name in delivered]
     _check_columns(names, required, optional, path, header_line)
     _refuse_near_misses(names, required, optional, path, header_line)
     present = [name for name in numeric if name in names]
-    table = read_table_text(rows, path, names, present, "comma", first_line=header_line + 1)
+    layout = Layout(path, tuple(names), tuple(present), "comma")
+    table = read_table_text(rows, layout, text.lines - header_line, first_line=header_line + 1)
     known = {*required, *optional}
     extra = {name: table.remarks(name) for name in names if name not in known}
     return table, extra
 
 
-def _header(content: bytes, path: Path) -> tuple[int, list[str], bytes]:
-    """Line of the header, its names, and the bytes below it."""
+def _header(text: DeliveredLines) -> tuple[int, list[str], Iterator[bytes]]:
+    """Line of the header, its names, and the rows below it."""
+    line, pieces, content = 1, text.pieces(), b""
+    for content in pieces:
+        if not content.isspace():
+            break
+        line += content.count(b"\n")
     found = _NOT_BLANK.search(content)
     begin = content.rfind(b"\n", 0, found.start()) + 1 if found is not None else 0
-    line = content.count(b"\n", 0, begin) + 1
+    line += content.count(b"\n", 0, begin)
     first, _, rest = content[begin:].partition(b"\n")
     try:
         fields = next(csv.reader([first.decode("utf-8")], skipinitialspace=True))
     except UnicodeDecodeError as error:
         raise InputError(
-            "The header is not UTF-8 text.", "Save the file as UTF-8.", file=path, line=line
+            "The header is not UTF-8 text.", "Save the file as UTF-8.", file=text.file, line=line
         ) from error
-    if not rest or rest.isspace():
-        raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
-    return line, [field.strip() for field in fields], rest
+    return line, [field.strip() for field in fields], chain([rest] if rest else [], pieces)
 
 
 def _recognised(name: str, known: Sequence[str]) -> str:
