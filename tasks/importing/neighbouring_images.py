@@ -58,9 +58,10 @@ def _neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.
     """Rows of images that follow each other in a strip at its usual distance, and its name."""
     one, other, strips = [], [], []
     numbered = exposures.reset_index(drop=True)
+    numbered = numbered[numbered["strip"].notna()]
     for (_, strip, _), own in numbered.groupby(["flight", "strip", "camera"], dropna=False, sort=True):
         plan = own[["x_m", "y_m"]].to_numpy(np.float64)
-        if pd.isna(strip) or len(own) < _LEAST or not np.isfinite(plan).all():
+        if len(own) < _LEAST or not np.isfinite(plan).all():
             continue
         along = np.linalg.svd(plan - plan.mean(axis=0), full_matrices=False)[2][0]
         order = np.argsort(plan @ along, kind="stable")
