@@ -39,7 +39,7 @@ def about_neighbours(
         return ()
     shape = (len(exposures), int(point.max()) + 1)
     seen = csr_array((np.ones(len(point), dtype=np.int32), (image, point)), shape=shape)
-    shared = np.asarray(seen[one].multiply(seen[other]).sum(axis=1)).ravel()
+    shared: NDArray[np.int64] = np.asarray(seen[one].multiply(seen[other]).sum(axis=1)).ravel()
     # What is usual is so in the block: half of a strip may be missing, or all of it.
     usual = float(np.median(shared[shared > 0])) if (shared > 0).any() else 0.0
     alone = np.flatnonzero(shared < _PART * usual) if usual >= _USUAL else np.zeros(0, dtype=np.int64)
