@@ -39,7 +39,7 @@ def about_neighbours(
         return ()
     shape = (len(exposures), int(point.max()) + 1)
     seen = csr_array((np.ones(len(point), dtype=np.int32), (image, point)), shape=shape)
-    shared = np.asarray(seen[one].multiply(seen[other]).sum(axis=1)).ravel()
+    shared: NDArray[np.int64] = np.asarray(seen[one].multiply(seen[other]).sum(axis=1)).ravel()
     # What is usual is so in the block: half of a strip may be missing, or all of it.
     usual = float(np.median(shared[shared > 0])) if (shared > 0).any() else 0.0
     alone = np.flatnonzero(shared < _PART * usual) if usual >= _USUAL else np.zeros(0, dtype=np.int64)
@@ -58,9 +58,10 @@ def _neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.
     """Rows of images that follow each other in a strip at its usual distance, and its name."""
     one, other, strips = [], [], []
     numbered = exposures.reset_index(drop=True)
+    numbered = numbered[numbered["strip"].notna()]
     for (_, strip, _), own in numbered.groupby(["flight", "strip", "camera"], dropna=False, sort=True):
         plan = own[["x_m", "y_m"]].to_numpy(np.float64)
-        if pd.isna(strip) or len(own) < _LEAST or not np.isfinite(plan).all():
+        if len(own) < _LEAST or not np.isfinite(plan).all():
             continue
         along = np.linalg.svd(plan - plan.mean(axis=0), full_matrices=False)[2][0]
         order = np.argsort(plan @ along, kind="stable")

@@ -78,23 +78,22 @@ def test_rows_as_they_are_delivered(tmp_path: Path, kind: str, rows: object, end
     print(f"\n{kind}: {memory / file.stat().st_size:.2f} of the file, {seconds:.1f} s")
 
 
-@pytest.mark.parametrize(
-    "piece",
-    [
-        b"x",
-        b'"',
-        b",",
-        b"\0",
-        b"\n",
-        b"\r",
-        b'"\n',
-        b"\0\n",
-        b",,,\n",
-        b"," * 90_000 + b"\n",
-        b"\xff,p,1,2\n",
-    ],
-    ids=repr,
-)
+NO_TABLE = {
+    "one line": b"x",
+    "quotation marks": b'"',
+    "commas": b",",
+    "NULs": b"\0",
+    "line feeds": b"\n",
+    "returns": b"\r",
+    "open quotation marks": b'"\n',
+    "NULs in lines": b"\0\n",
+    "empty fields": b",,,\n",
+    "very many fields": b"," * 90_000 + b"\n",
+    "no text": b"\xff,p,1,2\n",
+}
+
+
+@pytest.mark.parametrize("piece", NO_TABLE.values(), ids=NO_TABLE)
 def test_what_is_no_table(tmp_path: Path, piece: bytes) -> None:
     file = tmp_path / "points.csv"
     with file.open("wb") as stream:
