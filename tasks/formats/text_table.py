@@ -8,12 +8,11 @@ fails is it read a second time as text, to find the row to blame. Carriage retur
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,14 +20,13 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.formats.table_faults import TOO_MANY, malformed, not_a_number, not_text
+from tasks.formats.table_layout import MARKS, Separator
 from tasks.magnitude import HUGE
-from tasks.plain_text import quoted, trouble_in
+from tasks.plain_text import trouble_in
 from tasks.storage.delivered_file import Kind, file_limits, read_delivered
 
-Separator = Literal["comma", "blank"]
-_REGEX = {"comma": ",", "blank": r"\s+"}
 _REMAINDER = "\x00more"
-_DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
 # Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
 _LONGEST_LINE = 100_000
 # Bytes that are looked at together.
@@ -181,6 +179,8 @@ def read_table_text(
     separator: Separator,
     first_line: int = 1,
     encoding: str = "utf-8",
+    decimal: str = ".",
+    quote: str = '"',
 ) -> TextTable:
     """Parse rows of text into columns.
 
@@ -190,9 +190,11 @@ def read_table_text(
     file : for messages.
     names : the columns in their order in the file.
     numeric : those that are numbers.
-    separator : ``comma``, or ``blank`` for any run of blanks and tabs.
+    separator : between columns; ``blank`` for any run of blanks and tabs.
     first_line : the line of the file in which `content` starts.
     encoding : of the text columns.
+    decimal : mark of numbers.
+    quote : mark around texts with separators.
 
     Raises
     ------
@@ -200,7 +202,7 @@ def read_table_text(
         Naming the line: too many or too few columns, a field that is not a number, an open quotation mark,
         bytes that are not text in this encoding; or naming the file: no rows.
     """
-    options = _options(names, separator, encoding)
+    options = _options(names, separator, encoding, decimal, quote)
     kinds: dict[str, Any] = {name: np.float64 if name in numeric else object for name in (*names, _REMAINDER)}
     try:
         with warnings.catch_warnings():
@@ -208,11 +210,11 @@ def read_table_text(
             warnings.simplefilter("ignore", pd.errors.ParserWarning)
             frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
     except UnicodeDecodeError as error:
-        raise _not_text(content, file, first_line, encoding) from error
+        raise not_text(content, file, first_line, encoding) from error
     except pd.errors.ParserError as error:
-        raise _malformed(str(error), file, len(names), first_line) from error
+        raise malformed(str(error), file, len(names), first_line, separator) from error
     except (ValueError, TypeError) as error:
-        raise _not_a_number(content, file, numeric, options, first_line) from error
+        raise not_a_number(content, file, numeric, options, first_line) from error
     blank = frame.isna().all(axis=1).to_numpy()
     line = np.arange(len(frame), dtype=np.int64) + first_line
     if blank.any():
@@ -221,16 +223,20 @@ def read_table_text(
         raise InputError(
             "The file has no rows.", "Deliver it again, or take it out of the project file.", file=file
         )
-    _refuse_remainder(frame, line, file, len(names))
-    if separator == "comma":
-        _refuse_short_rows(content, file, len(names), first_line)
+    _refuse_remainder(frame, line, file, len(names), separator)
+    if separator != "blank":
+        _refuse_short_rows(content, file, len(names), first_line, MARKS[separator], quote)
     return TextTable(file, line, frame)
 
 
-def _options(names: Sequence[str], separator: Separator, encoding: str) -> Mapping[str, Any]:
+def _options(
+    names: Sequence[str], separator: Separator, encoding: str, decimal: str, quote: str
+) -> Mapping[str, Any]:
     # One column more than the file should have: surplus fields land there instead of getting lost.
     return {
-        "sep": _REGEX[separator],
+        "sep": r"\s+" if separator == "blank" else MARKS[separator],
+        "decimal": decimal,
+        "quotechar": quote,
         "header": None,
         "names": [*names, _REMAINDER],
         "index_col": False,
@@ -242,22 +248,26 @@ def _options(names: Sequence[str], separator: Separator, encoding: str) -> Mappi
     }
 
 
-def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int) -> None:
+def _refuse_remainder(
+    frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int, separator: Separator
+) -> None:
     surplus = frame[_REMAINDER].notna().to_numpy()
     if surplus.any():
         raise InputError(
             f"This line has more than {expected} columns.",
-            "Correct it; numbers need a decimal point, a comma only separates columns.",
+            TOO_MANY.format(f"a {separator}"),
             file=file,
             line=int(line[np.argmax(surplus)]),
         )
 
 
-def _refuse_short_rows(content: bytes, file: Path, expected: int, first_line: int) -> None:
-    """Refuse rows with fewer commas than columns: a file that was cut off inside a row ends with one.
+def _refuse_short_rows(
+    content: bytes, file: Path, expected: int, first_line: int, mark: str, quote: str
+) -> None:
+    """Refuse rows with fewer separators than columns: a file that was cut off inside a row ends with one.
 
-    An empty field keeps its comma, so this is no question of what is given. With blanks between the columns
-    every one of them has to be there.
+    An empty field keeps its separator, so this is no question of what is given. With blanks between the
+    columns every one of them has to be there.
     """
     begin, line = 0, first_line
     while begin < len(content):
@@ -266,70 +276,16 @@ def _refuse_short_rows(content: bytes, file: Path, expected: int, first_line: in
         piece = np.frombuffer(content, dtype=np.uint8, count=end - begin, offset=begin)
         ends = np.flatnonzero(piece == ord("\n"))
         ends = ends if len(ends) and ends[-1] == len(piece) - 1 else np.append(ends, len(piece))
-        commas = np.diff(np.searchsorted(np.flatnonzero(piece == ord(",")), ends), prepend=0)
-        for row in np.flatnonzero(commas < expected - 1).tolist():
+        marks = np.diff(np.searchsorted(np.flatnonzero(piece == ord(mark)), ends), prepend=0)
+        for row in np.flatnonzero(marks < expected - 1).tolist():
             text = piece[ends[row - 1] + 1 if row else 0 : ends[row]].tobytes()
             # A field in quotation marks may hold line ends.
-            if text.strip() and b'"' not in text:
-                found = int(commas[row]) + 1
+            if text.strip() and quote.encode() not in text:
+                found = int(marks[row]) + 1
                 raise InputError(
                     f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
-                    "The file may have been cut off here: deliver it again. An empty field keeps its comma.",
+                    "The file may have been cut off: deliver it again. An empty field keeps its separator.",
                     file=file,
                     line=line + row,
                 )
         begin, line = end, line + len(ends)
-
-
-def _malformed(message: str, file: Path, expected: int, first_line: int) -> InputError:
-    quote = re.search(r"EOF inside string starting at row (\d+)", message)
-    if quote:
-        line = int(quote.group(1)) + first_line
-        return InputError("A quotation mark is not closed.", "Close it or delete it.", file=file, line=line)
-    found = re.search(r"in line (\d+)", message)
-    return InputError(
-        f"This line has more than {expected} columns.",
-        "Correct it; numbers need a decimal point, a comma only separates columns.",
-        file=file,
-        line=int(found.group(1)) - 1 + first_line if found else None,
-    )
-
-
-def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> InputError:
-    try:
-        content.decode(encoding)
-        line = None
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + first_line
-    return InputError(
-        f"There are characters here that are not {encoding.upper()} text.",
-        "Save the file as UTF-8.",
-        file=file,
-        line=line,
-    )
-
-
-def _not_a_number(
-    content: bytes,
-    file: Path,
-    numeric: Sequence[str],
-    options: Mapping[str, Any],
-    first_line: int,
-) -> InputError:
-    """Read everything as text and name the first field that is not a number."""
-    frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
-    bad = np.zeros((len(frame), len(numeric)), dtype=bool)
-    for position, name in enumerate(numeric):
-        given = frame[name].notna()
-        # "nan" converts, but is not a number either.
-        bad[:, position] = (given & pd.to_numeric(frame[name], errors="coerce").isna()).to_numpy()
-    row = int(np.argmax(bad.any(axis=1)))
-    name = list(numeric)[int(np.argmax(bad[row]))]
-    value = str(frame[name].iloc[row])
-    remedy = "Correct the field or delete the line."
-    if _DECIMAL_COMMA.match(value):
-        remedy = "Write the number with a decimal point."
-    elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
-        remedy = "Leave the field empty if the value is not known and may be missing, else delete the line."
-    what = f"{quoted(value)} in the column '{name}' is not a number."
-    return InputError(what, remedy, file=file, line=row + first_line)

@@ -18,7 +18,7 @@ from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
-from tasks.formats.register import IMAGE_POINT_FORMATS
+from tasks.formats.register import read_image_points
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
@@ -69,7 +69,7 @@ def usable_image_points(
         image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    records = [IMAGE_POINT_FORMATS[source.format](source.file) for source in sources]
+    records = [read_image_points(source.format, source.file, source.layout) for source in sources]
     without = 0
     if orient_without_exposure:
         exposures, without = _with_images_alone(exposures, records, tuple(known))
