@@ -17,6 +17,7 @@ from tasks.formats.inpho import (
     read_inpho_image_points,
 )
 from tasks.formats.isat import read_isat_cameras, read_isat_control, read_isat_exposures
+from tasks.formats.metashape_text import read_metashape_opk
 from tasks.formats.native_csv import (
     read_csv_control,
     read_csv_distances,
@@ -59,6 +60,7 @@ EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "bingo": read_bingo_orientations,
     "inpho": read_inpho_exposures,
     "isat": read_isat_exposures,
+    "metashape-opk": read_metashape_opk,
 }
 CONTROL_FORMATS: dict[str, ControlReader] = {
     TABLE: read_csv_control,
