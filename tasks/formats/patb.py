@@ -62,10 +62,12 @@ def read_patb_orientations(path: Path, _order: AngleOrder) -> ExposureRecords:
 
 def _station(path: Path, line: str, number: int) -> tuple[str, list[float]]:
     fields = line.split()
-    if len(fields) not in (4, 5):
+    if len(fields) not in (4, 5) or any("-" in field[1:] for field in fields[1:]):
         # Long numbers leave no blank between the columns.
         name, rest = line[:_WIDTH].strip(), line[2 * _WIDTH :]
         fields = [name, *(rest[k : k + _WIDTH] for k in range(0, 3 * _WIDTH, _WIDTH))]
+    if not fields[0]:
+        raise InputError("The photo has no number.", "Deliver the file again.", file=path, line=number)
     return fields[0], numbers_of(path, fields[-3:], 3, number, "X, Y, Z of a projection centre")
 
 

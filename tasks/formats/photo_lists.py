@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from tasks.magnitude import HUGE
 from tasks.plain_text import quoted
 
 _END = "-99"
+_COMMENT = re.compile(r"#[^\n]*")
 
 
 def read_photo_lists(path: Path) -> ImagePointRecords:
@@ -32,8 +34,9 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
     InputError
         With file and line: a point without two coordinates; a list that does not end.
     """
-    text = text_of(path)
-    width = max(len(line.split("#", 1)[0].split()) for line in text.split("\n"))
+    # Emptied, and not left to the parser, which would not count their lines.
+    text = _COMMENT.sub("", text_of(path))
+    width = max(len(line.split()) for line in text.split("\n"))
     if width == 0:
         raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
     names = [str(k) for k in range(width)]
@@ -45,7 +48,6 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
             names=names,
             usecols=names[:3],
             dtype=str,
-            comment="#",
             quoting=csv.QUOTE_NONE,
             skip_blank_lines=False,
             keep_default_na=False,

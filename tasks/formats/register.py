@@ -8,6 +8,14 @@ from typing import TypeAlias
 
 from tasks.formats.applanix import read_applanix
 from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
+from tasks.formats.blocks_exchange import (
+    read_blocks_cameras,
+    read_blocks_control,
+    read_blocks_exposures,
+    read_blocks_image_points,
+)
+from tasks.formats.bundler import read_bundler_exposures, read_bundler_image_points
+from tasks.formats.colmap import read_colmap_cameras, read_colmap_exposures, read_colmap_image_points
 from tasks.formats.ign_camera import read_ign_camera
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.inpho import (
@@ -17,6 +25,12 @@ from tasks.formats.inpho import (
     read_inpho_image_points,
 )
 from tasks.formats.isat import read_isat_cameras, read_isat_control, read_isat_exposures
+from tasks.formats.metashape import (
+    read_metashape_cameras,
+    read_metashape_exposures,
+    read_metashape_markers,
+    read_metashape_measurements,
+)
 from tasks.formats.metashape_text import read_metashape_opk
 from tasks.formats.native_csv import (
     read_csv_control,
@@ -24,8 +38,18 @@ from tasks.formats.native_csv import (
     read_csv_exposures,
     read_csv_image_points,
 )
+from tasks.formats.opensfm import (
+    read_odm_control,
+    read_odm_geo,
+    read_odm_measurements,
+    read_opensfm_cameras,
+    read_opensfm_exposures,
+    read_opensfm_tracks,
+)
 from tasks.formats.patb import read_patb_control, read_patb_orientations
 from tasks.formats.photo_lists import read_photo_lists
+from tasks.formats.pix4d import read_pix4d_exposures
+from tasks.formats.realityscan import read_realityscan_exposures
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,
@@ -51,6 +75,13 @@ IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
     "patb": read_photo_lists,
     "bingo": read_photo_lists,
     "inpho": read_inpho_image_points,
+    "metashape-markers": read_metashape_measurements,
+    "pix4d": read_photo_lists,
+    "blocks-exchange": read_blocks_image_points,
+    "colmap": read_colmap_image_points,
+    "opensfm": read_opensfm_tracks,
+    "odm-gcp": read_odm_measurements,
+    "bundler": read_bundler_image_points,
 }
 EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     TABLE: read_csv_exposures,
@@ -61,6 +92,14 @@ EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "inpho": read_inpho_exposures,
     "isat": read_isat_exposures,
     "metashape-opk": read_metashape_opk,
+    "metashape": read_metashape_exposures,
+    "pix4d": read_pix4d_exposures,
+    "blocks-exchange": read_blocks_exposures,
+    "colmap": read_colmap_exposures,
+    "opensfm": read_opensfm_exposures,
+    "odm-geo": read_odm_geo,
+    "bundler": read_bundler_exposures,
+    "realityscan": read_realityscan_exposures,
 }
 CONTROL_FORMATS: dict[str, ControlReader] = {
     TABLE: read_csv_control,
@@ -69,12 +108,19 @@ CONTROL_FORMATS: dict[str, ControlReader] = {
     "bingo": read_bingo_control,
     "inpho": read_inpho_control,
     "isat": read_isat_control,
+    "metashape-markers": read_metashape_markers,
+    "blocks-exchange": read_blocks_control,
+    "odm-gcp": read_odm_control,
 }
 DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
 CAMERA_FORMATS: dict[str, CameraReader] = {
     "ign-xml": lambda path: {"": read_ign_camera(path)},
     "inpho": read_inpho_cameras,
     "isat": read_isat_cameras,
+    "metashape": read_metashape_cameras,
+    "blocks-exchange": read_blocks_cameras,
+    "colmap": read_colmap_cameras,
+    "opensfm": read_opensfm_cameras,
 }
 
 

@@ -22,7 +22,7 @@ from tasks.formats.register import read_image_points
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.image_point_units import in_format, in_millimetres
+from tasks.importing.image_point_units import in_format, in_millimetres, unit_mm
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
@@ -155,7 +155,7 @@ def _converted(
         records, exposure, camera = _only(records, found.inside), exposure[found.inside], camera[found.inside]
         places = Places.of_files([source.file], [records.line])
     pixel_mm = np.array([model.pixel_size * 1e3 for model in models])[camera][:, None]
-    scale = pixel_mm if source.unit == "px" else np.array(1.0 if source.unit == "mm" else 1e-3)
+    scale = unit_mm(source.unit, models)[camera][:, None]
     refuse_sigmas(places, records.sigma * scale / pixel_mm, records.point, _SIGMAS)
     default = IMAGE_POINT_SIGMA_PX * pixel_mm if source.sigma is None else np.array(source.sigma) * scale
     sigma = np.where(np.isnan(records.sigma), default, records.sigma * scale)

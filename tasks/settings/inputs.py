@@ -41,10 +41,11 @@ class ImagePointsInput(TableSettings):
         description="`csv` (image, point, x, y [, sx, sy]; headings of others can be declared) or another of "
         f"[the formats that are read](import.md): {_listed(image_point_formats())}."
     )
-    unit: Literal["px", "mm", "um"] = Field(
+    unit: Literal["px", "mm", "um", "centred-px", "longer-side"] = Field(
         description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
-        "(origin at the format centre, x along columns, y against rows). Not guessed, because a wrong unit "
-        "can look right."
+        "(origin at the format centre, x along columns, y against rows), and so are `centred-px`, pixels, "
+        "and `longer-side`, parts of the longer side of the image. Not guessed, because a wrong unit can "
+        "look right."
     )
     sigma: PositivePair | None = Field(
         default=None,
