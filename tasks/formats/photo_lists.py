@@ -37,8 +37,10 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
     # Emptied, and not left to the parser, which would not count their lines.
     text = _COMMENT.sub("", text_of(path))
     width = max(len(line.split()) for line in text.split("\n"))
-    if width == 0:
-        raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
+    if width < 3:
+        raise InputError(
+            "The file has no line with point, x and y.", "Check that it is a file of image points.", file=path
+        )
     names = [str(k) for k in range(width)]
     try:
         table = pd.read_csv(
@@ -52,7 +54,7 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
             skip_blank_lines=False,
             keep_default_na=False,
             na_values=[""],
-        ).reindex(columns=["0", "1", "2"])
+        )
     except pd.errors.ParserError as error:
         raise InputError(
             "The lines cannot be divided into fields.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,10 @@ def not_a_number(
     first_line: int,
 ) -> InputError:
     """Read everything as text and name the first field that is not a number."""
-    frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
+    with warnings.catch_warnings():
+        # Of fields beyond the columns, which are refused where all numbers are some.
+        warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
     bad = np.zeros((len(frame), len(numeric)), dtype=bool)
     for position, name in enumerate(numeric):
         given = frame[name].notna()
