@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,8 +64,8 @@ def refuse_other_statement(
     if frame.is_local:
         return
     datum = states.datum
-    if states.crs is not None and not frame.is_local:
-        stated_frame = MapFrame(states.crs, ELLIPSOIDAL)
+    if states.crs is not None:
+        stated_frame = _stated(file, states.crs)
         _refuse_other_projection(file, stated_frame, frame, position)
         datum = datum or _datum_name(stated_frame)
     found, meant = _datum(datum), _datum(_datum_name(frame))
@@ -74,6 +75,16 @@ def refuse_other_statement(
             f"Declare the CRS of the file. {_MISLABELLED}",
             file=file,
         )
+
+
+def _stated(file: Path, crs: str) -> MapFrame:
+    """The frame of a stated CRS; of one with heights its part in plan."""
+    frame = MapFrame(crs, ELLIPSOIDAL)
+    try:
+        known = frame.crs
+    except InputError as error:
+        raise replace(error, file=file) from error
+    return MapFrame(known.sub_crs_list[0].to_wkt(), ELLIPSOIDAL) if known.is_compound else frame
 
 
 def _plain_statements(
