@@ -29,6 +29,7 @@ from tasks.importing.exposure_angles import (
 )
 from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.file_statement import refuse_other_statement
+from tasks.importing.image_names import with_image_names
 from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
@@ -102,6 +103,7 @@ def exposure_columns(
 
 def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
     delivered = read_exposures(source.format, source.file, source.angles.order, source.layout)
+    delivered = with_image_names(delivered, source.image_names)
     records = with_declared_flights(with_declared_names(delivered, source), source.flights)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)

@@ -22,6 +22,7 @@ from tasks.formats.register import read_image_points
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
+from tasks.importing.image_names import with_image_names
 from tasks.importing.image_point_units import in_format, in_millimetres, unit_mm
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
@@ -69,7 +70,10 @@ def usable_image_points(
         image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    records = [read_image_points(source.format, source.file, source.layout) for source in sources]
+    records = [
+        with_image_names(read_image_points(source.format, source.file, source.layout), source.image_names)
+        for source in sources
+    ]
     without = 0
     if orient_without_exposure:
         exposures, without = _with_images_alone(exposures, records, tuple(known))

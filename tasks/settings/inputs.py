@@ -47,6 +47,12 @@ class ImagePointsInput(TableSettings):
         "and `longer-side`, parts of the longer side of the image. Not guessed, because a wrong unit can "
         "look right."
     )
+    image_names: InputPath | None = Field(
+        default=None,
+        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
+        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
+        "export.",
+    )
     sigma: PositivePair | None = Field(
         default=None,
         description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: automatic "
@@ -107,6 +113,12 @@ class ExposuresInput(PlacedSettings, TableSettings):
     angles: Angles = Field(description="What the three angles are.")
     sigma: ExposureSigma = Field(
         default_factory=ExposureSigma, description="Standard deviations; those of a row beat them."
+    )
+    image_names: InputPath | None = Field(
+        default=None,
+        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
+        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
+        "export.",
     )
     camera: Name | None = Field(
         default=None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tasks.errors import InputError
@@ -126,3 +127,51 @@ def test_what_the_file_says_must_be_declared(poseo, override, remedy):
     with pytest.raises(InputError) as raised:
         poseo.exposures(override)
     assert remedy in raised.value.remedy
+
+
+def test_one_delivery_in_other_formats_gives_the_same_tables(delivery):
+    """The delivery of all tests, with semicolons, decimal commas, PATB image points and numbered images."""
+    sound = {
+        "exposures": delivery.table(delivery.exposures(), "exposures"),
+        "image_points": delivery.table(delivery.image_points(control=True), "image_points"),
+        "control_points": delivery.table(delivery.control(), "control_points"),
+    }
+    head, *rows = delivery.texts["exposures"].strip().split("\n")
+    heads = {"image": "Bild", "x": "Rechts", "y": "Hoch", "z": "Höhe"}
+    changed = [";".join(heads.get(name, name) for name in head.split(","))]
+    changed += [row.replace(",", ";").replace(".", ",") for row in rows]
+    points = [row.split(",") for row in delivery.texts["points"].strip().split("\n")[1:]]
+    lists = [
+        "\n".join([f"{k} CAM", *(f" {p} {x} {y} 1" for image, p, x, y in points if image == f"I{k}"), "-99"])
+        for k in (1, 2, 3)
+    ]
+    control = delivery.texts["control"].replace("point,x,y,z", "Name,Easting,Northing,H").replace(",", "\t")
+    project = delivery.texts["project"]
+    columns = 'columns = { image = "Bild", x = "Rechts", y = "Hoch", z = "Höhe" }'
+    layout = f'separator = "semicolon"\ndecimal = ","\n{columns}\n'
+    project = project.replace("[inputs.control]", f"{layout}[inputs.control]").replace(
+        'file = "points.csv"\nformat = "csv"',
+        'file = "points.csv"\nformat = "patb"\nimage_names = "names.csv"',
+    )
+    project += 'separator = "tab"\ncolumns = { point = "Name", x = "Easting", y = "Northing", z = "H" }\n'
+    (delivery.folder / "names.csv").write_text("photo,image\n1,I1\n2,I2\n3,I3\n")
+    delivery.write(project=project, exposures="\n".join(changed), points="\n".join(lists), control=control)
+    again = {
+        "exposures": delivery.table(delivery.exposures(), "exposures"),
+        "image_points": delivery.table(delivery.image_points(control=True), "image_points"),
+        "control_points": delivery.table(delivery.control(), "control_points"),
+    }
+    for name, table in sound.items():
+        key = ["image", "point"] if name == "image_points" else table.columns[0]
+        pd.testing.assert_frame_equal(
+            again[name].sort_values(key, ignore_index=True), table.sort_values(key, ignore_index=True)
+        )
+
+
+def test_a_table_of_names_must_have_every_image_once(delivery):
+    (delivery.folder / "names.csv").write_text("photo,image\nI1,a\nI2,b\n")
+    with pytest.raises(InputError, match=r"I3: The table of names, names\.csv, does not have this image"):
+        delivery.exposures('inputs.exposures.image_names="names.csv"')
+    (delivery.folder / "names.csv").write_text("photo,image\nI1,a\nI2,b\nI3,a\n")
+    with pytest.raises(InputError, match=r"names\.csv:4: a: The name stands in two lines"):
+        delivery.exposures('inputs.exposures.image_names="names.csv"')
