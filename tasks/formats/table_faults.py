@@ -62,7 +62,10 @@ def not_a_number(
     with warnings.catch_warnings():
         # Of fields beyond the columns, which are refused where all numbers are some.
         warnings.simplefilter("ignore", pd.errors.ParserWarning)
-        frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
+        try:
+            frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
+        except UnicodeDecodeError:
+            return not_text(content, file, first_line, options["encoding"])
     bad = np.zeros((len(frame), len(numeric)), dtype=bool)
     for position, name in enumerate(numeric):
         given = frame[name].notna()
