@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.record import RESULTS, Record, keep, read_records, show
-from benchmarks.workload import GROWTH, WORKLOADS, Workload
+from benchmarks.workload import COMMANDS, GROWTH, WORKLOADS, Workload
 
 
 def main() -> None:
@@ -34,6 +34,11 @@ def _records(options: argparse.Namespace) -> Iterable[Record]:
         from benchmarks.start_up import start_up
 
         yield from start_up(options.runs)
+    elif options.command == "command":
+        from benchmarks.command import command
+
+        for workload in _chosen(COMMANDS, options.workload, large=True):
+            yield from command(workload, options.runs)
     elif options.command == "sweep":
         from benchmarks.sweep import sweep
 
@@ -47,7 +52,7 @@ def _chosen(workloads: Iterable[Workload], names: list[str], large: bool) -> lis
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("command", choices=["compare", "growth", "start-up", "sweep", "show"])
+    parser.add_argument("command", choices=["compare", "growth", "start-up", "command", "sweep", "show"])
     parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
     parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
     parser.add_argument("--large", action="store_true", help="growth: the largest blocks, too")

@@ -14,6 +14,8 @@ RESULTS = Path(__file__).with_name("results.jsonl")
 # Images of the operational block, whose time per image point larger ones are measured by.
 _OPERATIONAL = 2_448
 _SWEEP = "sweep-"
+#: How the names of the whole command begin.
+COMMAND = "command-"
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,9 @@ class Record:
     processor_s : seconds of all processors together; hardly more on a busy machine.
     tables_mib : size of the tables written.
     cost_difference, position_difference_sigma : see :class:`benchmarks.comparison.Agreement`.
-    phases_s : seconds of each part of one iteration, of the statistics and of writing the tables.
+    phases_s : seconds of each part of one iteration, of the statistics and of writing the tables; of each
+        stage of the whole command.
+    phases_processor_s : the same of all processors together.
     included : what was timed.
     peer, report, peer_report, machine : who ran, what they said, and on what.
     """
@@ -57,6 +61,7 @@ class Record:
     cost_difference: float | None = None
     position_difference_sigma: float | None = None
     phases_s: dict[str, float] | None = None
+    phases_processor_s: dict[str, float] | None = None
     peer: str | None = None
     report: str | None = None
     peer_report: str | None = None
@@ -87,16 +92,19 @@ def _rounded(content: object) -> object:
 
 
 def show(records: Iterable[Record], console: Console | None = None) -> None:
-    """Print a table of comparisons and start-up times, one of sweeps, one of the growth with its phases."""
+    """Print a table of comparisons and start-up times, of sweeps, of the whole command, of the growth."""
     records = list(records)
     console = console or Console(width=120)
     sweeps = [record for record in records if record.name.startswith(_SWEEP)]
     plain = [record for record in records if record.phases_s is None and record not in sweeps]
-    grown = [record for record in records if record.phases_s is not None]
+    commands = [record for record in records if record.name.startswith(COMMAND)]
+    grown = [record for record in records if record.phases_s is not None and record not in commands]
     if plain:
         console.print(_comparisons(plain))
     if sweeps:
         console.print(_sweeps(sweeps))
+    if commands:
+        console.print(_commands(commands))
     if grown:
         console.print(_growth(grown))
 
@@ -131,6 +139,23 @@ def _sweeps(records: list[Record]) -> Table:
             f"{records[0].ours_s / record.ours_s:.2f}",
         )
     return table
+
+
+def _commands(records: list[Record]) -> Table:
+    """One column for each way to run it, one row for each stage."""
+    table = Table(title="the whole command: seconds of the clock / of the processors")
+    table.add_column("")
+    for record in records:
+        table.add_column(record.name.removeprefix(COMMAND), justify="right", no_wrap=True)
+    for phase in dict.fromkeys(phase for record in records for phase in record.phases_s or {}):
+        table.add_row(phase, *(_both(item, phase) for item in records))
+    table.add_row("whole", *(f"{item.ours_s:.2f} / {item.processor_s:.2f}" for item in records), style="bold")
+    return table
+
+
+def _both(record: Record, phase: str) -> str:
+    clock, processor = (record.phases_s or {}).get(phase), (record.phases_processor_s or {}).get(phase)
+    return "" if clock is None or processor is None else f"{clock:.2f} / {processor:.2f}"
 
 
 def _growth(records: list[Record]) -> Table:

@@ -72,6 +72,9 @@ GROWTH = (
     Workload("50000", 200, 250, large=True),
 )
 
+#: The whole command: what starting costs, and the operational block.
+COMMANDS = (Workload("18", 3, 6), Workload("2448", 36, 68))
+
 
 def simulated(workload: Workload) -> Problem:
     """Simulate a workload; start values are the GNSS positions, INS attitudes and intersections."""

@@ -120,6 +120,23 @@ class RunRequest:
             )
         )
 
+    def declared_story(self) -> StoryName:
+        """What the project file declares: a calibration, a check, or neither, and so an adjustment.
+
+        Of a calibration the check is a part. A project that cannot be read is left to the story to refuse.
+        """
+        try:
+            project = load_project(self.project_file, self.overrides, self.data)
+        except InputError:
+            return "aerial_triangulation"
+        if "calibration" in project.model_fields_set:
+            return "system_calibration"
+        return (
+            "direct_georeferencing_check"
+            if "direct_georeferencing" in project.model_fields_set
+            else "aerial_triangulation"
+        )
+
     def variants(self) -> dict[str, Project]:
         """The variants of the project that its sweep computes.
 

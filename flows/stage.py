@@ -36,7 +36,8 @@ class Stage(Generic[P, R]):
 
     Parameters
     ----------
-    function : the task function; its name becomes the name of the Prefect task.
+    function : the task function; the Prefect task is called as its output is in the store, or as the function
+        where nothing of it is kept.
     """
 
     def __init__(self, function: Callable[P, R]) -> None:
@@ -45,8 +46,8 @@ class Stage(Generic[P, R]):
 
     @property
     def name(self) -> str:
-        """Name of the task function."""
-        return getattr(self.function, "__name__", "stage")
+        """The one name of the stage: in the store, in Prefect, in messages and on the production page."""
+        return str(getattr(self.function, "stage", getattr(self.function, "__name__", "stage")))
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Run the stage once."""

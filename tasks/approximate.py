@@ -47,6 +47,7 @@ from tasks.storage.notes import Notes, write_notes
 from tasks.storage.store import stored
 from tasks.tables import schemas
 from tasks.tables.parquet import read_table, write_table
+from tasks.tables.places import distinct, places_of
 
 
 @stored("approximate_values")
@@ -128,7 +129,7 @@ def _intersected(
     misaligned: bool,
 ) -> Approximation:
     """Intersect, check the orientations, and decide about every point."""
-    points = tuple(np.unique(measured["point"].to_numpy(dtype=object)))
+    points = distinct(measured["point"])
     rays, _ = image_point_observations(measured, given.image, points, given.camera)
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
     state = block.approximate_state()
@@ -144,13 +145,14 @@ def _intersected(
         intersection = intersect(rays, state, len(points))
         height = _height(state, intersection)
         limits = tie_limits(given, checks, height)
-    suspicions = check_orientations(given, rays, state, len(points), limits)
-
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    residual_px = ray_residuals(rays, state, len(points), pixel_size).residual_px
+    residuals = ray_residuals(rays, state, len(points), pixel_size, intersection)
+    suspicions = check_orientations(given, rays, state, len(points), limits, residuals)
+
+    residual_px = residuals.residual_px
     largest = np.zeros(len(points))
     np.maximum.at(largest, rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])))
-    status = np.array([STATUS[IntersectionStatus(code)] for code in intersection.status], dtype=object)
+    status = np.array([STATUS[code] for code in IntersectionStatus], dtype=object)[intersection.status]
     usable = intersection.usable
     status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = WEAK_ANGLE
     status[usable & (largest > 4.0 * limits.wrong_px)] = MISMATCH
@@ -178,7 +180,7 @@ def _take_surveyed(
     points: tuple[str, ...], surveyed: SurveyedPoints, x_in_local: Floats, status: np.ndarray, count: Ints
 ) -> None:
     """Full control points that cannot be intersected keep their given position: one ray is worth having."""
-    row = pd.Index(points).get_indexer(pd.Index(surveyed.name))
+    row = places_of(surveyed.name, points)
     for k in np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check):
         j = row[k]
         if status[j] in ("single_ray", "parallel_rays", WEAK_ANGLE) and count[j] > 0:
@@ -232,7 +234,8 @@ def _dropped(found: Approximation) -> list[str]:
 
 def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> list[str]:
     """A sentence about control and check points that no image shows."""
-    missing = [name for name in surveyed.name if name not in set(found.point)]
+    measured = places_of(surveyed.name, found.point) >= 0
+    missing = [name for name, is_there in zip(surveyed.name, measured, strict=True) if not is_there]
     if not missing:
         return []
     listed = ", ".join(missing[:5]) + (", …" if len(missing) > 5 else "")
@@ -245,8 +248,9 @@ def _figures(
     found: Approximation, surveyed: SurveyedPoints, differences: ControlDifferences
 ) -> dict[str, JSON]:
     """How well the given orientations fit: residuals of tie points, differences and residuals at control."""
-    names = pd.Index(found.point)
-    is_surveyed = names.isin(pd.Index(surveyed.name))
+    row = places_of(surveyed.name, found.point)
+    is_surveyed = np.zeros(len(found.point), dtype=bool)
+    is_surveyed[row[row >= 0]] = True
     used = found.status == USED
     ties = (used & ~is_surveyed)[found.image_points.point]
     return {
@@ -255,15 +259,14 @@ def _figures(
             {"point": name, "dx_m": float(d[0]), "dy_m": float(d[1]), "dz_m": float(d[2]), "rays": int(rays)}
             for name, d, rays in zip(differences.point, differences.enu, differences.rays, strict=True)
         ],
-        "control_reprojection_rms_px": _rms(_control_residuals(found, surveyed, names)),
+        "control_reprojection_rms_px": _rms(_control_residuals(found, surveyed, row)),
     }
 
 
-def _control_residuals(found: Approximation, surveyed: SurveyedPoints, names: pd.Index) -> Floats:
-    """Residuals (k, 2) px of fully surveyed points projected with the given orientations."""
-    row = names.get_indexer(pd.Index(surveyed.name))
+def _control_residuals(found: Approximation, surveyed: SurveyedPoints, row: Ints) -> Floats:
+    """Residuals (k, 2) px of fully surveyed points, in these rows, with the given orientations."""
     chosen: Bools = (row >= 0) & surveyed.complete
-    object_point = np.full((len(names), 3), np.nan)
+    object_point = np.full((len(found.point), 3), np.nan)
     object_point[row[chosen]] = surveyed.x_in_local[chosen]
     kept = np.isfinite(object_point[found.image_points.point]).all(axis=1)
     state = replace(found.state, object_point=np.nan_to_num(object_point))

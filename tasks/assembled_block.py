@@ -106,7 +106,7 @@ def assembled_block(
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
     begin = given.with_boresight(delivered.approximate_boresight).orientations()
-    block = block_of(frame, given, tuple(start["point"]), x_in_local, settings, calibration, begin)
+    block = block_of(frame, given, tuple(start["point"].tolist()), x_in_local, settings, calibration, begin)
     known = known_calibrations(block, delivered.cameras)
     block = with_known_calibrations(block, known)
     observations, rows = _observations(block, given, surveyed, measured, settings, calibration)

@@ -8,7 +8,7 @@ of them is at most that many times that of a single one (Bonferroni). What passe
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats
 
@@ -34,7 +34,7 @@ def split_in_two(values: Floats, probability: float) -> Bools | None:
             best, size = t, below
     # In logarithms: of a hundred values there are 2^99 divisions.
     with np.errstate(divide="ignore"):
-        log_chance = stats.t.logsf(best, count - 2) + count * np.log(2.0)
+        log_chance = np.log(special.stdtr(count - 2, -best)) + count * np.log(2.0)
     if log_chance >= np.log(probability):
         return None
     cluster = np.zeros(count, dtype=bool)

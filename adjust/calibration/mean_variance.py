@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from adjust.arrays import Floats, Ints
 
@@ -107,6 +107,9 @@ def _quantile(sigma: Floats, mass: Floats, level: float) -> float:
         with np.errstate(divide="ignore"):
             return float(mass @ special.ndtr(value / sigma)) - level
 
+    # Loaded late: few blocks need it, and it takes a tenth of a second.
+    from scipy import optimize
+
     kept = sigma[mass > 1e-12]
     high = float(kept.max()) * 10.0
     return float(optimize.brentq(excess, 0.0, high, xtol=1e-9 * high, rtol=1e-8))
@@ -118,6 +121,8 @@ def _freedom(ratio: float) -> float:
     def excess(logarithm: float) -> float:
         freedom = np.exp(logarithm)
         return float(special.stdtrit(freedom, _OUTER) / special.stdtrit(freedom, _INNER)) - ratio
+
+    from scipy import optimize
 
     low, high = float(np.log(_LEAST)), float(np.log(_MOST))
     if excess(high) >= 0.0:

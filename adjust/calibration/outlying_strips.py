@@ -7,7 +7,7 @@ stated probability only.
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats
 
@@ -50,5 +50,5 @@ def extreme_deviates(values: Floats, probability: float) -> Bools:
 def _critical(count: int, number: int, probability: float) -> float:
     """Critical value λ_i of Rosner's test."""
     rest = count - number
-    t = float(stats.t.isf(probability / (2.0 * (rest + 1)), rest - 1))
+    t = float(-special.stdtrit(rest - 1, probability / (2.0 * (rest + 1))))
     return rest * t / float(np.sqrt((rest - 1 + t * t) * (rest + 1)))

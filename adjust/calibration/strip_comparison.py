@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.calibration.orientation_differences import MISALIGNMENT, SHIFT
@@ -126,4 +126,4 @@ def _over(squares: float, variance: float) -> float:
 
 
 def _probability(squares: float, number: int, freedom: int) -> float:
-    return float(stats.f.sf(squares / number, number, freedom)) if freedom > 0 else float("nan")
+    return float(special.fdtrc(number, freedom, squares / number)) if freedom > 0 else float("nan")

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats, Ints
 
@@ -139,7 +139,7 @@ def nested_test(smaller: Floats, larger: Floats, values: Floats, known: Floats |
         chi_squared = np.inf if decrease > rounding else 0.0
     else:
         chi_squared = decrease / (large.variance + _beyond_scatter(smaller, larger, known, more))
-    probability = float(stats.f.sf(chi_squared / more, more, large.freedom))
+    probability = float(special.fdtrc(more, large.freedom, chi_squared / more))
     return NestedTest(float(chi_squared), more, large.freedom, probability)
 
 

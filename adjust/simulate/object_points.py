@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from adjust.arrays import Floats, Ints
 from adjust.errors import InconsistentBlockError
@@ -53,6 +52,9 @@ class Coverage:
 
     def area(self, rays: int, detection: float) -> float:
         """Area in m², every part of it times the probability that enough images find a point there."""
+        # Loaded late: half a second, for this one value of a simulation.
+        from scipy import stats
+
         return float(np.sum(stats.binom.sf(rays - 1, self.images, detection)) * np.prod(self.cell))
 
     def around(self, least: int) -> Floats:

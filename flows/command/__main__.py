@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -21,6 +22,8 @@ def main() -> None:
 
 
 def _command_line() -> None:
+    # Libraries make hundreds of thousands of objects when they are loaded, and all of them stay.
+    gc.set_threshold(50_000)
     from flows.command.main import app
 
     app()

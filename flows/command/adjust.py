@@ -24,4 +24,8 @@ def adjust(
     """
     from flows.command.execution import execute
 
-    end_with(lambda: execute(project, out, tuple(overrides or ()), data, server, as_json=json))
+    end_with(
+        lambda: execute(
+            project, out, tuple(overrides or ()), data, server, as_json=json, story="aerial_triangulation"
+        )
+    )

@@ -19,10 +19,16 @@ def execute(
     server: str | None,
     *,
     as_json: bool,
-    story: StoryName = "aerial_triangulation",
+    story: StoryName | None = None,
 ) -> int:
-    """Run a story on a project and show the result; returns the exit code."""
+    """Run a story on a project and show the result; returns the exit code.
+
+    Parameters
+    ----------
+    story : None: the one that the project file declares.
+    """
     request = RunRequest.of(project_file, out, overrides, data)
+    story = request.declared_story() if story is None else story
     address = server_to_report_to(server, remark)
     show_progress(on_screen=address is None)
     outcome = _in_process(request, story) if address is None else _reported_to(address, request, story)

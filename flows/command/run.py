@@ -1,4 +1,4 @@
-"""``aerocal run``: everything a project asks for."""
+"""``aerocal run``: what a project file declares."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ def run(
     server: Server = None,
     json: Json = False,
 ) -> None:
-    """Run a project: read the deliveries, adjust the block, publish tables and figures.
+    """Run what the project file declares.
+
+    With a table calibration it is the system calibration, with direct_georeferencing the check of direct
+    georeferencing, else the adjustment; aerocal calibrate, check and adjust do one of them whatever the
+    file declares. Deliveries are read, tables, figures and report published.
 
     Stages whose inputs, settings and code did not change are reused, so a rerun is cheap.
 

@@ -39,6 +39,7 @@ from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
+from tasks.tables.places import places_of
 
 #: What each name in `adjustment.free` stands for: family and components.
 FREE_FAMILIES: Mapping[FreeParameter, tuple[str, tuple[int, ...]]] = {
@@ -94,7 +95,7 @@ def surveyed_points(
     present = np.isfinite(given)
     place = given.copy()
     if near is not None and len(near):
-        row = pd.Index(near["point"]).get_indexer(table["point"])
+        row = places_of(table["point"], near["point"])
         intersected = near[["x_m", "y_m", "z_m"]].to_numpy(np.float64)[row]
         known = (row >= 0)[:, None]
         place = np.where(np.isfinite(place) | ~known, place, intersected)
@@ -146,8 +147,7 @@ def image_point_observations(
     calibration: BlockSelfCalibration | None = None,
 ) -> tuple[ImagePoints, Ints]:
     """Image points of the given images and points, sorted by point, and their rows in the table."""
-    image = pd.Index(images).get_indexer(pd.Index(table["image"])).astype(np.int64)
-    point = pd.Index(points).get_indexer(pd.Index(table["point"])).astype(np.int64)
+    image, point = places_of(table["image"], images), places_of(table["point"], points)
     rows = np.flatnonzero((image >= 0) & (point >= 0))
     rows = rows[np.lexsort((image[rows], point[rows]))]
     observations = ImagePoints(
@@ -271,7 +271,7 @@ def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:
 
 def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | None:
     """Control points that are object points of the block; None if there is none."""
-    index = pd.Index(block.points).get_indexer(pd.Index(surveyed.name)).astype(np.int64)
+    index = places_of(surveyed.name, block.points)
     kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1))
     if len(kept) == 0:
         return None
@@ -286,15 +286,14 @@ def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | No
 
 def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances, ...]:
     """Distances between object points of the block; those of the role check take no part. None: nothing."""
-    names = pd.Index(block.points)
-    ends = np.stack([names.get_indexer(pd.Index(table[name])) for name in ("point", "other_point")])
+    ends = np.stack([places_of(table[name], block.points) for name in ("point", "other_point")])
     kept = np.flatnonzero((ends >= 0).all(axis=0))
     if len(kept) == 0:
         return ()
     own = table.iloc[kept]
     model = StochasticModel.from_sigma(own[["sigma_m"]].to_numpy(np.float64))
     check = (own["role"] == "check").to_numpy()
-    point, other = ends[:, kept].astype(np.int64)
+    point, other = ends[:, kept]
     return (Distances(point, other, own["distance_m"].to_numpy(np.float64), model.without(check)),)
 
 

@@ -22,6 +22,7 @@ from tasks.block.block_input import SurveyedPoints
 from tasks.block.result_tables import AdjustedBlock
 from tasks.block.surveyed_differences import surveyed_differences
 from tasks.storage.json_text import JSON
+from tasks.tables.places import places_of
 
 #: Check points of a larger number are tested at so many, spread over the area: their joint cofactors take
 #: three solutions each.
@@ -32,7 +33,7 @@ _AXES = ("dx_m", "dy_m", "dz_m")
 
 def tested_points(block: Block, surveyed: SurveyedPoints) -> tuple[int, ...]:
     """Object points of the block, ascending, at which its check points are tested."""
-    index = pd.Index(block.points).get_indexer(pd.Index(surveyed.name))
+    index = places_of(surveyed.name, block.points)
     points = np.sort(index[(index >= 0) & surveyed.is_check])
     parts = -(-len(points) // MOST_TESTED)
     if parts > 1:
@@ -51,7 +52,7 @@ def check_point_test(adjusted: AdjustedBlock, confidence: float) -> dict[str, JS
     if joint is None:
         return None
     table = surveyed_differences(adjusted, is_check=True)
-    point = pd.Index(adjusted.block.points).get_indexer(pd.Index(table["point"]))
+    point = places_of(table["point"], adjusted.block.points)
     row = pd.Index(point).get_indexer(pd.Index(joint.points))
     difference = table[list(_AXES)].to_numpy(np.float64)[row]
     known = np.isfinite(difference)

@@ -25,6 +25,7 @@ from tasks.coordinates.local_frame import (
     map_from_local,
 )
 from tasks.errors import InputError
+from tasks.tables.places import places_of
 
 _log = logging.getLogger("aerocal")
 
@@ -104,7 +105,7 @@ def _control(
     """Coordinates (m, 3) of the full control points among the object points, NaN for the others."""
     surveyed = surveyed_points(control, map_frame, frame)
     result = np.full((len(points), 3), np.nan)
-    row = pd.Index(points).get_indexer(pd.Index(surveyed.name))
+    row = places_of(surveyed.name, points)
     kept = np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check)
     result[row[kept]] = surveyed.x_in_local[kept]
     return result

@@ -26,6 +26,7 @@ from tasks.block.result_tables import PIECE, AdjustedBlock, reported_unit_of
 from tasks.tables import schemas
 from tasks.tables.names import Names
 from tasks.tables.parquet import write_row_groups
+from tasks.tables.places import places_of
 
 _STATUS = {
     ObservationStatus.USED: "used",
@@ -142,7 +143,7 @@ def _extended(names: tuple[str, ...], more: pd.Series) -> tuple[tuple[str, ...],
     """The names and those of ``more`` (k,) that are not among them; the indices (k,) of ``more``."""
     if len(more) == 0:
         return names, np.zeros(0, dtype=np.int64)
-    index = pd.Index(names).get_indexer(pd.Index(more)).astype(np.int64)
+    index = places_of(more, names)
     new, place = np.unique(more[index < 0].to_numpy(object), return_inverse=True)
     index[index < 0] = len(names) + place
     return (*names, *new), index

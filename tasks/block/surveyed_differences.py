@@ -15,6 +15,7 @@ from tasks.block.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.places import places_of
 
 
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
@@ -38,7 +39,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
 def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:
     """Columns of control_residuals, with ``status``, or check_points for the points that were measured."""
     surveyed, result = adjusted.surveyed, adjusted.result
-    index = pd.Index(adjusted.block.points).get_indexer(pd.Index(surveyed.name))
+    index = places_of(surveyed.name, adjusted.block.points)
     chosen = np.flatnonzero((index >= 0) & (surveyed.is_check == is_check))
     chosen = chosen[result.active_point[index[chosen]]]
     points = index[chosen]
@@ -110,8 +111,7 @@ def _with_left_out(adjusted: AdjustedBlock, table: pd.DataFrame) -> pd.DataFrame
     difference, sigma = np.full((len(table), 3), np.nan), np.full((len(table), 3), np.nan)
     control = _control(result)
     if control is not None and result.left_out_singly is not None:
-        names = pd.Index(np.array(adjusted.block.points, dtype=object)[control.point])
-        row = names.get_indexer(pd.Index(table["point"]))
+        row = places_of(table["point"], [adjusted.block.points[point] for point in control.point])
         difference[row >= 0] = result.left_out_singly.difference[row[row >= 0]]
         sigma[row >= 0] = _sigma(result.left_out_singly, control, adjusted.sigma0)[row[row >= 0]]
     left_out = {

@@ -20,8 +20,9 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from adjust.geometry.earth import Ellipsoid, geodetic_from_ecef
 from tasks.errors import InputError
+from tasks.formats.plain_lines import text_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
-from tasks.formats.text_lines import text_of
+from tasks.formats.text_rows import Layout
 from tasks.formats.text_table import TextTable, read_table_text
 
 _MAP = ("EASTING", "NORTHING", "ELLIPSOID HEIGHT", "OMEGA", "PHI", "KAPPA")
@@ -83,9 +84,10 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
             line=begin + head + 1,
         )
     _refuse_other_units(below[units], path, begin + units + 1)
-    numeric = [name for name in names if name not in ("ID", "# EVENT")]
-    rows = "\n".join(below[units + 1 :]).encode()
-    table = read_table_text(rows, path, names, numeric, "blank", begin + units + 2)
+    numeric = tuple(name for name in names if name not in ("ID", "# EVENT"))
+    rows = below[units + 1 :]
+    layout = Layout(path, tuple(names), numeric, "blank")
+    table = read_table_text(["\n".join(rows).encode()], layout, len(rows), begin + units + 2)
     return _records(path, table, wanted, stated, header)
 
 

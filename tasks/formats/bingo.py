@@ -13,9 +13,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import control_of, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
-from tasks.formats.text_lines import lines
 
 _ROLES = {"CONT": "control", "CHCK": "check"}
 

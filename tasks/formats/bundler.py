@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, image_points_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords
-from tasks.formats.text_lines import lines
 
 
 def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:

@@ -20,7 +20,8 @@ and z, and a remark names the points of another code than 13.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
@@ -31,7 +32,9 @@ import pyarrow.compute as pc
 
 from tasks.errors import InputError
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
-from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
+from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_rows import Layout
+from tasks.formats.text_table import TextTable, read_table_text
 from tasks.plain_text import quoted
 
 _OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
@@ -55,10 +58,10 @@ def read_ign_mes(path: Path) -> ImagePointRecords:
     table = _read(path, ("point", "image", "column", "row"), ("column", "row"))
     return ImagePointRecords(
         file=path,
-        image=table.text("image"),
-        point=table.text("point"),
+        image=table.names("image"),
+        point=table.names("point"),
         xy=table.numbers(("column", "row")),
-        sigma=np.full((len(table), 2), np.nan),
+        sigma=np.broadcast_to(np.nan, (len(table), 2)),
         line=table.line,
     )
 
@@ -112,10 +115,13 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
             'Declare angles.order = "omega-phi-kappa".',
             file=path,
         )
-    content = _decodable(path)
-    header_lines, names, unit = _opk_header(content, path)
-    rows = content.split(b"\n", header_lines)[-1] if header_lines else content
-    table = _read_rows(rows, path, names, ("X", "Y", "Z", "O", "P", "K"), header_lines + 1)
+    text = _delivered(path)
+    pieces = text.pieces()
+    first = next(pieces)
+    header_lines, names, unit = _opk_header(first, path)
+    rows = first.split(b"\n", header_lines)[-1] if header_lines else first
+    numeric = ("X", "Y", "Z", "O", "P", "K")
+    table = _read_rows(text, chain([rows] if rows else [], pieces), names, numeric, header_lines + 1)
     image = table.text(names[0])
     camera = table.text("CAMERA") if table.has("CAMERA") else pa.nulls(len(table), pa.string())
     flight, strip = _flight_and_strip(image)
@@ -186,27 +192,23 @@ def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
     return names
 
 
-def _decodable(path: Path) -> bytes:
-    content = read_bytes(path)
+def _delivered(path: Path) -> DeliveredLines:
     # A blank for each CR keeps the line numbers: the files mix CR LF with "CR blank LF". Alone it ends lines.
-    return lines_of(content.replace(b"\r", b" " if b"\n" in content else b"\n"), path)
+    return DeliveredLines.of(path, lone_return=b" ")
 
 
-def _read(path: Path, names: Sequence[str], numeric: Sequence[str]) -> TextTable:
-    return _read_rows(_decodable(path), path, names, numeric, 1)
+def _read(path: Path, names: tuple[str, ...], numeric: tuple[str, ...]) -> TextTable:
+    text = _delivered(path)
+    return _read_rows(text, text.pieces(), names, numeric, 1)
 
 
 def _read_rows(
-    content: bytes, path: Path, names: Sequence[str], numeric: Sequence[str], first_line: int
+    text: DeliveredLines,
+    pieces: Iterable[bytes],
+    names: tuple[str, ...],
+    numeric: tuple[str, ...],
+    first_line: int,
 ) -> TextTable:
     # The files are older than UTF-8; every byte is a character in Latin-1, so nothing is lost.
-    encoding = "utf-8" if _is_utf8(content) else "latin-1"
-    return read_table_text(content, path, names, numeric, "blank", first_line, encoding)
-
-
-def _is_utf8(content: bytes) -> bool:
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError:
-        return False
-    return True
+    layout = Layout(text.file, names, numeric, "blank", "utf-8" if text.is_utf8 else "latin-1")
+    return read_table_text(pieces, layout, text.lines - first_line + 1, first_line)

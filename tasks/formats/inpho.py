@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
@@ -36,7 +37,6 @@ from tasks.formats.records import (
     FileStatement,
     ImagePointRecords,
 )
-from tasks.formats.text_lines import lines
 
 _KEY = re.compile(r"\s*\$(\w+)\s*:(.*)$")
 _BLOCK = re.compile(r"\s*\$(\w+)\b(.*)$")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
@@ -19,7 +20,6 @@ from tasks.formats.records import (
     ExposureRecords,
     FileStatement,
 )
-from tasks.formats.text_lines import lines
 
 
 @dataclass

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
-from tasks.formats.text_lines import lines
 
 # Both are printed with six decimals and more.
 _SAME_DEG = 1e-3

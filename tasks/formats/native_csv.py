@@ -21,7 +21,8 @@ from __future__ import annotations
 import csv
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import pyarrow as pa
@@ -36,7 +37,9 @@ from tasks.formats.records import (
     ImagePointRecords,
 )
 from tasks.formats.table_layout import MARKS, TableLayout
-from tasks.formats.text_table import TextTable, lines_of, read_bytes, read_table_text
+from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_rows import Layout
+from tasks.formats.text_table import TextTable, read_table_text
 from tasks.nearest_name import nearest
 from tasks.plain_text import trouble_in
 
@@ -66,8 +69,8 @@ def read_csv_image_points(path: Path, layout: TableLayout = _OURS) -> ImagePoint
     table, extra = _read(path, ("image", "point", "x", "y"), ("sx", "sy"), ("x", "y", "sx", "sy"), layout)
     return ImagePointRecords(
         file=path,
-        image=table.text("image"),
-        point=table.text("point"),
+        image=table.names("image"),
+        point=table.names("point"),
         xy=table.numbers(("x", "y")),
         sigma=table.numbers(("sx", "sy"), may_be_empty=True),
         line=table.line,
@@ -159,73 +162,76 @@ def _read(
     numeric: Sequence[str],
     layout: TableLayout = _OURS,
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
-    content = lines_of(read_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n"), path)
-    first_line, names, rows = _columns(content, path, required, optional, layout)
-    present = [name for name in numeric if name in names]
-    table = read_table_text(
-        rows,
-        path,
-        names,
-        present,
-        layout.separator,
-        first_line,
-        layout.encoding,
-        layout.decimal,
-        layout.quote,
+    text = DeliveredLines.of(path, lone_return=b"\n")
+    first_line, names, rows = _columns(text, required, optional, layout)
+    present = tuple(name for name in numeric if name in names)
+    read = Layout(
+        path, tuple(names), present, layout.separator, layout.encoding, layout.decimal, layout.quote
     )
+    table = read_table_text(rows, read, text.lines - first_line + 1, first_line)
     known = {*required, *optional}
     extra = {name: table.remarks(name) for name in names if name not in known}
     return table, extra
 
 
 def _columns(
-    content: bytes, path: Path, required: Sequence[str], optional: Sequence[str], layout: TableLayout
-) -> tuple[int, list[str], bytes]:
+    text: DeliveredLines, required: Sequence[str], optional: Sequence[str], layout: TableLayout
+) -> tuple[int, list[str], Iterator[bytes]]:
     """Line of the first row, the names of the columns, and the rows without anything else."""
-    line, fields, rows = _header(content, path, layout)
+    line, fields, rows = _header(text, layout)
+    first = next(rows, b"")
     known = [name for name in (*required, *optional) if name not in layout.columns]
-    names = mapped_names(fields, layout, (*required, *optional), path, line)
+    names = mapped_names(fields, layout, (*required, *optional), text.file, line)
     names = [name if name in layout.columns else _recognised(name, known) for name in names]
     needed = [name for name in required if name not in layout.elsewhere]
-    refuse_other_separator(fields, needed, layout, rows, path, line)
-    _check_columns(names, needed, optional, path, line, layout)
+    refuse_other_separator(fields, needed, layout, first, text.file, line)
+    _check_columns(names, needed, optional, text.file, line, layout)
     watched = [name for name in names if name not in layout.unused]
-    _refuse_near_misses(watched, required, optional, path, line)
-    return line + layout.header, names, rows
+    _refuse_near_misses(watched, required, optional, text.file, line)
+    return line + layout.header, names, chain([first] if first else [], rows)
 
 
-def _header(content: bytes, path: Path, layout: TableLayout) -> tuple[int, list[str], bytes]:
-    """Line of the headings (or of the first row), the headings (or numbers), and the bytes of the rows."""
-    begin = 0
-    for _ in range(layout.skip_lines):
-        begin = content.find(b"\n", begin) + 1 or len(content)
-    line = content.count(b"\n", 0, begin) + 1
-    content = content[begin:]
-    if layout.comment:
-        mark = re.escape(layout.comment.encode(layout.encoding, errors="replace"))
-        content = re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\n]*", b"", content)
+def _header(text: DeliveredLines, layout: TableLayout) -> tuple[int, list[str], Iterator[bytes]]:
+    """Line of the headings (or of the first row), the headings (or numbers), and the rows."""
+    line, skip, content = 1, layout.skip_lines, b""
+    pieces = text.pieces()
+    for piece in pieces:
+        begin = 0
+        while skip and begin < len(piece):
+            begin, skip, line = piece.find(b"\n", begin) + 1 or len(piece), skip - 1, line + 1
+        content = _without_comments(piece[begin:], layout)
+        if content and not content.isspace():
+            break
+        line += content.count(b"\n")
     found = _NOT_BLANK.search(content)
     begin = content.rfind(b"\n", 0, found.start()) + 1 if found is not None else 0
     line += content.count(b"\n", 0, begin)
     first, _, rest = content[begin:].partition(b"\n")
+    others = (_without_comments(piece, layout) for piece in pieces)
     try:
-        text = first.decode(layout.encoding)
+        heading = first.decode(layout.encoding)
     except UnicodeDecodeError as error:
         raise InputError(
             "The header is not UTF-8 text.",
             'Save the file as UTF-8, or declare encoding = "latin-1".',
-            path,
-            line,
+            file=text.file,
+            line=line,
         ) from error
-    fields = _fields(text, layout)
+    fields = _fields(heading, layout)
     if not layout.header:
-        return line, [str(number) for number in range(1, len(fields) + 1)], content[begin:]
-    if not rest or rest.isspace():
-        raise InputError("The file has no rows.", "Deliver it again, or take it out.", file=path)
+        return line, [str(number) for number in range(1, len(fields) + 1)], chain([content[begin:]], others)
     fields[0] = fields[0].lstrip("#% \t")
     while len(fields) > 1 and not fields[-1]:
         fields.pop()
-    return line, fields, rest
+    return line, fields, chain([rest] if rest else [], others)
+
+
+def _without_comments(piece: bytes, layout: TableLayout) -> bytes:
+    """Whole lines of which those that are comments are empty: lines count as in the file."""
+    if not layout.comment:
+        return piece
+    mark = re.escape(layout.comment.encode(layout.encoding, errors="replace"))
+    return re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\n]*", b"", piece)
 
 
 def _fields(text: str, layout: TableLayout) -> list[str]:

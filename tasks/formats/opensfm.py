@@ -23,6 +23,7 @@ import numpy as np
 from adjust.geometry.rotation import exp
 from tasks.errors import InputError
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,
@@ -40,7 +41,6 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
-from tasks.formats.text_lines import lines
 from tasks.formats.text_table import read_bytes
 from tasks.storage.json_text import from_json
 

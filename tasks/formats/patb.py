@@ -16,9 +16,9 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, number_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, FileStatement
-from tasks.formats.text_lines import lines
 
 _WIDTH = 16
 _END = "-99"

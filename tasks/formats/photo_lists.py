@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import text_of
 from tasks.formats.plain_records import image_points_of
 from tasks.formats.records import ImagePointRecords
-from tasks.formats.text_lines import text_of
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
-from tasks.formats.text_lines import lines
 
 _HEAD = ["imagename", "x", "y", "z", "omega", "phi", "kappa"]
 

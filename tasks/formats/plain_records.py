@@ -87,8 +87,8 @@ def image_points_of(
     file_limits().require_rows(path, len(image))
     return ImagePointRecords(
         file=path,
-        image=_names(path, image, line),
-        point=_names(path, point, line),
+        image=_names(path, image, line).dictionary_encode(),
+        point=_names(path, point, line).dictionary_encode(),
         xy=_numbers(path, xy, point, line),
         sigma=np.full((len(image), 2), np.nan) if sigma is None else sigma,
         line=np.asarray(line, dtype=np.int64),

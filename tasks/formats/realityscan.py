@@ -14,9 +14,9 @@ import numpy as np
 
 from adjust.geometry.rotation import about_x, about_y, about_z
 from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, number_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
-from tasks.formats.text_lines import lines
 
 _NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll")
 

@@ -49,7 +49,7 @@ class ImagePointRecords:
     Attributes
     ----------
     file : the file they came from.
-    image, point : names, text (n,).
+    image, point : names, text (n,), each kept once (with a dictionary).
     xy : (n, 2) in the unit the project file declares: column, row, or x, y in the image system.
     sigma : (n, 2) in the same unit, NaN where the row gives none.
     line : (n,) 1-based line of each row.
@@ -57,8 +57,8 @@ class ImagePointRecords:
     """
 
     file: Path
-    image: pa.Array
-    point: pa.Array
+    image: pa.DictionaryArray
+    point: pa.DictionaryArray
     xy: Floats
     sigma: Floats
     line: Lines

@@ -1,35 +1,133 @@
-"""Lines of text files of other programs, whatever their encoding and line ends."""
+"""Delivered text as pieces of whole lines, so that a table of gigabytes never is in memory as a whole.
+
+The file is read twice: once to see how many rows it has and whether it can be a table at all, then to take
+the rows apart. The digest of the bytes is looked at in every reading (`tasks.storage.delivered_file`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from tasks.formats.text_table import lines_of, read_bytes
+from tasks.errors import InputError
+from tasks.storage.delivered_file import file_limits, pieces_of_delivered
+
+# Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
+_LONGEST_LINE = 100_000
+# Bytes that are read, and taken apart, together.
+_PIECE = 8_000_000
+# A quotation mark that is open for so many pieces is never closed.
+_MOST_OPEN = 2
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def text_of(path: Path) -> str:
-    """The text of a file with lines ended by LF: UTF-8, or Latin-1 where it is no UTF-8.
+@dataclass(frozen=True, slots=True)
+class DeliveredLines:
+    """A text file that can be a table.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, empty, or has lines of a length that no row has.
+    Attributes
+    ----------
+    file : where it is.
+    lines : how many it has.
+    is_utf8 : whether it is text in UTF-8.
+    lone_return : what a carriage return without line feed stands for in a file with line feeds.
     """
-    content = read_bytes(path)
-    # Files mix CR LF with "CR blank LF"; alone, CR ends lines.
-    content = lines_of(content.replace(b"\r", b"" if b"\n" in content else b"\n"), path)
+
+    file: Path
+    lines: int
+    is_utf8: bool
+    lone_return: bytes
+
+    @classmethod
+    def of(cls, file: Path, lone_return: bytes) -> DeliveredLines:
+        """Look through a file.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read (`tasks.storage.delivered_file`), is empty, has more lines than this
+            installation reads, or one longer than any row can be.
+        """
+        lines, blank, is_utf8 = 1, True, True
+        for piece in _pieces(file, lone_return):
+            _refuse_long_line(piece, file, lines)
+            lines += piece.count(b"\n")
+            blank = blank and piece.isspace()
+            is_utf8 = is_utf8 and _is_utf8(piece)
+            file_limits().require_rows(file, lines - 1)
+        if blank:
+            raise InputError(
+                "The file is empty.", "Deliver it again, or take it out of the project file.", file=file
+            )
+        return cls(file, lines, is_utf8, lone_return)
+
+    def pieces(self) -> Iterator[bytes]:
+        """The content without byte-order mark, in pieces of whole lines that end in LF, but for the last."""
+        return _pieces(self.file, self.lone_return)
+
+
+def _pieces(file: Path, lone_return: bytes) -> Iterator[bytes]:
+    rest, end, first = b"", b"", True
+    for chunk in pieces_of_delivered(file, "table", _PIECE):
+        rest += chunk
+        if first:
+            rest, first = rest.removeprefix(_BYTE_ORDER_MARK), False
+        # The first piece says how the lines of the file end.
+        end = end or (b"\n" if b"\n" in rest else b"\r" if b"\r" in rest else b"")
+        cut = _end_of_rows(rest, end) if end else 0
+        if cut:
+            yield _with_line_feeds(rest[:cut], end, lone_return)
+            rest = rest[cut:]
+        elif len(rest) > max(_PIECE, _LONGEST_LINE) * (_MOST_OPEN if end and end in rest else 1):
+            # A line, or a field in quotation marks, without end; whoever gets it says so.
+            yield _with_line_feeds(rest, end, lone_return)
+            rest = b""
+    if rest:
+        yield _with_line_feeds(rest, end, lone_return)
+
+
+def _with_line_feeds(piece: bytes, end: bytes, lone_return: bytes) -> bytes:
+    if b"\r" not in piece:
+        return piece
+    if end == b"\r":
+        return piece.replace(b"\r", b"\n")
+    if lone_return == b"\n":
+        piece = piece.replace(b"\r\n", b"\n")
+    return piece.replace(b"\r", lone_return)
+
+
+def _is_utf8(piece: bytes) -> bool:
+    if piece.isascii():
+        return True
     try:
-        return content.decode("utf-8")
+        piece.decode("utf-8")
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        return False
+    return True
 
 
-def lines(path: Path) -> list[str]:
-    """The lines of a file; line k of an editor is element k − 1.
+def _end_of_rows(content: bytes, end: bytes) -> int:
+    """Behind the last end of a line that does not lie in quotation marks; 0: there is none."""
+    cut = content.rfind(end) + 1
+    marks = content.count(b'"', 0, cut)
+    while cut and marks % 2:
+        before = content.rfind(end, 0, cut - 1) + 1
+        marks -= content.count(b'"', before, cut)
+        cut = before
+    return cut
 
-    Raises
-    ------
-    InputError
-        As `text_of`.
-    """
-    return text_of(path).split("\n")
+
+def _refuse_long_line(piece: bytes, file: Path, first_line: int) -> None:
+    begin = 0
+    while len(piece) - begin > _LONGEST_LINE:
+        # The last end of a line within reach: only one too long has none.
+        end = piece.rfind(b"\n", begin, begin + _LONGEST_LINE + 1)
+        if end < 0:
+            raise InputError(
+                f"This line has more than {_LONGEST_LINE:,} characters.",
+                "Deliver a table with a line for each row.",
+                file=file,
+                line=piece.count(b"\n", 0, begin) + first_line,
+            )
+        begin = end + 1

@@ -1,36 +1,28 @@
-"""Tables in text files: fast to read, and an error that names the line of the first bad row.
+"""Tables in text files: columns of a whole file, and an error that names the line of a bad row.
 
-The whole file goes through the compiled parser of pandas with numbers read as numbers. Only when that
-fails is it read a second time as text, to find the row to blame. Carriage returns are replaced by blanks
-(or line feeds) before, so that the lines counted here are the lines an editor shows.
+The file is taken apart piece by piece (`tasks.formats.text_lines`, `tasks.formats.text_rows`). Names are kept
+once, with a number for each row, so that a table takes less memory than its file.
 """
 
 from __future__ import annotations
 
-import io
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
-from tasks.formats.table_faults import TOO_MANY, malformed, not_a_number, not_text
-from tasks.formats.table_layout import MARKS, Separator
+from tasks.formats.text_rows import Layout, rows_of
 from tasks.magnitude import HUGE
-from tasks.plain_text import trouble_in
-from tasks.storage.delivered_file import Kind, file_limits, read_delivered
+from tasks.plain_text import LONGEST_NAME, trouble_in
+from tasks.storage.delivered_file import Kind, read_delivered
 
-_REMAINDER = "\x00more"
-# Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
-_LONGEST_LINE = 100_000
-# Bytes that are looked at together.
-_PIECE = 16_000_000
+# Names that are looked at together.
+_MANY = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,20 +31,21 @@ class TextTable:
 
     Attributes
     ----------
-    file : where it was read from.
+    layout : file and columns.
     line : (n,) 1-based line of each row.
     """
 
-    file: Path
+    layout: Layout
     line: NDArray[np.int64]
-    _frame: pd.DataFrame
+    _texts: dict[str, pa.DictionaryArray]
+    _values: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.line)
 
     def has(self, name: str) -> bool:
         """Whether the table has this column."""
-        return name in self._frame.columns
+        return name in self.layout.names
 
     def text(self, name: str, *, may_be_empty: bool = False) -> pa.Array:
         """A column of names as text (n,), verbatim; empty fields are null.
@@ -62,45 +55,64 @@ class TextTable:
         InputError
             If a field is empty and may not be, or holds a name nobody can read (`tasks.plain_text`).
         """
-        column = self._frame[name]
-        empty = column.isna().to_numpy()
-        if not may_be_empty and empty.any():
-            raise self._error(int(np.argmax(empty)), f"The column '{name}' is empty here.", "Fill it in.")
-        for text in column.dropna().unique():
-            trouble = trouble_in(text)
-            if trouble is not None:
-                row = int(np.argmax((column == text).to_numpy()))
-                raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
-        return self.remarks(name)
+        return self.names(name, may_be_empty=may_be_empty).cast(pa.string())
+
+    def names(self, name: str, *, may_be_empty: bool = False) -> pa.DictionaryArray:
+        """As :meth:`text`, with each name kept once."""
+        column = self._texts[name]
+        if not may_be_empty and column.null_count:
+            row = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
+            raise self._error(row, f"The column '{name}' is empty here.", "Fill it in.")
+        found = _first_trouble(column.dictionary)
+        if found is not None:
+            number, trouble = found
+            row = pc.index(column.indices, number).as_py()
+            raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
+        return column
 
     def remarks(self, name: str) -> pa.Array:
         """A column of any text (n,), verbatim; empty fields are null."""
-        return pa.array(self._frame[name], pa.string(), from_pandas=True)
+        return self._texts[name].cast(pa.string())
 
     def numbers(self, names: Sequence[str], *, may_be_empty: bool = False) -> NDArray[np.float64]:
         """Columns as numbers (n, len(names)); NaN where a field is empty or the column does not exist.
+
+        The array is not to be written into: columns of the table are not copied where they stand together.
 
         Raises
         ------
         InputError
             If a field is empty and may not be, or holds more than any quantity has.
         """
+        numeric = self.layout.numeric
+        for name in names:
+            if name in numeric:
+                self._refuse_impossible(name, self._values[:, numeric.index(name)], may_be_empty)
+        present = [numeric.index(name) for name in names if name in numeric]
+        if not present:
+            return np.broadcast_to(np.nan, (len(self), len(names)))
+        if present == list(range(present[0], present[0] + len(names))):
+            return self._values[:, present[0] : present[0] + len(names)]
         values = np.full((len(self), len(names)), np.nan)
         for position, name in enumerate(names):
-            if not self.has(name):
-                continue
-            column = self._frame[name].to_numpy(dtype=np.float64)
-            bad = ~(np.abs(column) <= HUGE)
-            if may_be_empty:
-                bad &= ~np.isnan(column)
-            if bad.any():
-                row = int(np.argmax(bad))
-                what = "empty" if np.isnan(column[row]) else f"{column[row]:g}"
-                raise self._error(
-                    row, f"The column '{name}' is {what} here.", "Give a number or delete the line."
-                )
-            values[:, position] = column
+            if name in numeric:
+                values[:, position] = self._values[:, numeric.index(name)]
         return values
+
+    def _refuse_impossible(self, name: str, column: NDArray[np.float64], may_be_empty: bool) -> None:
+        low, high = (np.fmin, np.fmax) if may_be_empty else (np.minimum, np.maximum)
+        # NaN if there is one that counts.
+        if low.reduce(column) >= -HUGE and high.reduce(column) <= HUGE:
+            return
+        bad = ~(np.abs(column) <= HUGE)
+        if may_be_empty:
+            bad &= ~np.isnan(column)
+        if bad.any():
+            row = int(np.argmax(bad))
+            what = "empty" if np.isnan(column[row]) else f"{column[row]:g}"
+            raise self._error(
+                row, f"The column '{name}' is {what} here.", "Give a number or delete the line."
+            )
 
     def all_or_none(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Columns as numbers (n, len(names)) that may be empty, but only together in a row.
@@ -124,7 +136,20 @@ class TextTable:
         return values
 
     def _error(self, row: int, what: str, remedy: str) -> InputError:
-        return InputError(what, remedy, file=self.file, line=int(self.line[row]))
+        return InputError(what, remedy, file=self.layout.file, line=int(self.line[row]))
+
+
+def _first_trouble(names: pa.Array) -> tuple[int, str] | None:
+    """Number of the first name that nobody can read, and why; None: all are names."""
+    for begin in range(0, len(names), _MANY):
+        some = names.slice(begin, _MANY)
+        # Nearly all are ordinary, which is known for all of them at once.
+        ordinary = pc.and_(pc.ascii_is_printable(some), pc.less_equal(pc.binary_length(some), LONGEST_NAME))
+        for number in np.flatnonzero(~ordinary.to_numpy(zero_copy_only=False)).tolist():
+            trouble = trouble_in(some[number].as_py())
+            if trouble is not None:
+                return begin + number, trouble
+    return None
 
 
 def read_bytes(path: Path, kind: Kind = "table") -> bytes:
@@ -143,149 +168,46 @@ def read_bytes(path: Path, kind: Kind = "table") -> bytes:
     return content
 
 
-def lines_of(content: bytes, file: Path) -> bytes:
-    """The content itself, if it has lines of a length, and a number of them, that can be taken apart.
-
-    Parameters
-    ----------
-    content : of the whole file, lines ended by LF.
-
-    Raises
-    ------
-    InputError
-        If there are more lines than this installation reads, or one is longer than any row can be.
-    """
-    file_limits().require_rows(file, content.count(b"\n"))
-    begin = 0
-    while len(content) - begin > _LONGEST_LINE:
-        # The last end of a line within reach: only one too long has none.
-        end = content.rfind(b"\n", begin, begin + _LONGEST_LINE + 1)
-        if end < 0:
-            raise InputError(
-                f"This line has more than {_LONGEST_LINE:,} characters.",
-                "Deliver a table with a line for each row.",
-                file=file,
-                line=content.count(b"\n", 0, begin) + 1,
-            )
-        begin = end + 1
-    return content
-
-
 def read_table_text(
-    content: bytes,
-    file: Path,
-    names: Sequence[str],
-    numeric: Sequence[str],
-    separator: Separator,
-    first_line: int = 1,
-    encoding: str = "utf-8",
-    decimal: str = ".",
-    quote: str = '"',
+    pieces: Iterable[bytes], layout: Layout, most_rows: int, first_line: int = 1
 ) -> TextTable:
     """Parse rows of text into columns.
 
     Parameters
     ----------
-    content : the rows, without header lines; line ends as in `read_bytes`, CR already replaced.
-    file : for messages.
-    names : the columns in their order in the file.
-    numeric : those that are numbers.
-    separator : between columns; ``blank`` for any run of blanks and tabs.
-    first_line : the line of the file in which `content` starts.
-    encoding : of the text columns.
-    decimal : mark of numbers.
-    quote : mark around texts with separators.
+    pieces : the rows, without header lines, as `tasks.formats.text_lines` gives them.
+    most_rows : rows there can be.
+    first_line : the line of the file in which they start.
 
     Raises
     ------
     InputError
-        Naming the line: too many or too few columns, a field that is not a number, an open quotation mark,
-        bytes that are not text in this encoding; or naming the file: no rows.
+        As of `tasks.formats.text_rows.rows_of`; or naming the file: no rows.
     """
-    options = _options(names, separator, encoding, decimal, quote)
-    kinds: dict[str, Any] = {name: np.float64 if name in numeric else object for name in (*names, _REMAINDER)}
-    try:
-        with warnings.catch_warnings():
-            # Of fields beyond the one column more, which is refused below.
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)
-            frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
-    except UnicodeDecodeError as error:
-        raise not_text(content, file, first_line, encoding) from error
-    except pd.errors.ParserError as error:
-        raise malformed(str(error), file, len(names), first_line, separator) from error
-    except (ValueError, TypeError) as error:
-        raise not_a_number(content, file, numeric, options, first_line) from error
-    blank = frame.isna().all(axis=1).to_numpy()
-    line = np.arange(len(frame), dtype=np.int64) + first_line
-    if blank.any():
-        frame, line = frame[~blank], line[~blank]
-    if len(frame) == 0:
+    values = np.empty((most_rows, len(layout.numeric)))
+    line = np.empty(most_rows, dtype=np.int64)
+    texts: list[list[pa.DictionaryArray]] = [[] for _ in layout.texts]
+    count = 0
+    for piece in pieces:
+        rows = rows_of(piece, layout, first_line)
+        end = count + len(rows.values)
+        values[count:end] = rows.values
+        line[count:end] = (np.arange(end - count) if rows.line is None else rows.line) + first_line
+        for own, column in zip(texts, rows.texts, strict=True):
+            own.append(column)
+        count, first_line = end, first_line + piece.count(b"\n")
+    if count == 0:
         raise InputError(
-            "The file has no rows.", "Deliver it again, or take it out of the project file.", file=file
+            "The file has no rows.", "Deliver it again, or take it out of the project file.", file=layout.file
         )
-    _refuse_remainder(frame, line, file, len(names), separator)
-    if separator != "blank":
-        _refuse_short_rows(content, file, len(names), first_line, MARKS[separator], quote)
-    return TextTable(file, line, frame)
+    columns = {}
+    for name in layout.texts:
+        columns[name] = joined_names(texts.pop(0))
+    return TextTable(layout, line[:count], columns, values[:count])
 
 
-def _options(
-    names: Sequence[str], separator: Separator, encoding: str, decimal: str, quote: str
-) -> Mapping[str, Any]:
-    # One column more than the file should have: surplus fields land there instead of getting lost.
-    return {
-        "sep": r"\s+" if separator == "blank" else MARKS[separator],
-        "decimal": decimal,
-        "quotechar": quote,
-        "header": None,
-        "names": [*names, _REMAINDER],
-        "index_col": False,
-        "skip_blank_lines": False,
-        "skipinitialspace": True,
-        "keep_default_na": False,
-        "na_values": [""],
-        "encoding": encoding,
-    }
-
-
-def _refuse_remainder(
-    frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int, separator: Separator
-) -> None:
-    surplus = frame[_REMAINDER].notna().to_numpy()
-    if surplus.any():
-        raise InputError(
-            f"This line has more than {expected} columns.",
-            TOO_MANY.format(f"a {separator}"),
-            file=file,
-            line=int(line[np.argmax(surplus)]),
-        )
-
-
-def _refuse_short_rows(
-    content: bytes, file: Path, expected: int, first_line: int, mark: str, quote: str
-) -> None:
-    """Refuse rows with fewer separators than columns: a file that was cut off inside a row ends with one.
-
-    An empty field keeps its separator, so this is no question of what is given. With blanks between the
-    columns every one of them has to be there.
-    """
-    begin, line = 0, first_line
-    while begin < len(content):
-        # Piece by piece, for a file may have gigabytes.
-        end = content.find(b"\n", min(begin + _PIECE, len(content) - 1)) + 1 or len(content)
-        piece = np.frombuffer(content, dtype=np.uint8, count=end - begin, offset=begin)
-        ends = np.flatnonzero(piece == ord("\n"))
-        ends = ends if len(ends) and ends[-1] == len(piece) - 1 else np.append(ends, len(piece))
-        marks = np.diff(np.searchsorted(np.flatnonzero(piece == ord(mark)), ends), prepend=0)
-        for row in np.flatnonzero(marks < expected - 1).tolist():
-            text = piece[ends[row - 1] + 1 if row else 0 : ends[row]].tobytes()
-            # A field in quotation marks may hold line ends.
-            if text.strip() and quote.encode() not in text:
-                found = int(marks[row]) + 1
-                raise InputError(
-                    f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
-                    "The file may have been cut off: deliver it again. An empty field keeps its separator.",
-                    file=file,
-                    line=line + row,
-                )
-        begin, line = end, line + len(ends)
+def joined_names(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
+    """Columns of names one after the other, each name kept once."""
+    if len(parts) == 1:
+        return parts[0]
+    return pa.concat_arrays(pa.chunked_array(parts).unify_dictionaries().chunks)

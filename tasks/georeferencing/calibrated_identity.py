@@ -31,10 +31,7 @@ def refuse_other_cameras(source: CalibrationInput, cameras: pd.DataFrame) -> Non
     """
     if source.cameras is None:
         raise ValueError("the calibration does not lie in the results of another run")
-    table, _ = read_foreign_table(source.cameras, schemas.CAMERAS, _REMEDY)
-    missing = [column.name for column in schemas.CAMERAS.columns if column.name not in table]
-    if missing:
-        raise InputError(f"This table has no column '{missing[0]}'.", _REMEDY, file=source.cameras)
+    table, _ = read_foreign_table(source.cameras, schemas.CAMERAS, _REMEDY, complete=True)
     recorded = {body.name: body for body in _bodies(table)}
     for body in _bodies(cameras):
         found = list(differences(recorded[body.name], body)) if body.name in recorded else []

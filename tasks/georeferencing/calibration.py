@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from adjust.arrays import Bools, Floats
+from tasks.errors import InputError
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.tables import schemas
@@ -20,6 +22,8 @@ from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigma
 from tasks.tables.foreign import read_foreign_table
 
 _REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`."
+# Of any parameter in these units.
+_LARGEST = {"mm": 1e4, "deg": 360.0, "m": 1e4, "s": 1e4}
 # Two surveys of one point differ by centimetres, neighbouring points lie metres apart.
 _SAME_PLACE_M = 0.5
 
@@ -163,6 +167,7 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
     surveyed, crs = read_foreign_table(source.control_points, schemas.CONTROL_POINTS, _REMEDY)
     control = control_of(surveyed, residuals, crs)
     parameters, _ = read_foreign_table(source.parameters, schemas.PARAMETERS, _REMEDY)
+    _refuse_impossible(parameters, source.parameters)
     correlations, _ = read_foreign_table(source.correlations, schemas.CORRELATIONS, _REMEDY)
     flight = None
     if source.parameter_influences is not None and source.exposures is not None:
@@ -171,3 +176,16 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
         if of_exposures == crs:
             flight = CalibrationFlight(influences, exposures, surveyed, crs)
     return calibration_of(parameters, correlations, control, flight)
+
+
+def _refuse_impossible(parameters: pd.DataFrame, file: Path) -> None:
+    """Refuse values that no camera, mounting or clock has: they were taken in another unit, or damaged."""
+    for row in parameters.to_dict("records"):
+        most = _LARGEST.get(str(row["unit"]))
+        if most is not None and abs(row["value"]) > most:
+            raise InputError(
+                f"The value {row['value']:g} {row['unit']} cannot be.",
+                _REMEDY,
+                file=file,
+                entity=f"{row['parameter']} of {row['entity']}",
+            )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,7 +13,9 @@ import pyarrow as pa
 
 from tasks.errors import InputError
 from tasks.formats.records import ExposureRecords, ImagePointRecords
-from tasks.formats.text_table import lines_of, read_bytes, read_table_text
+from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_rows import Layout
+from tasks.formats.text_table import read_table_text
 from tasks.nearest_name import did_you_mean
 
 _Records = TypeVar("_Records", ExposureRecords, ImagePointRecords)
@@ -28,8 +31,11 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
     """
     if table is None:
         return records
-    content = lines_of(read_bytes(table).replace(b"\r\n", b"\n").replace(b"\r", b"\n"), table)
-    rows = read_table_text(content.partition(b"\n")[2], table, ("theirs", "ours"), (), "comma", 2)
+    text = DeliveredLines.of(table, lone_return=b"\n")
+    pieces = text.pieces()
+    below = next(pieces).partition(b"\n")[2]
+    layout = Layout(table, ("theirs", "ours"), (), "comma")
+    rows = read_table_text(chain([below] if below else [], pieces), layout, text.lines, 2)
     theirs, ours = rows.text("theirs").to_pylist(), rows.text("ours").to_pylist()
     for names in (theirs, ours):
         again = pd.Series(names).duplicated().to_numpy()
@@ -39,7 +45,8 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
                 "The name stands in two lines.", "Keep one.", table, int(rows.line[row]), names[row]
             )
     known = dict(zip(theirs, ours, strict=True))
-    encoded = records.image.dictionary_encode()
+    kept_once = isinstance(records.image, pa.DictionaryArray)
+    encoded = records.image if kept_once else records.image.dictionary_encode()
     delivered = encoded.dictionary.to_pylist()
     missing = next((name for name in delivered if name not in known), None)
     if missing is not None:
@@ -52,4 +59,5 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
             entity=missing,
         )
     names = pa.array([known[name] for name in delivered], pa.string())
-    return replace(records, image=names.take(encoded.indices))
+    image = pa.DictionaryArray.from_arrays(encoded.indices, names)
+    return replace(records, image=image if kept_once else image.cast(pa.string()))

@@ -19,11 +19,13 @@ from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import read_image_points
+from tasks.formats.text_table import joined_names
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
 from tasks.importing.image_names import with_image_names
 from tasks.importing.image_point_units import in_format, in_millimetres, unit_mm
+from tasks.importing.neighbouring_images import about_neighbours
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
@@ -83,8 +85,8 @@ def usable_image_points(
     ]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
-    image = pa.concat_arrays([r.image for r in records])
-    point = pa.concat_arrays([r.point for r in records]).dictionary_encode()
+    image = joined_names([r.image for r in records])
+    point = joined_names([r.point for r in records])
     point_code = point.indices.to_numpy(zero_copy_only=False).astype(np.int64)
     exposure = np.concatenate([entry.exposure for entry in inputs])
     points = len(point.dictionary)
@@ -101,7 +103,7 @@ def usable_image_points(
     sigma = np.concatenate([entry.sigma_mm for entry in inputs])[kept]
     taken = pa.array(kept)
     columns = {
-        "image": image.take(taken),
+        "image": image.take(taken).cast(pa.string()),
         "point": point.take(taken).cast(pa.string()),
         "x_mm": xy[:, 0],
         "y_mm": xy[:, 1],
@@ -116,7 +118,8 @@ def usable_image_points(
         if without == 0
         else (f"{without:,} images have no exposure and are oriented by their image points.",)
     )
-    notes = replace(notes, problems=(*alone, *notes.problems, *about_extra(records)))
+    problems = (*alone, *notes.problems, *about_neighbours(exposures, exposure, point_code))
+    notes = replace(notes, problems=(*problems, *about_extra(records)))
     return columns, {name: values.take(taken) for name, values in extra.items()}, notes
 
 
@@ -130,7 +133,7 @@ def _with_images_alone(
     InputError
         If there are such images and several cameras.
     """
-    measured = pa.concat_arrays([own.image for own in records]).unique().to_pylist()
+    measured = joined_names([own.image for own in records]).unique().to_pylist()
     alone = sorted(set(measured) - set(exposures["image"]))
     if alone and len(cameras) > 1:
         raise InputError(
@@ -139,7 +142,7 @@ def _with_images_alone(
             entity=f"image {alone[0]}",
         )
     added = pd.DataFrame({"image": alone, "camera": list(cameras) * len(alone)})
-    return pd.concat([exposures[["image", "camera"]], added], ignore_index=True), len(alone)
+    return pd.concat([exposures, added], ignore_index=True), len(alone)
 
 
 def _converted(
@@ -209,10 +212,9 @@ def _file_names(records: Sequence[ImagePointRecords]) -> pa.Array:
 
 def _exposure_of_rows(records: ImagePointRecords, exposures: pd.DataFrame, places: Places) -> Codes:
     """Row of the exposure (n,) of each image point."""
-    encoded = records.image.dictionary_encode()
-    names = encoded.dictionary.to_pylist()
+    names = records.image.dictionary.to_pylist()
     number = pd.Index(exposures["image"]).get_indexer(pd.Index(names)).astype(np.int64)
-    rows: Codes = number[encoded.indices.to_numpy(zero_copy_only=False)]
+    rows: Codes = number[records.image.indices.to_numpy(zero_copy_only=False)]
     unknown = rows < 0
     if unknown.any():
         row = int(np.argmax(unknown))

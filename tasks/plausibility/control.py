@@ -13,6 +13,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
+from tasks.tables.places import places_of
 
 # A common height difference is a matter of the datum when it exceeds this many times its own scatter.
 _COMMON_HEIGHT = 5.0
@@ -47,7 +48,7 @@ def control_differences(
     intersected : approximate points (point, rays) of all object points.
     x_in_local : (m, 3) their intersections, NaN where there is none.
     """
-    row = pd.Index(intersected["point"]).get_indexer(pd.Index(surveyed.name))
+    row = places_of(surveyed.name, intersected["point"])
     found = (row >= 0) & np.isfinite(x_in_local[row]).all(axis=1)
     index = np.flatnonzero(found)
     computed = x_in_local[row[index]]

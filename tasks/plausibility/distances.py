@@ -7,6 +7,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.tables.places import places_of
 
 # Approximate object points give distances to some percent; a wrong unit or a wrong point is further off.
 _LIKELY = (0.5, 2.0)
@@ -27,8 +28,7 @@ def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local
     InputError
         If the distances as a whole are far from those between the approximate object points.
     """
-    names = pd.Index(points)
-    ends = [names.get_indexer(pd.Index(distances[name])) for name in ("point", "other_point")]
+    ends = [places_of(distances[name], points) for name in ("point", "other_point")]
     known = [(row >= 0) & np.isfinite(x_in_local[row]).all(axis=1) for row in ends]
     usable = known[0] & known[1]
     problems = []

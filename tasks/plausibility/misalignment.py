@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
@@ -82,6 +81,9 @@ def misalignment(
         trial = _turned(given, angles.reshape(cameras, 3))
         found = ray_residuals(sample, _state_of(state, trial), several, pixel_size).residual_px
         return np.clip(np.nan_to_num(found, nan=10.0 * blunt), -10.0 * blunt, 10.0 * blunt).ravel()
+
+    # Loaded late: few blocks need it, and it takes a tenth of a second.
+    from scipy.optimize import least_squares
 
     start = np.zeros(3 * cameras)
     found = least_squares(

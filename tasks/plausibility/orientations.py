@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.approximate.intersection import intersect
+from adjust.approximate.intersection import Intersection, intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
@@ -46,14 +46,22 @@ class RayResiduals:
     median_px: float
 
 
-def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floats) -> RayResiduals:
+def ray_residuals(
+    rays: ImagePoints,
+    state: State,
+    points: int,
+    pixel_size: Floats,
+    intersection: Intersection | None = None,
+) -> RayResiduals:
     """Residuals at the intersections of the rays of ``points`` object points.
 
     Parameters
     ----------
     pixel_size : (images,) metres.
+    intersection : of these rays; None: they are still to be intersected.
     """
-    intersection = intersect(rays, state, points)
+    if intersection is None:
+        intersection = intersect(rays, state, points)
     misclosure = rays.misclosure(replace(state, object_point=intersection.object_point))
     misclosure[~intersection.usable[rays.point]] = np.nan
     residual_px = -misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0])
@@ -64,9 +72,18 @@ def ray_residuals(rays: ImagePoints, state: State, points: int, pixel_size: Floa
 
 
 def check_orientations(
-    given: GivenOrientations, rays: ImagePoints, state: State, points: int, limits: TieLimits
+    given: GivenOrientations,
+    rays: ImagePoints,
+    state: State,
+    points: int,
+    limits: TieLimits,
+    found: RayResiduals,
 ) -> list[str]:
     """Refuse orientations that contradict the tie points, naming the slip that explains it.
+
+    Parameters
+    ----------
+    found : how far the rays miss each other as they are.
 
     Returns
     -------
@@ -79,23 +96,22 @@ def check_orientations(
         neighbours.
     """
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    found = ray_residuals(rays, state, points, pixel_size)
     worst_px = max(found.median_px, _worst_camera(given, rays, found))
     if worst_px <= limits.suspicious_px:
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
         return []
     slips, left_px = best_slips(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
     if worst_px <= limits.wrong_px and (not slips or left_px > limits.suspicious_px):
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
         return []
     if worst_px > limits.wrong_px:
         if not slips and found.median_px <= limits.wrong_px:
-            _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+            _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
         explaining = slips if left_px <= limits.wrong_px else ()
         raise _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
     refusal = _refusal(worst_px, limits.suspicious_px, "", slips, left_px)
     try:
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size)
+        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
     except InputError as error:
         # Images that stand out most are not to blame for what all of them show.
         raise refusal from error
@@ -185,7 +201,13 @@ def _px(value: float) -> str:
 
 
 def _check_single_images(
-    given: GivenOrientations, rays: ImagePoints, state: State, points: int, limit_px: float, pixel: Floats
+    given: GivenOrientations,
+    rays: ImagePoints,
+    state: State,
+    points: int,
+    limit_px: float,
+    pixel: Floats,
+    found: RayResiduals,
 ) -> None:
     """Name images whose orientation contradicts that of their neighbours.
 
@@ -195,18 +217,19 @@ def _check_single_images(
     left_out: list[int] = []
     kept = np.ones(len(rays.image), dtype=bool)
     number = np.arange(points)
+    medians = _medians(rays, found, points, len(given.image))
     while len(left_out) <= max(1, len(given.image) // 5):
-        medians = _medians(_subset(rays, kept, number), state, points, pixel, len(given.image))
         if medians.max() <= limit_px:
             break
         suspects = [int(i) for i in np.argsort(-medians, kind="stable")[:_SUSPECTS] if medians[i] > limit_px]
         without = [
-            _medians(_subset(rays, kept & (rays.image != i), number), state, points, pixel, len(given.image))
+            _medians_of(_subset(rays, kept & (rays.image != i), number), state, points, pixel)
             for i in suspects
         ]
-        worst = suspects[int(np.argmin([np.sum(np.minimum(m, 1e3 * limit_px)) for m in without]))]
-        left_out.append(worst)
-        kept &= rays.image != worst
+        best = int(np.argmin([np.sum(np.minimum(m, 1e3 * limit_px)) for m in without]))
+        left_out.append(suspects[best])
+        kept &= rays.image != suspects[best]
+        medians = without[best]
     if not left_out:
         return
     points_of_others = intersect(_subset(rays, kept, number), state, points)
@@ -233,9 +256,14 @@ def _check_single_images(
     )  # fmt: skip
 
 
-def _medians(rays: ImagePoints, state: State, points: int, pixel: Floats, images: int) -> Floats:
+def _medians_of(rays: ImagePoints, state: State, points: int, pixel: Floats) -> Floats:
+    """Median residual length of every image with these rays alone."""
+    return _medians(rays, ray_residuals(rays, state, points, pixel), points, len(pixel))
+
+
+def _medians(rays: ImagePoints, found: RayResiduals, points: int, images: int) -> Floats:
     """Median residual length of every image, 0 for one without usable rays."""
-    residual = ray_residuals(rays, state, points, pixel).residual_px
+    residual = found.residual_px
     length = np.hypot(residual[:, 0], residual[:, 1])
     several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
     # A point that could not be intersected speaks against its images as a large residual does.

@@ -23,8 +23,8 @@ LEVELS = (1.96, 2.58, 3.29, 4.13)
 def standardized(material: Material, group: str) -> Floats:
     """Standardized residuals (n,) of the controlled observations of a group that took part."""
     table = material.residuals
-    own = table[(table["group"] == group) & (table["status"] == "used")]
-    values: Floats = own["standardized"].dropna().to_numpy(np.float64)
+    own = table["standardized"][(table["group"] == group) & (table["status"] == "used")]
+    values: Floats = own.dropna().to_numpy(np.float64)
     return values
 
 
@@ -95,7 +95,7 @@ def standardized_table(material: Material) -> Table:
         *(Column(f"beyond_{level}", f"|w| > {level}", "%") for level in LEVELS),
     )
     rows = []
-    for name in dict.fromkeys(material.residuals["group"]):
+    for name in material.residuals["group"].unique():
         values = standardized(material, str(name))
         size = np.abs(values)
         if len(values) == 0:

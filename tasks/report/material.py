@@ -20,6 +20,7 @@ from tasks.storage.artifact import Artifact
 from tasks.storage.notes import read_notes
 from tasks.summary import Summary, summary_of
 from tasks.tables.parquet import read_table
+from tasks.tables.places import places_of
 
 IMAGE_POINTS = "image_points"
 #: Status of residuals that took part in the adjustment.
@@ -101,33 +102,39 @@ class Material:
         ``used`` says that both components took part; ``shows_x`` and ``shows_y`` that a component shows
         errors, because others control it: these make the mean residuals.
         """
-        own = self.residuals[self.residuals["group"] == IMAGE_POINTS]
-        columns = ["image", "point", "residual", "standardized", "redundancy", "status"]
-        first, second = (own.loc[own["component"] == name, columns] for name in ("x", "y"))
-        pairs = first.merge(second, on=["image", "point"], suffixes=("_x", "_y"), validate="one_to_one")
-        places = self.image_points[["image", "point", "x_mm", "y_mm"]]
-        joined = pairs.merge(places, on=["image", "point"], validate="one_to_one")
-        camera_of = dict(zip(self.images["image"], self.images["camera"], strict=True))
-        shows = {
-            name: (joined[f"status_{name}"] == "used") & (joined[f"redundancy_{name}"] > LEAST_REDUNDANCY)
-            for name in ("x", "y")
-        }
+        places = self.image_points
+        x, y = (self._component(name) for name in ("x", "y"))
+        camera, names = pd.factorize(self.images["camera"])
         return pd.DataFrame(
             {
-                "image": joined["image"],
-                "point": joined["point"],
-                "camera": joined["image"].map(camera_of),
-                "x_mm": joined["x_mm"],
-                "y_mm": joined["y_mm"],
-                "vx_um": joined["residual_x"],
-                "vy_um": joined["residual_y"],
-                "wx": joined["standardized_x"],
-                "wy": joined["standardized_y"],
-                "used": joined["status_x"].isin(TOOK_PART) & joined["status_y"].isin(TOOK_PART),
-                "shows_x": shows["x"],
-                "shows_y": shows["y"],
+                "image": places["image"],
+                "point": places["point"],
+                "camera": pd.Categorical.from_codes(
+                    camera[places_of(places["image"], self.images["image"])], categories=names
+                ),
+                "x_mm": places["x_mm"],
+                "y_mm": places["y_mm"],
+                "vx_um": x["residual"],
+                "vy_um": y["residual"],
+                "wx": x["standardized"],
+                "wy": y["standardized"],
+                "used": x["status"].isin(TOOK_PART) & y["status"].isin(TOOK_PART),
+                "shows_x": (x["status"] == "used") & (x["redundancy"] > LEAST_REDUNDANCY),
+                "shows_y": (y["status"] == "used") & (y["redundancy"] > LEAST_REDUNDANCY),
             }
         )
+
+    def _component(self, name: str) -> pd.DataFrame:
+        """Residuals of a component of all image points, in the order of image_points.parquet.
+
+        Both tables are in the order of their keys, so nothing has to be joined.
+        """
+        columns = ["image", "point", "residual", "redundancy", "standardized", "status"]
+        chosen = (self.residuals["group"] == IMAGE_POINTS) & (self.residuals["component"] == name)
+        own = self.residuals.loc[chosen, columns].reset_index(drop=True)
+        if not all(own[column].equals(self.image_points[column]) for column in ("image", "point")):
+            raise ValueError("residuals.parquet and image_points.parquet have other image points")
+        return own
 
     def gsd_at(self, points: pd.Series) -> Floats:
         """Ground sampling distance (n,) at named points: the median of the images that measure each."""

@@ -79,10 +79,12 @@ class ResidualField:
 def residual_fields(material: Material) -> tuple[ResidualField, ...]:
     """The field of every camera with image points that took part, by name."""
     table = material.image_residuals
-    used = table[table["used"]]
-    by_camera = dict(tuple(used.groupby("camera", sort=True)))
     return tuple(
-        residual_field(material.cameras[str(name)], own, by_camera.get(name, used.iloc[:0]))
+        residual_field(
+            material.cameras[str(name)],
+            own,
+            table.loc[table["used"] & (table["camera"] == name), ["vx_um", "vy_um"]],
+        )
         for name, own in material.residual_grid.groupby("camera", sort=True)
     )
 

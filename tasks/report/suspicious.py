@@ -53,7 +53,8 @@ def rejected_table(material: Material) -> Table:
 def uncontrolled_images(material: Material) -> Table:
     """Images with the most uncontrolled image coordinates."""
     table = material.residuals
-    own = table[(table["group"] == IMAGE_POINTS) & table["status"].isin(["used", "uncontrolled"])]
+    took_part = (table["group"] == IMAGE_POINTS) & table["status"].isin(["used", "uncontrolled"])
+    own = table.loc[took_part, ["image", "status"]]
     counted = (
         pd.DataFrame({"image": own["image"], "uncontrolled": own["status"] == "uncontrolled"})
         .groupby("image")["uncontrolled"]

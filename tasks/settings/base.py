@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.plain_text import visible
+from tasks.plain_text import quoted, visible
 from tasks.storage.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
 from tasks.storage.json_text import JSON
 
@@ -206,7 +206,7 @@ def one_of(known: Callable[[], Iterable[str]], kind: str) -> Callable[[str], str
     def check(name: str) -> str:
         names = list(known())
         if name not in names:
-            raise trouble(f"There is no {kind} '{name}'.", did_you_mean(name, names))
+            raise trouble(f"There is no {kind} {quoted(name)}.", did_you_mean(name, names))
         return name
 
     return check

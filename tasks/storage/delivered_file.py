@@ -149,13 +149,40 @@ def read_delivered(path: Path, kind: Kind) -> bytes:
         size = os.fstat(stream.fileno()).st_size
         content = stream.read(size + 1)
     if len(content) > size:
-        raise InputError(
-            "The file grows while it is being read.", "Wait until it has been delivered.", file=path
-        )
+        raise _grows(path)
     keyed = (_DIGESTS.get() or {}).get(path)
     if keyed is not None and hashlib.sha256(content).hexdigest() != keyed:
         raise changed(path)
     return content
+
+
+def pieces_of_delivered(path: Path, kind: Kind, size: int) -> Iterator[bytes]:
+    """The bytes of a delivered file in pieces of a size, so that it never is in memory as a whole.
+
+    Raises
+    ------
+    InputError
+        As of `read_delivered`; that the bytes are others shows after the last of them.
+    """
+    digest = hashlib.sha256()
+    keyed = (_DIGESTS.get() or {}).get(path)
+    with opened(path, kind) as stream:
+        left = os.fstat(stream.fileno()).st_size
+        while piece := stream.read(size):
+            left -= len(piece)
+            if left < 0:
+                raise _grows(path)
+            if keyed is not None:
+                digest.update(piece)
+            yield piece
+    if keyed is not None and digest.hexdigest() != keyed:
+        raise changed(path)
+
+
+def _grows(path: Path) -> InputError:
+    return InputError(
+        "The file grows while it is being read.", "Wait until it has been delivered.", file=path
+    )
 
 
 def digest_of_delivered(path: Path) -> str:

@@ -24,20 +24,26 @@ from pathlib import Path
 PACKAGES = ("flows", "tasks", "adjust")
 #: Folder beside a module whose files are part of the source: texts that the modules fill in.
 TEMPLATES = "templates"
-_ROOT = Path(__file__).resolve().parents[2]
+#: The folder of our packages.
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def digest_of_sources(function: Callable[..., object]) -> str:
     """SHA-256 over the sorted (name, content) of all source files that `function` reaches."""
+    return digest_behind(source_of(function))
+
+
+def source_of(function: Callable[..., object]) -> Path:
+    """The module file of a function."""
     module = sys.modules[function.__module__]
     if module.__file__ is None:
         raise TypeError(f"{function.__module__} has no source file to take a digest of")
-    return _digest(Path(module.__file__).resolve())
+    return Path(module.__file__).resolve()
 
 
 def digest_of_application() -> str:
     """SHA-256 over all source files of this application."""
-    folders = [_ROOT / package for package in PACKAGES]
+    folders = [ROOT / package for package in PACKAGES]
     modules = [module for folder in folders for module in folder.rglob("*.py")]
     filled_in = [
         template for folder in {module.parent for module in modules} for template in _templates(folder)
@@ -70,7 +76,8 @@ def sources_reached(start: Path) -> dict[str, Path]:
 
 
 @cache
-def _digest(start: Path) -> str:
+def digest_behind(start: Path) -> str:
+    """SHA-256 over the sorted (name, content) of all source files reached from the module file `start`."""
     # Kept for the life of the process: the code that runs is the code that was imported.
     return _digest_of(sources_reached(start))
 
@@ -86,25 +93,30 @@ def _digest_of(files: Mapping[str, Path]) -> str:
 
 def _templates(folder: Path) -> Iterator[Path]:
     """The template files of one of our packages."""
-    if folder.is_relative_to(_ROOT) and folder.relative_to(_ROOT).parts[:1] in {(name,) for name in PACKAGES}:
+    if folder.is_relative_to(ROOT) and folder.relative_to(ROOT).parts[:1] in {(name,) for name in PACKAGES}:
         yield from (path for path in folder.joinpath(TEMPLATES).rglob("*") if path.is_file())
 
 
 def _name(file: Path) -> str:
-    return file.relative_to(_ROOT).as_posix() if file.is_relative_to(_ROOT) else file.name
+    return file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else file.name
 
 
 def _parents(file: Path) -> Iterator[Path]:
     """The ``__init__.py`` files that run before `file` is imported."""
     folder = file.parent
-    while folder != _ROOT and folder.is_relative_to(_ROOT):
+    while folder != ROOT and folder.is_relative_to(ROOT):
         if (folder / "__init__.py").is_file():
             yield folder / "__init__.py"
         folder = folder.parent
 
 
-def _imports(file: Path) -> Iterator[Path]:
-    """Files of ours that the import statements of `file` name."""
+@cache
+def _imports(file: Path) -> tuple[Path, ...]:
+    """Files of ours that the import statements of `file` name; each file is parsed once in a process."""
+    return tuple(_named_by_statements(file))
+
+
+def _named_by_statements(file: Path) -> Iterator[Path]:
     for node in ast.walk(ast.parse(file.read_bytes(), filename=str(file))):
         if isinstance(node, ast.Import):
             for alias in node.names:
@@ -121,7 +133,7 @@ def _module(name: str) -> tuple[Path, ...]:
     """The file of the module `name`, empty if it is not one of ours."""
     if name.split(".", 1)[0] not in PACKAGES:
         return ()
-    path = _ROOT.joinpath(*name.split("."))
+    path = ROOT.joinpath(*name.split("."))
     for file in (path.with_suffix(".py"), path / "__init__.py"):
         if file.is_file():
             return (file,)
@@ -132,9 +144,9 @@ def _absolute(file: Path, node: ast.ImportFrom) -> str:
     """The absolute name of the package or module an import takes names from."""
     if node.level == 0:
         return node.module or ""
-    if not file.is_relative_to(_ROOT):
+    if not file.is_relative_to(ROOT):
         return ""
-    package = file.relative_to(_ROOT).parts[: -node.level]
+    package = file.relative_to(ROOT).parts[: -node.level]
     return ".".join((*package, node.module) if node.module else package)
 
 
@@ -151,4 +163,4 @@ def _dynamic(node: ast.Call) -> Iterator[Path]:
         yield from _module(name.value)
         return
     for package in PACKAGES:
-        yield from sorted((_ROOT / package).rglob("*.py"))
+        yield from sorted((ROOT / package).rglob("*.py"))

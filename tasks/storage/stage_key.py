@@ -21,7 +21,7 @@ from tasks.errors import InputError
 from tasks.storage.artifact import Artifact
 from tasks.storage.delivered_file import changed, digest_of_delivered, is_there
 from tasks.storage.json_text import JSON, json_text
-from tasks.storage.source_digest import digest_of_sources
+from tasks.storage.known_sources import known_digest_of_sources
 
 LIBRARIES = ("numpy", "scipy", "numba", "pyarrow", "pandas", "pyproj")
 
@@ -68,7 +68,7 @@ def stage_key(stage: str, function: Callable[..., object], arguments: Mapping[st
     """
     parts: dict[str, JSON] = {
         "arguments": {name: _content(name, value) for name, value in arguments.items()},
-        "source": digest_of_sources(function),
+        "source": known_digest_of_sources(function),
         "versions": library_versions(),
     }
     return StageKey(stage, parts)

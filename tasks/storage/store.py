@@ -227,6 +227,7 @@ def stored(
 
         first, *others = signature.parameters.values()
         shown = [first.replace(name="store", annotation=Store), *others]
+        vars(run_stage)["stage"] = stage
         vars(run_stage)["__signature__"] = signature.replace(parameters=shown, return_annotation=Outputs)
         return run_stage
 

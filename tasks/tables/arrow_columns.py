@@ -10,7 +10,8 @@ import pyarrow.compute as pc
 
 from tasks.tables.schemas import Column, TableSchema
 
-_ARROW = {
+#: Arrow's types of those of a schema.
+ARROW_TYPES = {
     "string": pa.string(),
     "float64": pa.float64(),
     "int32": pa.int32(),
@@ -21,7 +22,7 @@ _ARROW = {
 
 def arrow_schema(schema: TableSchema) -> pa.Schema:
     """The columns of a schema and their Arrow types."""
-    return pa.schema([(column.name, _ARROW[column.type]) for column in schema.columns])
+    return pa.schema([(column.name, ARROW_TYPES[column.type]) for column in schema.columns])
 
 
 def typed_table(schema: TableSchema, columns: Mapping[str, Any]) -> pa.Table:
@@ -45,13 +46,13 @@ def _array(schema: TableSchema, column: Column, columns: Mapping[str, Any], rows
     if column.name not in columns:
         if not column.nullable:
             raise ValueError(f"{name}: the column is missing")
-        return pa.nulls(rows, _ARROW[column.type])
+        return pa.nulls(rows, ARROW_TYPES[column.type])
     values = columns[column.name]
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
     if not isinstance(values, pa.Array):
         values = pa.array(values, from_pandas=True)
-    array = values if values.type == _ARROW[column.type] else values.cast(_ARROW[column.type])
+    array = values if values.type == ARROW_TYPES[column.type] else values.cast(ARROW_TYPES[column.type])
     if column.type == "float64":
         array = pc.if_else(pc.is_nan(array), pa.scalar(None, pa.float64()), array)
         if bool(pc.any(pc.is_inf(array)).as_py()):

@@ -6,28 +6,36 @@ from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tasks.errors import InputError
-from tasks.plain_text import trouble_in
+from tasks.magnitude import HUGE
+from tasks.plain_text import quoted, trouble_in
 from tasks.storage.delivered_file import file_limits, opened
 from tasks.storage.json_text import from_json
+from tasks.tables.arrow_columns import ARROW_TYPES
 from tasks.tables.parquet import METADATA
-from tasks.tables.schemas import TableSchema
+from tasks.tables.schemas import Column, TableSchema
 
 
-def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd.DataFrame, str]:
+def read_foreign_table(
+    path: Path, schema: TableSchema, remedy: str, *, complete: bool = False
+) -> tuple[pd.DataFrame, str]:
     """A table of other results, and the CRS of its coordinates (empty without any).
 
     Parameters
     ----------
     schema : the columns that are read, and no others.
     remedy : what to do if it is none.
+    complete : whether columns that may be empty have to be there, too; those that results of older versions
+        lack are else empty, but for coordinates.
 
     Raises
     ------
     InputError
-        If the file is no such table, has more rows than this installation reads, or names nobody can read.
+        If the file is no such table, has more rows than this installation reads, names nobody can read, or
+        anything that the columns of the schema may not hold.
     """
     with opened(path, "table") as stream:
         try:
@@ -46,8 +54,40 @@ def read_foreign_table(path: Path, schema: TableSchema, remedy: str) -> tuple[pd
         raise InputError(
             f"This is not a table '{schema.name}' of version {schema.version}.", remedy, file=path
         )
+    for column in schema.columns:
+        needed = complete or not column.nullable or column.name in schema.coordinates
+        if column.name not in table.column_names and not needed:
+            table = table.append_column(column.name, pa.nulls(len(table), ARROW_TYPES[column.type]))
+        trouble = _trouble_in_column(table, column)
+        if trouble is not None:
+            raise InputError(trouble, remedy, file=path, entity=column.name)
     _require_readable(table, path, remedy)
-    return table.to_pandas(), str(described.get("crs", ""))
+    frame = table.to_pandas()
+    if frame.duplicated(list(schema.key)).any():
+        row = int(frame.duplicated(list(schema.key)).to_numpy().argmax())
+        raise InputError(f"Row {row + 1} repeats {', '.join(schema.key)} of another row.", remedy, file=path)
+    return frame, str(described.get("crs", ""))
+
+
+def _trouble_in_column(table: pa.Table, column: Column) -> str | None:
+    """Why a column is none of its schema, a sentence; None: it is one."""
+    if column.name not in table.column_names:
+        return f"This table has no column '{column.name}'."
+    values = table.column(column.name)
+    if values.type != ARROW_TYPES[column.type]:
+        return f"The column '{column.name}' is {values.type}, not {column.type}."
+    if values.null_count and not column.nullable:
+        return f"The column '{column.name}' has empty fields."
+    if column.type == "float64":
+        # NaN, which stands nowhere in a table, is no less or equal.
+        possible = pc.less_equal(pc.abs(values), HUGE)
+        if not pc.all(possible, min_count=0).as_py():
+            return f"The column '{column.name}' has a number that no quantity has."
+    if column.values:
+        strange = set(values.unique().drop_null().to_pylist()) - set(column.values)
+        if strange:
+            return f"The column '{column.name}' has {quoted(min(strange))}, which is none of its words."
+    return None
 
 
 def _require_readable(table: pa.Table, path: Path, remedy: str) -> None:

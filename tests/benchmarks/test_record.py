@@ -105,3 +105,24 @@ def test_sweeps_are_compared_with_one_process() -> None:
     text = console.file.getvalue()
     assert "1.50" in text
     assert "COLMAP" not in text
+
+
+def test_the_whole_command_is_shown_by_stage() -> None:
+    console = Console(file=io.StringIO(), width=120)
+    warm = Record(
+        "command-18-warm",
+        3.5,
+        3.4,
+        3.6,
+        3,
+        "",
+        "",
+        processor_s=3.25,
+        phases_s={"bundle_adjustment": 1.5},
+        phases_processor_s={"bundle_adjustment": 1.25},
+    )
+    show([warm], console)
+    assert isinstance(console.file, io.StringIO)
+    text = console.file.getvalue()
+    assert "1.50 / 1.25" in text
+    assert "3.50 / 3.25" in text

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import dist
 from pathlib import Path
 
 from hypothesis import strategies as st
@@ -20,7 +22,25 @@ CAMERA = """<?xml version="1.0" encoding="UTF-8"?>
 </sensor>
 """
 CALIBRATION = "calibration.json"
-FILES = ("project.toml", "image_points.csv", "exposures.csv", "control.csv", "camera.xml")
+#: A project whose camera comes from a registry, and that registry.
+REGISTERED, REGISTRY = "registered.toml", "registry.sqlite"
+#: What the project has beyond the synthetic block: flights, times, rates, forward distortion, distances.
+_ADDED = {
+    'reference = "grid" }': 'reference = "grid", rate_axes = "forward-right-down" }',
+    "[inputs.image_points]": """[cameras.C.additional_parameters]
+"brown-forward:k1" = 1e-4
+[inputs]
+images_without_exposure = "orient"
+[inputs.image_points]""",
+    "[adjustment]": """[inputs.exposures.flights.b]
+part_of = "a"
+[inputs.distances]
+file = "distances.csv"
+unit = "m"
+[adjustment]""",
+    'free = ["boresight"]': 'free = ["boresight", "time_offset"]\npriors = { time_offset_s = 0.001 }',
+}
+FILES = ("project.toml", "image_points.csv", "exposures.csv", "control.csv", "distances.csv", "camera.xml")
 _INLINE = re.compile(r"columns = .*?principal_point_mm = \[0\.0, 0\.0\]\n", re.DOTALL)
 #: What can be exchanged in a text: a number, a word, or a sign.
 _TOKEN = re.compile(r"[-+]?\d[\d._]*(?:[eE][-+]?\d+)?|\w+|[^\w\s]")
@@ -55,30 +75,53 @@ class Hostile:
 
 
 def hostile_block(folder: Path) -> Path:
-    """The synthetic block with its camera in a file; returns the project file."""
+    """The synthetic block with its camera in a file, flights, times and rates; returns the project file."""
     project = write_block(folder)
+    exposures = folder / "exposures.csv"
+    header, *rows = exposures.read_text().splitlines()
+    moved = (
+        f"{row},{'ab'[number // 4]},{1000.0 + 8.0 * number},{0.1 * (number % 3)},0.05,-0.02"
+        for number, row in enumerate(rows)
+    )
+    columns = f"{header},flight,time,rate_roll,rate_pitch,rate_yaw"
+    exposures.write_text("\n".join([columns, *moved]) + "\n")
+    (folder / "distances.csv").write_text(_distances(folder / "control.csv"))
     (folder / "camera.xml").write_text(CAMERA)
-    camera = 'file = "camera.xml"\nformat = "ign-xml"\n'
-    project.write_text(_INLINE.sub(camera, project.read_text()))
+    text = _INLINE.sub('file = "camera.xml"\nformat = "ign-xml"\n', project.read_text())
+    for where, added in _ADDED.items():
+        text = text.replace(where, added)
+    project.write_text(text)
     return project
 
 
-def _at(where: float, count: int) -> int:
-    return min(int(where * count), count - 1)
+def _distances(control: Path) -> str:
+    """Distances between surveyed points that follow each other, the last one to be checked."""
+    points = [row.split(",") for row in control.read_text().splitlines()[1:]]
+    rows = ["point,other_point,distance,sigma,role"]
+    for number, (one, other) in enumerate(pairwise(points)):
+        distance = dist(*(tuple(map(float, point[1:4])) for point in (one, other)))
+        role = "check" if number == len(points) - 2 else "control"
+        rows.append(f"{one[0]},{other[0]},{distance:.4f},0.05,{role}")
+    return "\n".join(rows) + "\n"
+
+
+def place(where: float, count: int) -> int:
+    """The number of an item among several that lies at a part, 0 to 1, of them."""
+    return max(min(int(where * count), count - 1), 0)
 
 
 def _exchanged(pattern: re.Pattern[str], content: bytes, change: Hostile) -> bytes:
     text = content.decode()
     # Rows are many and alike: half of the changes meet the first ones, with the header.
     found = list(pattern.finditer(text))[: None if change.other < 0.5 else 40]
-    match = found[_at(change.where, len(found))]
+    match = found[place(change.where, len(found))]
     new = change.value if pattern is _TOKEN else repr(float(match.group()) * float(change.value))
     return (text[: match.start()] + new + text[match.end() :]).encode("utf-8", "surrogatepass")
 
 
 def _with_lines(content: bytes, change: Hostile) -> bytes:
     lines = content.split(b"\n")
-    one, other = _at(change.where, len(lines)), _at(change.other, len(lines))
+    one, other = place(change.where, len(lines)), place(change.other, len(lines))
     if change.what == "line lost":
         del lines[one]
     elif change.what == "line twice":
@@ -91,14 +134,13 @@ def _with_lines(content: bytes, change: Hostile) -> bytes:
 
 
 def _with_bytes(content: bytes, change: Hostile) -> bytes:
-    place = _at(change.where, len(content))
+    start = place(change.where, len(content))
     if change.what == "cut":
-        return content[:place]
+        return content[:start]
     if change.what == "bit flipped":
-        return (
-            content[:place] + bytes([content[place] ^ (1 << int(7.99 * change.other))]) + content[place + 1 :]
-        )
-    return content[:place] + change.value.encode("latin-1") + content[place:]
+        flipped = bytes([content[start] ^ (1 << int(7.99 * change.other))])
+        return content[:start] + flipped + content[start + 1 :]
+    return content[:start] + change.value.encode("latin-1") + content[start:]
 
 
 _CHANGES = {
@@ -189,31 +231,54 @@ _KEYS = st.sampled_from(
             "certificate",
             "inputs.exposures.0.crs",
             "cameras.C.tiles",
+            "cameras.C.calibration",
+            "cameras.C.calibration_use",
+            "cameras.C.additional_parameters",
+            "inputs.images_without_exposure",
+            "inputs.exposures.angles.rate_axes",
+            "inputs.exposures.flights",
+            "adjustment.variance_components_by",
+            "adjustment.priors",
+            "direct_georeferencing.calibration",
             "nothing",
             "",
             "a.b.c",
         ),
     ]
 )
-_PART = st.floats(0.0, 1.0)
+PART = st.floats(0.0, 1.0)
 _FILE = st.sampled_from((*FILES, CALIBRATION))
 
 
-def _change(what: Sequence[str], value: st.SearchStrategy[str] | None = None) -> st.SearchStrategy[Hostile]:
+def _change(
+    what: Sequence[str],
+    value: st.SearchStrategy[str] | None = None,
+    file: st.SearchStrategy[str] = _FILE,
+) -> st.SearchStrategy[Hostile]:
     return st.builds(
-        Hostile, st.sampled_from(what), _FILE, _PART, _PART, st.just("") if value is None else value
+        Hostile, st.sampled_from(what), file, PART, PART, st.just("") if value is None else value
     )
+
+
+def tokens(file: st.SearchStrategy[str]) -> st.SearchStrategy[Hostile]:
+    """Another number, word or sign in a text file."""
+    return _change(["token"], _VALUES, file)
+
+
+def damage(file: st.SearchStrategy[str]) -> st.SearchStrategy[Hostile]:
+    """A file that ends early, has lost its content, or one bit of another value."""
+    return _change(["cut", "bit flipped", "emptied"], file=file)
 
 
 #: Changes to the files of a block and to the options of a command.
 HOSTILE = st.one_of(
-    _change(["token"], _VALUES),
-    _change(["token"], _VALUES),
+    tokens(_FILE),
+    tokens(_FILE),
     _change(
         ["factor"], st.sampled_from(["10", "1e3", "1e-3", "-1", "1.001", "57.29577951308232", "1e12", "0"])
     ),
     _change(["line lost", "line twice", "lines swapped", "line cut"]),
-    _change(["cut", "bit flipped", "emptied"]),
+    damage(_FILE),
     _change(
         ["bytes"],
         st.sampled_from(["\x00", "\r", "\xff", "\x1a", '"', "'", "\t", "\x1b", "#", ",", "<", "\n" * 5]),

@@ -49,13 +49,13 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
         runs = client.read_task_runs(flow_run_filter=own, task_run_filter=TaskRunFilter())
         assert client.read_flow_run(state.state_details.flow_run_id).name == "block/project.toml"
     assert sorted({run.name.rsplit("-", 1)[0] for run in runs}) == [
-        "adjust_bundle",
-        "approximate_block",
+        "approximate_values",
+        "bundle_adjustment",
         "import_control",
         "import_exposures",
         "import_image_points",
         "publish",
-        "write_report",
+        "report",
     ]
 
 

@@ -49,7 +49,7 @@ ADJUSTMENT = Notes(
 
 
 def written(tmp_path: Path, gates: Gates) -> dict[str, object]:
-    summary = summary_of([INGEST, ADJUSTMENT], gates, {"adjust_bundle": 1.5, "total": 1.5})
+    summary = summary_of([INGEST, ADJUSTMENT], gates, {"bundle_adjustment": 1.5, "total": 1.5})
     write_summary(tmp_path, summary)
     assert read_summary(tmp_path).status == summary.status
     content = json.loads((tmp_path / "summary.json").read_text())

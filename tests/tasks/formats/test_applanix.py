@@ -8,7 +8,6 @@ import pytest
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
 from tasks.formats.applanix import read_applanix
-from tasks.formats.text_table import read_table_text
 from tasks.settings.coordinates import ELLIPSOIDAL
 
 ORDER = "omega-phi-kappa"
@@ -21,9 +20,8 @@ def folder(test_data):
 
 def latitude_longitude(path):
     text = path.read_text()
-    rows = text[text.index("lat, long in") :].split("\n", 1)[1].encode()
-    names = [str(k) for k in range(11)]
-    return read_table_text(rows, path, names, names[1:], "blank").numbers(("9", "10"))
+    rows = text[text.index("lat, long in") :].split("\n", 1)[1].split("\n")
+    return np.array([[float(value) for value in row.split()[-2:]] for row in rows if row.strip()])
 
 
 def test_the_map_sample_states_the_projection_its_latitudes_and_longitudes_are_of(folder):

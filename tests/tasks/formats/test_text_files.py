@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tasks.errors import InputError
-from tasks.formats import text_table
+from tasks.formats import text_lines
 from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
 from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
 
@@ -112,7 +112,7 @@ def test_a_control_file_cut_off_inside_a_row_is_not_a_point_known_in_plan(file, 
 
 
 def test_a_short_row_is_found_wherever_it_stands(file, monkeypatch):
-    monkeypatch.setattr(text_table, "_PIECE", 50)
+    monkeypatch.setattr(text_lines, "_PIECE", 50)
     rows = [f"I,P{i},1,2" for i in range(100)]
     assert len(read_csv_image_points(file("\n".join(["image,point,x,y", *rows]))).line) == 100
     for number in (0, 7, 50, 99):

@@ -1,0 +1,95 @@
+"""`aerocal serve` answers SIGTERM within 10 s, whatever a watch, a runner or a browser is doing."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from tests.flows.conftest import write_block
+from tests.service.served import Served, engines_of, served, until
+from tests.service.test_browser import MANUAL, QUIET
+
+pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
+
+_AT_MOST_S = 10.0
+_GB = 10**9
+
+
+def deliver_listed(inbox: Path, name: str, size: int) -> None:
+    """A delivery whose marker lists a file with a hole of this size, bytes, under a digest it has not."""
+    folder = inbox / name
+    write_block(folder)
+    with (folder / "more.bin").open("wb") as stream:
+        stream.truncate(size)
+    (folder / "DELIVERED").write_text(f"{'0' * 64}  more.bin\n")
+
+
+def is_open(folder: Path, name: str) -> bool:
+    """Whether any process reads a file of this name below a folder."""
+    for link in Path("/proc").glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):
+            file = link.readlink()
+            if file.name == name and file.is_relative_to(folder):
+                return True
+    return False
+
+
+def seconds_to_end(server: Served) -> float:
+    """From the request until it has ended."""
+    began = time.monotonic()
+    server.process.send_signal(signal.SIGTERM)
+    server.process.wait(60)
+    return time.monotonic() - began
+
+
+def test_while_the_watch_digests_huge_deliveries(tmp_path: Path) -> None:
+    with served(tmp_path) as server:
+        for number in range(3):
+            deliver_listed(tmp_path / "inbox", f"large-{number}", 4 * _GB)
+        deliver_listed(tmp_path / "inbox", "endless", 300 * _GB)
+        until(lambda: is_open(tmp_path / "inbox", "more.bin"), 90)
+        assert seconds_to_end(server) < _AT_MOST_S
+        assert server.process.returncode == 0
+
+
+def test_while_a_run_reads_a_huge_delivery(tmp_path: Path) -> None:
+    project = write_block(tmp_path / "root" / "huge")
+    points = project.parent / "image_points.csv"
+    # Rows enough that reading them takes longer than the test: names are long, and all are different.
+    with points.open("a") as stream:
+        for first in range(0, 8_000_000, 100_000):
+            rows = (f"1_001,{'q' * 100}{number},1.5,1.5\n" for number in range(first, first + 100_000))
+            stream.write("".join(rows))
+    with served(tmp_path) as server:
+        run = server.start(MANUAL, {"project": "huge"})
+        until(lambda: server.run(run)["state_type"] == "RUNNING", 120)
+        runner = server.group_of("flows.serving.runner")
+        until(lambda: is_open(tmp_path / "root", "image_points.csv"), 120)
+        began = time.monotonic()
+        server.process.send_signal(signal.SIGTERM)
+        until(lambda: "a second request ends them now" in server.printed, _AT_MOST_S)
+        assert server.process.poll() is None, "what has begun is finished"
+        assert time.monotonic() - began < _AT_MOST_S
+        assert seconds_to_end(server) < _AT_MOST_S
+        assert not engines_of(runner)
+
+
+def test_while_a_form_is_open_in_a_browser(tmp_path: Path) -> None:
+    write_block(tmp_path / "root" / "block")
+    with served(tmp_path) as server, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=os.environ.get("CHROMIUM", "/usr/bin/chromium"), args=list(QUIET)
+        )
+        page = browser.new_page()
+        page.goto(server.link, wait_until="commit")
+        found = server.api.get(f"/deployments/name/{MANUAL}")
+        page.goto(f"http://127.0.0.1:{server.port}/deployments/deployment/{found['id']}/run")
+        page.get_by_text("project", exact=False).first.wait_for(timeout=60_000)
+        assert seconds_to_end(server) < _AT_MOST_S
+        browser.close()
