@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord
-from tasks.formats.text_table import read_bytes
+from tasks.formats.xml_text import parsed_xml
 from tasks.magnitude import LARGEST, MOST_PIXELS, SMALLEST
 
 _LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*mm", re.IGNORECASE)
@@ -34,17 +34,7 @@ def read_ign_camera(path: Path) -> CameraRecord:
     InputError
         If the file is not such an XML file, declares entities, or lacks a value.
     """
-    text = _plain_text(path)
-    try:
-        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise InputError(
-            f"This is not well-formed XML ({error.msg}).",
-            "Deliver the camera file again.",
-            file=path,
-            line=error.position[0],
-        ) from error
+    root = parsed_xml(path)
     frame = "usefull-frame/rect"
     columns, rows = (_whole(root, f"{frame}/{name}", path) for name in "wh")
     pixel_m = _positive(root, "pixel_size", path, SMALLEST)
@@ -62,28 +52,6 @@ def read_ign_camera(path: Path) -> CameraRecord:
             round((0.5 * rows - y) * pixel_mm, 12),
         ),
     )
-
-
-def _plain_text(path: Path) -> str:
-    """The text of the file, without declarations of types: entities could read files or fill the memory.
-
-    No camera file needs them, so they are refused before any parser sees them, whatever version it is of.
-    """
-    content = read_bytes(path, "document")
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = content.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = content.decode("utf-8")
-        except UnicodeDecodeError:
-            text = content.decode("latin-1")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(
-            "The camera file declares document types or entities (<!DOCTYPE>).",
-            "Deliver it without them; a camera file needs none.",
-            file=path,
-        )
-    return text.strip()
 
 
 def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Our own text inputs: UTF-8, a header line, comma, decimal point, columns in any order.
+"""Tables of text: without any declaration UTF-8, a header line, comma, decimal point, columns in any order.
 
 | file | columns |
 |---|---|
@@ -11,6 +11,9 @@ The three angles of an exposure may be left empty together: it has no attitude t
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
+
+Tables of others are read as they stand where their layout is declared (`tasks.formats.table_layout`): separator,
+decimal comma, headings of the columns, values of columns that are missing.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from tasks.errors import InputError
+from tasks.formats.foreign_headings import declaration, mapped_names, refuse_other_separator
 from tasks.formats.records import (
     AngleOrder,
     ControlRecords,
@@ -32,6 +36,7 @@ from tasks.formats.records import (
     ExposureRecords,
     ImagePointRecords,
 )
+from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
 from tasks.formats.text_table import TextTable, read_table_text
@@ -43,6 +48,7 @@ _SIGMA_XYZ = ("sx", "sy", "sz")
 _RATES = ("rate_roll", "rate_pitch", "rate_yaw")
 _MOST_COLUMNS = 1_000
 _NOT_BLANK = re.compile(rb"\S")
+_OURS = TableLayout()
 # How others head a standard deviation: before or behind the quantity.
 _WORDS = "(?:sigma|sig|stddev|stdev|std|sd)"
 _SIGMA = re.compile(rf"{_WORDS}_?(?P<before>\w+)|(?P<behind>\w+)_{_WORDS}")
@@ -52,7 +58,7 @@ _SURELY_SIGMA = re.compile(rf"(?:sigma|stddev|stdev)\w*|{_WORDS}_\w+|\w+_{_WORDS
 _SHORT = 3
 
 
-def read_csv_image_points(path: Path) -> ImagePointRecords:
+def read_csv_image_points(path: Path, layout: TableLayout = _OURS) -> ImagePointRecords:
     """Read image points.
 
     Raises
@@ -60,7 +66,7 @@ def read_csv_image_points(path: Path) -> ImagePointRecords:
     InputError
         With file and line: see `tasks.formats.text_table`; missing columns.
     """
-    table, extra = _read(path, ("image", "point", "x", "y"), ("sx", "sy"), ("x", "y", "sx", "sy"))
+    table, extra = _read(path, ("image", "point", "x", "y"), ("sx", "sy"), ("x", "y", "sx", "sy"), layout)
     return ImagePointRecords(
         file=path,
         image=table.names("image"),
@@ -72,7 +78,7 @@ def read_csv_image_points(path: Path) -> ImagePointRecords:
     )
 
 
-def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
+def read_csv_exposures(path: Path, order: AngleOrder, layout: TableLayout = _OURS) -> ExposureRecords:
     """Read exposures whose angles are ω, φ, κ or heading, pitch, roll.
 
     Raises
@@ -84,12 +90,13 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     sigmas = tuple(f"s{name}" for name in angles)
     required = ("image", "camera", "strip", *_XYZ, *angles)
     optional = ("time", "flight", *_SIGMA_XYZ, *sigmas, *_RATES)
-    table, extra = _read(path, required, optional, (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas, *_RATES))
+    numeric = (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas, *_RATES)
+    table, extra = _read(path, required, optional, numeric, layout)
     return ExposureRecords(
         file=path,
         image=table.text("image"),
-        camera=table.text("camera"),
-        strip=table.text("strip", may_be_empty=True),
+        camera=table.text("camera") if table.has("camera") else pa.nulls(len(table), pa.string()),
+        strip=_optional_text(table, "strip"),
         flight=_optional_text(table, "flight"),
         time_s=table.numbers(("time",), may_be_empty=True)[:, 0],
         position=table.all_or_none(_XYZ),
@@ -102,7 +109,7 @@ def read_csv_exposures(path: Path, order: AngleOrder) -> ExposureRecords:
     )
 
 
-def read_csv_control(path: Path) -> ControlRecords:
+def read_csv_control(path: Path, layout: TableLayout = _OURS) -> ControlRecords:
     """Read control and check points.
 
     Raises
@@ -110,7 +117,7 @@ def read_csv_control(path: Path) -> ControlRecords:
     InputError
         With file and line: see `tasks.formats.text_table`; missing columns.
     """
-    table, extra = _read(path, ("point", *_XYZ), (*_SIGMA_XYZ, "role"), (*_XYZ, *_SIGMA_XYZ))
+    table, extra = _read(path, ("point", *_XYZ), (*_SIGMA_XYZ, "role"), (*_XYZ, *_SIGMA_XYZ), layout)
     return ControlRecords(
         file=path,
         point=table.text("point"),
@@ -149,39 +156,90 @@ def _optional_text(table: TextTable, name: str) -> pa.Array:
 
 
 def _read(
-    path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str]
+    path: Path,
+    required: Sequence[str],
+    optional: Sequence[str],
+    numeric: Sequence[str],
+    layout: TableLayout = _OURS,
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
     text = DeliveredLines.of(path, lone_return=b"\n")
-    header_line, delivered, rows = _header(text)
-    names = [_recognised(name, (*required, *optional)) for name in delivered]
-    _check_columns(names, required, optional, path, header_line)
-    _refuse_near_misses(names, required, optional, path, header_line)
-    present = [name for name in numeric if name in names]
-    layout = Layout(path, tuple(names), tuple(present), "comma")
-    table = read_table_text(rows, layout, text.lines - header_line, first_line=header_line + 1)
+    first_line, names, rows = _columns(text, required, optional, layout)
+    present = tuple(name for name in numeric if name in names)
+    read = Layout(
+        path, tuple(names), present, layout.separator, layout.encoding, layout.decimal, layout.quote
+    )
+    table = read_table_text(rows, read, text.lines - first_line + 1, first_line)
     known = {*required, *optional}
     extra = {name: table.remarks(name) for name in names if name not in known}
     return table, extra
 
 
-def _header(text: DeliveredLines) -> tuple[int, list[str], Iterator[bytes]]:
-    """Line of the header, its names, and the rows below it."""
-    line, pieces, content = 1, text.pieces(), b""
-    for content in pieces:
-        if not content.isspace():
+def _columns(
+    text: DeliveredLines, required: Sequence[str], optional: Sequence[str], layout: TableLayout
+) -> tuple[int, list[str], Iterator[bytes]]:
+    """Line of the first row, the names of the columns, and the rows without anything else."""
+    line, fields, rows = _header(text, layout)
+    first = next(rows, b"")
+    known = [name for name in (*required, *optional) if name not in layout.columns]
+    names = mapped_names(fields, layout, (*required, *optional), text.file, line)
+    names = [name if name in layout.columns else _recognised(name, known) for name in names]
+    needed = [name for name in required if name not in layout.elsewhere]
+    refuse_other_separator(fields, needed, layout, first, text.file, line)
+    _check_columns(names, needed, optional, text.file, line, layout)
+    watched = [name for name in names if name not in layout.unused]
+    _refuse_near_misses(watched, required, optional, text.file, line)
+    return line + layout.header, names, chain([first] if first else [], rows)
+
+
+def _header(text: DeliveredLines, layout: TableLayout) -> tuple[int, list[str], Iterator[bytes]]:
+    """Line of the headings (or of the first row), the headings (or numbers), and the rows."""
+    line, skip, content = 1, layout.skip_lines, b""
+    pieces = text.pieces()
+    for piece in pieces:
+        begin = 0
+        while skip and begin < len(piece):
+            begin, skip, line = piece.find(b"\n", begin) + 1 or len(piece), skip - 1, line + 1
+        content = _without_comments(piece[begin:], layout)
+        if content and not content.isspace():
             break
         line += content.count(b"\n")
     found = _NOT_BLANK.search(content)
     begin = content.rfind(b"\n", 0, found.start()) + 1 if found is not None else 0
     line += content.count(b"\n", 0, begin)
     first, _, rest = content[begin:].partition(b"\n")
+    others = (_without_comments(piece, layout) for piece in pieces)
     try:
-        fields = next(csv.reader([first.decode("utf-8")], skipinitialspace=True))
+        heading = first.decode(layout.encoding)
     except UnicodeDecodeError as error:
         raise InputError(
-            "The header is not UTF-8 text.", "Save the file as UTF-8.", file=text.file, line=line
+            "The header is not UTF-8 text.",
+            'Save the file as UTF-8, or declare encoding = "latin-1".',
+            file=text.file,
+            line=line,
         ) from error
-    return line, [field.strip() for field in fields], chain([rest] if rest else [], pieces)
+    fields = _fields(heading, layout)
+    if not layout.header:
+        return line, [str(number) for number in range(1, len(fields) + 1)], chain([content[begin:]], others)
+    fields[0] = fields[0].lstrip("#% \t")
+    while len(fields) > 1 and not fields[-1]:
+        fields.pop()
+    return line, fields, chain([rest] if rest else [], others)
+
+
+def _without_comments(piece: bytes, layout: TableLayout) -> bytes:
+    """Whole lines of which those that are comments are empty: lines count as in the file."""
+    if not layout.comment:
+        return piece
+    mark = re.escape(layout.comment.encode(layout.encoding, errors="replace"))
+    return re.sub(rb"(?m)^[ \t]*" + mark + rb"[^\n]*", b"", piece)
+
+
+def _fields(text: str, layout: TableLayout) -> list[str]:
+    mark, text = MARKS[layout.separator], text.strip() if layout.separator == "blank" else text
+    if layout.separator == "blank":
+        text = re.sub(r"\s+", " ", text)
+    found = next(csv.reader([text], delimiter=mark, quotechar=layout.quote, skipinitialspace=True), [""])
+    return [field.strip() for field in found]
 
 
 def _recognised(name: str, known: Sequence[str]) -> str:
@@ -212,7 +270,9 @@ def _refuse_near_misses(
         meant = f"'{like or found[0]}'" if like or found else "a standard deviation"
         raise InputError(
             f"The column '{name}' looks like {meant}, and nothing reads it.",
-            f"Rename it, also if it is something else; columns of that kind are {', '.join(optional)}.",
+            f"Rename it, also if it is something else; columns of that kind are {', '.join(optional)}. Or "
+            f'declare what it is: columns = {{ {like or (found or ["sx"])[0]} = "{name}" }}, or '
+            f'unused = ["{name}"].',
             file=path,
             line=line,
             entity=name,
@@ -220,18 +280,14 @@ def _refuse_near_misses(
 
 
 def _check_columns(
-    names: Sequence[str], required: Sequence[str], optional: Sequence[str], path: Path, line: int
+    names: Sequence[str],
+    required: Sequence[str],
+    optional: Sequence[str],
+    path: Path,
+    line: int,
+    layout: TableLayout,
 ) -> None:
     missing = [name for name in required if name not in names]
-    if missing and len(names) == 1 and any(mark in names[0] for mark in ";\t|"):
-        mark = next(mark for mark in ";\t|" if mark in names[0])
-        shown = {";": "a semicolon", "\t": "a tab", "|": "a bar"}[mark]
-        raise InputError(
-            f"The columns are separated by {shown}.",
-            "Separate them by commas, with decimal points.",
-            file=path,
-            line=line,
-        )
     if missing:
         like = {
             name: nearest(name, [n for n in names if n not in (*required, *optional)]) for name in missing
@@ -239,6 +295,7 @@ def _check_columns(
         hints = [f"'{found}' may be meant for '{name}'" for name, found in like.items() if found]
         what = f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}."
         remedy = f"Needed are {', '.join(required)}" + (f"; {', '.join(hints)}." if hints else ".")
+        remedy += declaration(missing, names, layout)
         raise InputError(what, remedy, file=path, line=line)
     trouble = next((found for found in map(trouble_in, names) if found is not None), None)
     if trouble is not None or len(names) > _MOST_COLUMNS:

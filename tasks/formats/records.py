@@ -21,6 +21,27 @@ Lines: TypeAlias = NDArray[np.int64]
 AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"]
 
 
+@dataclass(frozen=True, slots=True)
+class FileStatement:
+    """What a file says itself of its numbers; the project file has to declare the same.
+
+    Attributes
+    ----------
+    crs : as PROJ understands it, or ``local``; None, like all others: not stated.
+    datum : name of the datum, where `crs` has none.
+    heights : the height system.
+    order, reference : of the angles.
+    position : what positions are of.
+    """
+
+    crs: str | None = None
+    datum: str | None = None
+    heights: Literal["ellipsoidal"] | None = None
+    order: AngleOrder | None = None
+    reference: Literal["grid", "true-north", "local"] | None = None
+    position: Literal["projection_centre"] | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ImagePointRecords:
     """Image points as read.
@@ -62,6 +83,8 @@ class ExposureRecords:
         NaN where a row gives none.
     declared_angle_unit : the unit a header of the file itself names, None if it names none.
     extra : further columns of the file, text (n,), verbatim.
+    states : what else the file itself says.
+    remarks : sentences for the user about what the file says besides.
     """
 
     file: Path
@@ -78,6 +101,8 @@ class ExposureRecords:
     rates: Floats | None = None
     declared_angle_unit: Literal["deg", "gon", "rad"] | None = None
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
+    states: FileStatement = FileStatement()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +119,7 @@ class ControlRecords:
     remarks : sentences for the user about what the reader had to interpret.
     line : (n,) 1-based line of each row.
     extra : further columns of the file, text (n,), verbatim.
+    states : what the file itself says of its coordinates.
     """
 
     file: Path
@@ -104,6 +130,7 @@ class ControlRecords:
     line: Lines
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    states: FileStatement = FileStatement()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +168,7 @@ class CameraRecord:
     pixel_um : side of a pixel, µm.
     focal_length_mm : principal distance, mm.
     principal_point_mm : x, y in the image system (from the format centre), mm.
+    additional_parameters : distortion, as the project file would give it.
     """
 
     columns: int
@@ -148,3 +176,36 @@ class CameraRecord:
     pixel_um: float
     focal_length_mm: float
     principal_point_mm: tuple[float, float]
+    additional_parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class PixelCamera:
+    """A frame camera of a file that knows pixels only; how large they are, the project file declares.
+
+    Attributes
+    ----------
+    columns, rows : size of the image, px.
+    focal_length_px : principal distance, px.
+    principal_point_px : x, y in the image system (from the format centre, y up), px.
+    additional_parameters : distortion, as the project file would give it.
+    """
+
+    columns: int
+    rows: int
+    focal_length_px: float
+    principal_point_px: tuple[float, float]
+    additional_parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def with_pixel(self, pixel_um: float) -> CameraRecord:
+        """The camera with pixels of this size, µm."""
+        pixel_mm = pixel_um * 1e-3
+        x0, y0 = self.principal_point_px
+        return CameraRecord(
+            self.columns,
+            self.rows,
+            pixel_um,
+            self.focal_length_px * pixel_mm,
+            (x0 * pixel_mm, y0 * pixel_mm),
+            self.additional_parameters,
+        )

@@ -2,18 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
+from tasks.formats.applanix import read_applanix
+from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
+from tasks.formats.blocks_exchange import (
+    read_blocks_cameras,
+    read_blocks_control,
+    read_blocks_exposures,
+    read_blocks_image_points,
+)
+from tasks.formats.bundler import read_bundler_exposures, read_bundler_image_points
+from tasks.formats.colmap import read_colmap_cameras, read_colmap_exposures, read_colmap_image_points
 from tasks.formats.ign_camera import read_ign_camera
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
+from tasks.formats.inpho import (
+    read_inpho_cameras,
+    read_inpho_control,
+    read_inpho_exposures,
+    read_inpho_image_points,
+)
+from tasks.formats.isat import read_isat_cameras, read_isat_control, read_isat_exposures
+from tasks.formats.metashape import (
+    read_metashape_cameras,
+    read_metashape_exposures,
+    read_metashape_markers,
+    read_metashape_measurements,
+)
+from tasks.formats.metashape_text import read_metashape_opk
 from tasks.formats.native_csv import (
     read_csv_control,
     read_csv_distances,
     read_csv_exposures,
     read_csv_image_points,
 )
+from tasks.formats.opensfm import (
+    read_odm_control,
+    read_odm_geo,
+    read_odm_measurements,
+    read_opensfm_cameras,
+    read_opensfm_exposures,
+    read_opensfm_tracks,
+)
+from tasks.formats.patb import read_patb_control, read_patb_orientations
+from tasks.formats.photo_lists import read_photo_lists
+from tasks.formats.pix4d import read_pix4d_exposures
+from tasks.formats.realityscan import read_realityscan_exposures
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,
@@ -21,19 +57,86 @@ from tasks.formats.records import (
     DistanceRecords,
     ExposureRecords,
     ImagePointRecords,
+    PixelCamera,
 )
+from tasks.formats.table_layout import TableLayout
 
 ImagePointReader: TypeAlias = Callable[[Path], ImagePointRecords]
 ExposureReader: TypeAlias = Callable[[Path, AngleOrder], ExposureRecords]
 ControlReader: TypeAlias = Callable[[Path], ControlRecords]
 DistanceReader: TypeAlias = Callable[[Path], DistanceRecords]
-CameraReader: TypeAlias = Callable[[Path], CameraRecord]
+CameraReader: TypeAlias = Callable[[Path], Mapping[str, CameraRecord | PixelCamera]]
 
-IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {"csv": read_csv_image_points, "ign-mes": read_ign_mes}
-EXPOSURE_FORMATS: dict[str, ExposureReader] = {"csv": read_csv_exposures, "ign-opk": read_ign_opk}
-CONTROL_FORMATS: dict[str, ControlReader] = {"csv": read_csv_control, "ign-app": read_ign_app}
-DISTANCE_FORMATS: dict[str, DistanceReader] = {"csv": read_csv_distances}
-CAMERA_FORMATS: dict[str, CameraReader] = {"ign-xml": read_ign_camera}
+#: The format whose layout a project file may declare.
+TABLE = "csv"
+IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
+    TABLE: read_csv_image_points,
+    "ign-mes": read_ign_mes,
+    "patb": read_photo_lists,
+    "bingo": read_photo_lists,
+    "inpho": read_inpho_image_points,
+    "metashape-markers": read_metashape_measurements,
+    "pix4d": read_photo_lists,
+    "blocks-exchange": read_blocks_image_points,
+    "colmap": read_colmap_image_points,
+    "opensfm": read_opensfm_tracks,
+    "odm-gcp": read_odm_measurements,
+    "bundler": read_bundler_image_points,
+}
+EXPOSURE_FORMATS: dict[str, ExposureReader] = {
+    TABLE: read_csv_exposures,
+    "ign-opk": read_ign_opk,
+    "applanix": read_applanix,
+    "patb": read_patb_orientations,
+    "bingo": read_bingo_orientations,
+    "inpho": read_inpho_exposures,
+    "isat": read_isat_exposures,
+    "metashape-opk": read_metashape_opk,
+    "metashape": read_metashape_exposures,
+    "pix4d": read_pix4d_exposures,
+    "blocks-exchange": read_blocks_exposures,
+    "colmap": read_colmap_exposures,
+    "opensfm": read_opensfm_exposures,
+    "odm-geo": read_odm_geo,
+    "bundler": read_bundler_exposures,
+    "realityscan": read_realityscan_exposures,
+}
+CONTROL_FORMATS: dict[str, ControlReader] = {
+    TABLE: read_csv_control,
+    "ign-app": read_ign_app,
+    "patb": read_patb_control,
+    "bingo": read_bingo_control,
+    "inpho": read_inpho_control,
+    "isat": read_isat_control,
+    "metashape-markers": read_metashape_markers,
+    "blocks-exchange": read_blocks_control,
+    "odm-gcp": read_odm_control,
+}
+DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
+CAMERA_FORMATS: dict[str, CameraReader] = {
+    "ign-xml": lambda path: {"": read_ign_camera(path)},
+    "inpho": read_inpho_cameras,
+    "isat": read_isat_cameras,
+    "metashape": read_metashape_cameras,
+    "blocks-exchange": read_blocks_cameras,
+    "colmap": read_colmap_cameras,
+    "opensfm": read_opensfm_cameras,
+}
+
+
+def read_image_points(name: str, path: Path, layout: TableLayout) -> ImagePointRecords:
+    """Read image points of a format of the register; the layout is that of a table."""
+    return read_csv_image_points(path, layout) if name == TABLE else IMAGE_POINT_FORMATS[name](path)
+
+
+def read_exposures(name: str, path: Path, order: AngleOrder, layout: TableLayout) -> ExposureRecords:
+    """Read exposures of a format of the register; the layout is that of a table."""
+    return read_csv_exposures(path, order, layout) if name == TABLE else EXPOSURE_FORMATS[name](path, order)
+
+
+def read_control(name: str, path: Path, layout: TableLayout) -> ControlRecords:
+    """Read control points of a format of the register; the layout is that of a table."""
+    return read_csv_control(path, layout) if name == TABLE else CONTROL_FORMATS[name](path)
 
 
 def image_point_formats() -> tuple[str, ...]:

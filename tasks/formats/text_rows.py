@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,15 +23,12 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.formats.table_layout import MARKS, Separator
 from tasks.plain_text import quoted
 
-Separator = Literal["comma", "blank"]
-_REGEX = {"comma": ",", "blank": r"\s+"}
 _NAMES = pa.dictionary(pa.int32(), pa.string())
 _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
-# A row without anything in it, as spreadsheets write them.
-_NOTHING = re.compile(rb"^[, \t]+$", re.MULTILINE)
 _BLANK, _LINE_FEED = ord(" "), ord("\n")
 
 
@@ -44,8 +41,10 @@ class Layout:
     file : for messages.
     names : the columns in their order in the file.
     numeric : those that are numbers.
-    separator : ``comma``, or ``blank`` for any run of blanks and tabs.
+    separator : between columns; ``blank`` for any run of blanks and tabs.
     encoding : of the text columns.
+    decimal : mark of numbers.
+    quote : mark around texts with separators.
     """
 
     file: Path
@@ -53,6 +52,8 @@ class Layout:
     numeric: tuple[str, ...]
     separator: Separator
     encoding: str = "utf-8"
+    decimal: str = "."
+    quote: str = '"'
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -96,7 +97,7 @@ def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
 def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
     """Rows that Arrow takes as pandas would; None: they have to be looked at more closely."""
     # A NUL ends a field for one of them; blanks before a quotation mark are passed over by one only.
-    if b"\0" in content or (b'"' in content and _marks_behind_blanks(content, layout)):
+    if b"\0" in content or (layout.quote.encode() in content and _marks_behind_blanks(content, layout)):
         return None
     if layout.encoding != "utf-8" and not content.isascii():
         content = content.decode(layout.encoding).encode("utf-8")
@@ -108,9 +109,13 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         table = pa.csv.read_csv(
             pa.py_buffer(content),
             pa.csv.ReadOptions(column_names=list(layout.names)),
-            pa.csv.ParseOptions(delimiter="," if layout.separator == "comma" else " "),
+            pa.csv.ParseOptions(delimiter=MARKS[layout.separator], quote_char=layout.quote),
             pa.csv.ConvertOptions(
-                column_types=types, null_values=[""], strings_can_be_null=True, check_utf8=True
+                column_types=types,
+                null_values=[""],
+                strings_can_be_null=True,
+                check_utf8=True,
+                decimal_point=layout.decimal,
             ),
         )
     except (pa.ArrowException, ValueError):
@@ -125,13 +130,14 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         # "nan" is no number, whatever Arrow makes of it.
         if int(np.isnan(values[:, position]).sum()) != column.null_count:
             return None
-    blanks = layout.separator == "comma" and (b" " in content or b"\t" in content)
+    blanks = layout.separator != "blank" and (b" " in content or b"\t" in content)
     texts = tuple(_joined(table.column(name)) for name in layout.texts)
     return Rows(tuple(map(_without_leading_blanks, texts)) if blanks else texts, values)
 
 
 def _marks_behind_blanks(content: bytes, layout: Layout) -> bool:
-    return layout.separator == "blank" or b' "' in content or b'\t"' in content
+    mark = layout.quote.encode()
+    return layout.separator == "blank" or b" " + mark in content or b"\t" + mark in content
 
 
 def _with_single_blanks(content: bytes) -> bytes:
@@ -169,13 +175,16 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     InputError
         As of :func:`rows_of`.
     """
-    file, expected = layout.file, len(layout.names)
-    if layout.separator == "comma":
-        content = _NOTHING.sub(b"", content) if content.translate(None, b", \t\n") else b"\n"
-        _refuse_other_counts(content, file, expected, first_line)
+    file = layout.file
+    if layout.separator != "blank":
+        # Rows without anything in them, as spreadsheets write them.
+        mark = MARKS[layout.separator].encode()
+        nothing = re.compile(rb"^[" + re.escape(mark) + rb" \t]+$", re.MULTILINE)
+        content = nothing.sub(b"", content) if content.translate(None, mark + b" \t\n") else b"\n"
+        _refuse_other_counts(content, layout, first_line)
     if content.isspace():
         return Rows((pa.nulls(0, _NAMES),) * len(layout.texts), np.empty((0, len(layout.numeric))))
-    options = _options(layout.names, layout.separator, layout.encoding)
+    options = _options(layout)
     kinds: dict[str, Any] = {
         name: np.float64 if name in layout.numeric else object for name in (*layout.names, _REMAINDER)
     }
@@ -187,13 +196,13 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     except UnicodeDecodeError as error:
         raise _not_text(content, file, first_line, layout.encoding) from error
     except pd.errors.ParserError as error:
-        raise _malformed(str(error), file, expected, first_line) from error
+        raise _malformed(str(error), layout, first_line) from error
     except (ValueError, TypeError) as error:
         raise _not_a_number(content, file, layout.numeric, options, first_line) from error
     blank = frame.isna().all(axis=1).to_numpy()
     line = np.flatnonzero(~blank)
     frame = frame[~blank]
-    _refuse_remainder(frame, line + first_line, file, expected)
+    _refuse_remainder(frame, line + first_line, layout)
     return Rows(
         tuple(
             pa.array(frame[name], pa.string(), from_pandas=True).dictionary_encode() for name in layout.texts
@@ -203,70 +212,75 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     )
 
 
-def _options(names: Sequence[str], separator: Separator, encoding: str) -> Mapping[str, Any]:
+def _options(layout: Layout) -> Mapping[str, Any]:
     # One column more than the file should have: surplus fields land there instead of getting lost.
     return {
-        "sep": _REGEX[separator],
+        "sep": r"\s+" if layout.separator == "blank" else MARKS[layout.separator],
+        "decimal": layout.decimal,
+        "quotechar": layout.quote,
         "header": None,
-        "names": [*names, _REMAINDER],
+        "names": [*layout.names, _REMAINDER],
         "index_col": False,
         "skip_blank_lines": False,
         "skipinitialspace": True,
         "keep_default_na": False,
         "na_values": [""],
-        "encoding": encoding,
+        "encoding": layout.encoding,
     }
 
 
-def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], file: Path, expected: int) -> None:
+def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], layout: Layout) -> None:
     surplus = frame[_REMAINDER].notna().to_numpy()
     if surplus.any():
-        raise _too_many(file, expected, int(line[np.argmax(surplus)]))
+        raise _too_many(layout, int(line[np.argmax(surplus)]))
 
 
-def _too_many(file: Path, expected: int, line: int | None) -> InputError:
+def _too_many(layout: Layout, line: int | None) -> InputError:
+    decimal = "comma" if layout.decimal == "," else "point"
     return InputError(
-        f"This line has more than {expected} columns.",
-        "Correct it; numbers need a decimal point, a comma only separates columns.",
-        file=file,
+        f"This line has more than {len(layout.names)} columns.",
+        f"Correct it; numbers need a decimal {decimal}, a {layout.separator} only separates columns.",
+        file=layout.file,
         line=line,
     )
 
 
-def _refuse_other_counts(content: bytes, file: Path, expected: int, first_line: int) -> None:
-    """Refuse rows with fewer commas than columns, as a file ends with that was cut off inside a row, or more.
+def _refuse_other_counts(content: bytes, layout: Layout, first_line: int) -> None:
+    """Refuse rows with fewer marks than columns, as a file ends with that was cut off inside a row, or more.
 
-    An empty field keeps its comma, so this is no question of what is given; one at the end is no column.
+    An empty field keeps its mark, so this is no question of what is given; one at the end is no column.
     """
+    expected = len(layout.names)
     signs = np.frombuffer(content, dtype=np.uint8)
     ends = np.flatnonzero(signs == _LINE_FEED)
     ends = ends if len(ends) and ends[-1] == len(signs) - 1 else np.append(ends, len(signs))
-    commas = np.diff(np.searchsorted(np.flatnonzero(signs == ord(",")), ends), prepend=0)
+    marks = np.diff(np.searchsorted(np.flatnonzero(signs == ord(MARKS[layout.separator])), ends), prepend=0)
     starts = np.append(0, ends[:-1] + 1)
-    others = ((commas < expected - 1) & (ends > starts)) | (commas > expected)
+    others = ((marks < expected - 1) & (ends > starts)) | (marks > expected)
     for row in np.flatnonzero(others).tolist():
         text = content[starts[row] : ends[row]]
         # A field in quotation marks may hold line ends.
-        if not text.strip() or b'"' in text:
+        if not text.strip() or layout.quote.encode() in text:
             continue
-        if commas[row] > expected:
-            raise _too_many(file, expected, first_line + row)
-        found = int(commas[row]) + 1
+        if marks[row] > expected:
+            raise _too_many(layout, first_line + row)
+        found = int(marks[row]) + 1
         raise InputError(
             f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
-            "The file may have been cut off here: deliver it again. An empty field keeps its comma.",
-            file=file,
+            "The file may have been cut off here: deliver it again. An empty field keeps its "
+            f"{layout.separator}.",
+            file=layout.file,
             line=first_line + row,
         )
 
 
-def _malformed(message: str, file: Path, expected: int, first_line: int) -> InputError:
+def _malformed(message: str, layout: Layout, first_line: int) -> InputError:
     quote = re.search(r"EOF inside string starting at row (\d+)", message)
     if quote:
         line = int(quote.group(1)) + first_line
-        return InputError("A quotation mark is not closed.", "Close it or delete it.", file=file, line=line)
+        return InputError("A quotation mark is not closed.", "Close it or delete it.", layout.file, line)
     found = re.search(r"in line (\d+)", message)
-    return _too_many(file, expected, int(found.group(1)) - 1 + first_line if found else None)
+    return _too_many(layout, int(found.group(1)) - 1 + first_line if found else None)
 
 
 def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> InputError:
@@ -291,18 +305,27 @@ def _not_a_number(
     first_line: int,
 ) -> InputError:
     """Read everything as text and name the first field that is not a number."""
-    frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
+    with warnings.catch_warnings():
+        # Of fields beyond the columns, which are refused where all numbers are some.
+        warnings.simplefilter("ignore", pd.errors.ParserWarning)
+        try:
+            frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
+        except UnicodeDecodeError:
+            return _not_text(content, file, first_line, options["encoding"])
     bad = np.zeros((len(frame), len(numeric)), dtype=bool)
     for position, name in enumerate(numeric):
         given = frame[name].notna()
         # "nan" converts, but is not a number either.
-        bad[:, position] = (given & pd.to_numeric(frame[name], errors="coerce").isna()).to_numpy()
+        shown = frame[name]
+        if options["decimal"] == ",":
+            shown = shown.str.replace(".", "?").str.replace(",", ".")
+        bad[:, position] = (given & pd.to_numeric(shown, errors="coerce").isna()).to_numpy()
     row = int(np.argmax(bad.any(axis=1)))
     name = list(numeric)[int(np.argmax(bad[row]))]
     value = str(frame[name].iloc[row])
     remedy = "Correct the field or delete the line."
     if _DECIMAL_COMMA.match(value):
-        remedy = "Write the number with a decimal point."
+        remedy = 'Declare decimal = "," for this input, or write numbers with a decimal point.'
     elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
         remedy = "Leave the field empty if the value is not known and may be missing, else delete the line."
     what = f"{quoted(value)} in the column '{name}' is not a number."

@@ -12,8 +12,9 @@ import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
 from tasks.errors import InputError
-from tasks.formats.records import CameraRecord
+from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import CAMERA_FORMATS
+from tasks.nearest_name import did_you_mean
 from tasks.settings.cameras import REGISTRY, CameraInput
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import CAMERAS
@@ -58,7 +59,7 @@ def camera_record(camera: CameraInput) -> CameraRecord:
         If the camera file cannot be read.
     """
     if camera.file is not None and camera.format is not None:
-        read = CAMERA_FORMATS[camera.format](camera.file)
+        read = _of_file(camera, camera.file, CAMERA_FORMATS[camera.format](camera.file))
         _refuse_impossible(read, camera.file)
         return read
     # The settings have made sure that all values are there when there is no file.
@@ -71,6 +72,39 @@ def camera_record(camera: CameraInput) -> CameraRecord:
     )
     _refuse_impossible(given, None)
     return given
+
+
+def _of_file(
+    camera: CameraInput, file: Path, found: Mapping[str, CameraRecord | PixelCamera]
+) -> CameraRecord:
+    """The camera that is meant among those of its file, with the declared size of its pixels."""
+    name = camera.name_in_file
+    if name is None and len(found) == 1:
+        read = next(iter(found.values()))
+    elif name is not None and name in found:
+        read = found[name]
+    else:
+        known = did_you_mean(name or "", found)
+        raise InputError(
+            f"The camera '{name}' is not in the file." if name else f"The file has {len(found)} cameras.",
+            f"Declare name_in_file. {known}",
+            file=file,
+        )
+    if isinstance(read, PixelCamera):
+        if camera.pixel_um is None:
+            raise InputError(
+                "The file gives the camera in pixels, and not how large they are.",
+                "Declare pixel_um of this camera beside its file.",
+                file=file,
+            )
+        return read.with_pixel(camera.pixel_um)
+    if camera.pixel_um is not None:
+        raise InputError(
+            f"The file gives pixels of {read.pixel_um:g} µm, and pixel_um is declared, too.",
+            "Keep one of the two, so that they cannot differ: leave pixel_um out.",
+            file=file,
+        )
+    return read
 
 
 def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
@@ -102,7 +136,9 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
         "mount_deg": camera.mount_deg,
         "calibration_axes_deg": camera.calibration_axes_deg,
         "tiles": None if camera.tiles is None else camera.tiles.model_dump_json(),
-        "additional_parameters": json.dumps(camera.additional_parameters, sort_keys=True),
+        "additional_parameters": json.dumps(
+            {**record.additional_parameters, **camera.additional_parameters}, sort_keys=True
+        ),
     }
     known = camera.covariance
     row |= {

@@ -16,9 +16,10 @@ from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.errors import InputError
 from tasks.formats.records import ControlRecords
-from tasks.formats.register import CONTROL_FORMATS
+from tasks.formats.register import read_control
 from tasks.importing.exposures import turned_sigmas
 from tasks.importing.extra_columns import about_extra, joined
+from tasks.importing.file_statement import refuse_other_statement
 from tasks.importing.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ControlInput
@@ -77,9 +78,10 @@ def control_columns(
 
 
 def _converted(source: ControlInput, project: MapFrame) -> _Converted:
-    records = CONTROL_FORMATS[source.format](source.file)
+    records = read_control(source.format, source.file, source.layout)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
+    refuse_other_statement(records.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     # Zero is no slip here: the point is fixed.
     refuse_sigmas(places, np.where(records.sigma == 0.0, np.nan, records.sigma), records.point, METRES)

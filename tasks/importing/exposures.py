@@ -16,8 +16,9 @@ from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.coordinates.plan_position import refuse_outside_area, refuse_without_image
 from tasks.formats.records import ExposureRecords
-from tasks.formats.register import EXPOSURE_FORMATS
+from tasks.formats.register import read_exposures
 from tasks.importing.declared_flights import with_declared_flights
+from tasks.importing.declared_strips import with_declared_names
 from tasks.importing.exposure_angles import (
     ConvertedAngles,
     body_rates,
@@ -27,6 +28,8 @@ from tasks.importing.exposure_angles import (
     unit_suspicion,
 )
 from tasks.importing.extra_columns import about_extra, joined
+from tasks.importing.file_statement import refuse_other_statement
+from tasks.importing.image_names import with_image_names
 from tasks.importing.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
@@ -99,12 +102,14 @@ def exposure_columns(
 
 
 def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
-    delivered = EXPOSURE_FORMATS[source.format](source.file, source.angles.order)
-    records = with_declared_flights(delivered, source.flights)
+    delivered = read_exposures(source.format, source.file, source.angles.order, source.layout)
+    delivered = with_image_names(delivered, source.image_names)
+    records = with_declared_flights(with_declared_names(delivered, source), source.flights)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
     if source.angles.reference == "grid":
         refuse_distorted_angles(frame)
+    refuse_other_statement(records.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
@@ -143,6 +148,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         body_rates(records, source.angles),
         source.position,
         (
+            *records.remarks,
             *(problem for problem in problems if problem is not None),
             *about_missing_sigmas(
                 records.file,
@@ -172,7 +178,7 @@ def _known_cameras(records: ExposureRecords, cameras: tuple[str, ...], places: P
             raise places.error(
                 row,
                 "The exposure has no camera, and the project has several.",
-                "Add a camera column to the file.",
+                'Write camera = "NAME" into this input of the project file, or add a camera column.',
                 str(records.image[row]),
             )
         camera = camera.fill_null(cameras[0])

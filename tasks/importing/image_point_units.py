@@ -19,9 +19,15 @@ from adjust.camera.interior import FrameCamera
 from tasks.formats.records import ImagePointRecords
 from tasks.importing.source_rows import Places
 
-Unit = Literal["px", "mm", "um"]
-_UNITS: tuple[Unit, ...] = ("px", "mm", "um")
-_NAMES = {"px": "px (column, row)", "mm": "mm", "um": "µm"}
+Unit = Literal["px", "mm", "um", "centred-px", "longer-side"]
+_UNITS: tuple[Unit, ...] = ("px", "mm", "um", "centred-px", "longer-side")
+_NAMES = {
+    "px": "px (column, row)",
+    "mm": "mm",
+    "um": "µm",
+    "centred-px": "pixels from the middle of the image (centred-px)",
+    "longer-side": "parts of the longer side of the image (longer-side)",
+}
 # A measurement on the border of the image may stand a pixel outside it.
 _MARGIN_PX = 1.0
 # If all points lie within this part of the half format, the unit is too large by orders of magnitude.
@@ -50,16 +56,22 @@ def in_millimetres(
     xy: Floats, unit: Unit, cameras: Sequence[FrameCamera], camera: NDArray[np.int64]
 ) -> Floats:
     """Image coordinates (n, 2) in mm of coordinates in `unit`; `camera` (n,) is the camera of each row."""
-    if unit == "mm":
-        return xy
-    if unit == "um":
-        return xy * 1e-3
+    if unit != "px":
+        return np.asarray(xy * unit_mm(unit, cameras)[camera][:, None])
     result = np.empty_like(xy)
     for number, model in enumerate(cameras):
         rows = camera == number
         if rows.any():
             result[rows] = model.image_from_pixel(xy[rows]) * 1e3
     return result
+
+
+def unit_mm(unit: Unit, cameras: Sequence[FrameCamera]) -> Floats:
+    """Length of the unit in the image of each camera (cameras,), mm."""
+    if unit in ("mm", "um"):
+        return np.full(len(cameras), 1.0 if unit == "mm" else 1e-3)
+    sides = [max(model.columns, model.rows) if unit == "longer-side" else 1 for model in cameras]
+    return np.array([side * model.pixel_size * 1e3 for side, model in zip(sides, cameras, strict=True)])
 
 
 def _over_format(

@@ -18,12 +18,13 @@ from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
-from tasks.formats.register import IMAGE_POINT_FORMATS
+from tasks.formats.register import read_image_points
 from tasks.formats.text_table import joined_names
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.image_point_units import in_format, in_millimetres
+from tasks.importing.image_names import with_image_names
+from tasks.importing.image_point_units import in_format, in_millimetres, unit_mm
 from tasks.importing.neighbouring_images import about_neighbours
 from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
@@ -71,7 +72,10 @@ def usable_image_points(
         image, standard deviations that are not positive.
     """
     known = frame_cameras(cameras)
-    records = [IMAGE_POINT_FORMATS[source.format](source.file) for source in sources]
+    records = [
+        with_image_names(read_image_points(source.format, source.file, source.layout), source.image_names)
+        for source in sources
+    ]
     without = 0
     if orient_without_exposure:
         exposures, without = _with_images_alone(exposures, records, tuple(known))
@@ -158,7 +162,7 @@ def _converted(
         records, exposure, camera = _only(records, found.inside), exposure[found.inside], camera[found.inside]
         places = Places.of_files([source.file], [records.line])
     pixel_mm = np.array([model.pixel_size * 1e3 for model in models])[camera][:, None]
-    scale = pixel_mm if source.unit == "px" else np.array(1.0 if source.unit == "mm" else 1e-3)
+    scale = unit_mm(source.unit, models)[camera][:, None]
     refuse_sigmas(places, records.sigma * scale / pixel_mm, records.point, _SIGMAS)
     default = IMAGE_POINT_SIGMA_PX * pixel_mm if source.sigma is None else np.array(source.sigma) * scale
     sigma = np.where(np.isnan(records.sigma), default, records.sigma * scale)

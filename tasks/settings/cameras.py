@@ -83,11 +83,17 @@ class CameraInput(Settings):
 
     file: InputPath | None = Field(default=None, description="Camera file; instead of the values below.")
     format: Annotated[str, AfterValidator(one_of(camera_formats, "format of cameras"))] | None = Field(
-        default=None, description="Format of `file`: `ign-xml`."
+        default=None, description=f"Format of `file`: {', '.join(f'`{name}`' for name in camera_formats())}."
+    )
+    name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="Name (or number) of the camera in `file`, if that has several."
     )
     columns: Pixels | None = Field(default=None, description="Width of the image, px.")
     rows: Pixels | None = Field(default=None, description="Height of the image, px.")
-    pixel_um: Positive | None = Field(default=None, description="Side of a (square) pixel, µm.")
+    pixel_um: Positive | None = Field(
+        default=None,
+        description="Side of a (square) pixel, µm; also beside a `file` that knows pixels only.",
+    )
     focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
     principal_point_mm: tuple[Finite, Finite] | None = Field(
         default=None, description="Principal point x, y in the image system (from the format centre), mm."
@@ -168,7 +174,7 @@ class CameraInput(Settings):
 
     @model_validator(mode="after")
     def _file_or_values(self) -> CameraInput:
-        given = [name for name in _INLINE if getattr(self, name) is not None]
+        given = [name for name in _INLINE if getattr(self, name) is not None and name != "pixel_um"]
         missing = [name for name in _INLINE if getattr(self, name) is None]
         if self.file is not None and given:
             raise trouble(
@@ -176,7 +182,9 @@ class CameraInput(Settings):
                 "Keep one of the two, so that they cannot differ.",
             )
         if self.file is not None and self.format is None:
-            raise trouble("The format of the camera file is missing.", 'Add format = "ign-xml".')
+            raise trouble("The format of the camera file is missing.", 'Add it, e.g. format = "ign-xml".')
+        if self.file is None and self.name_in_file is not None:
+            raise trouble("name_in_file is of a camera `file`, and there is none.", "Leave it out.")
         if self.calibration == GIVEN and "calibration_use" in self.model_fields_set:
             raise trouble(
                 "calibration_use says what becomes of the covariance of a calibration of the registry, and "

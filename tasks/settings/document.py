@@ -37,6 +37,7 @@ from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
+from tasks.settings.table_layout import StripRule, TableSettings
 
 _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("project file", Project, "The top level."),
@@ -58,6 +59,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[inputs.exposures.flights.NAME]", DeliveredFlight, ""),
     ("[inputs.control]", ControlInput, ""),
     ("[inputs.distances]", DistancesInput, ""),
+    ("inputs.exposures.strip", StripRule, ""),
+    ("tables of others", TableSettings, ""),
     ("[adjustment]", AdjustmentSettings, ""),
     ("adjustment.rejection", Rejection, ""),
     ("[adjustment.self_calibration]", SelfCalibrationSettings, ""),
@@ -139,6 +142,12 @@ def settings_section(title: str, model: type[Settings], remark: str = "") -> Ite
     yield "| key | value | default | meaning |"
     yield "|---|---|---|---|"
     for name, field in model.model_fields.items():
+        if (
+            issubclass(model, TableSettings)
+            and model is not TableSettings
+            and name in TableSettings.model_fields
+        ):
+            continue
         meaning = (field.description or "").replace("|", "\\|")
         yield f"| `{name}` | {_kind(field.annotation, field)} | {_default(field)} | {meaning} |"
     yield ""
@@ -158,7 +167,7 @@ def _kind(annotation: Any, field: FieldInfo | None = None) -> str:
     if origin is dict:
         return "tables"
     if isinstance(annotation, type) and issubclass(annotation, Settings):
-        from_text = (Heights, Rejection, CalibrationInput)
+        from_text = (Heights, Rejection, CalibrationInput, StripRule)
         return "text or table" if annotation in from_text else "table"
     if field is not None and annotation is Path:
         return "path"
@@ -196,6 +205,8 @@ def _default(field: FieldInfo) -> str:
 def _toml(value: object) -> str:
     if isinstance(value, str):
         return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
     return str(value)

@@ -23,22 +23,35 @@ from tasks.settings.coordinates import (
     PositiveTriple,
     one_table_or_several,
 )
+from tasks.settings.table_layout import Name, StripRule, TableSettings
 
 #: Default standard deviation of an image point, in pixels: automatic tie points reach 1/4 to 1/3 px.
 IMAGE_POINT_SIGMA_PX = 0.3
 
 
-class ImagePointsInput(Settings):
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(f"`{name}`" for name in names[1:])
+
+
+class ImagePointsInput(TableSettings):
     """One file of image points: tie points, or measurements of control points."""
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(image_point_formats, "format of image points"))] = Field(
-        description="`csv` (image, point, x, y [, sx, sy]) or `ign-mes` (point image column row)."
+        description="`csv` (image, point, x, y [, sx, sy]; headings of others can be declared) or another of "
+        f"[the formats that are read](import.md): {_listed(image_point_formats())}."
     )
-    unit: Literal["px", "mm", "um"] = Field(
+    unit: Literal["px", "mm", "um", "centred-px", "longer-side"] = Field(
         description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
-        "(origin at the format centre, x along columns, y against rows). Not guessed, because a wrong unit "
-        "can look right."
+        "(origin at the format centre, x along columns, y against rows), and so are `centred-px`, pixels, "
+        "and `longer-side`, parts of the longer side of the image. Not guessed, because a wrong unit can "
+        "look right."
+    )
+    image_names: InputPath | None = Field(
+        default=None,
+        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
+        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
+        "export.",
     )
     sigma: PositivePair | None = Field(
         default=None,
@@ -79,13 +92,15 @@ class DeliveredFlight(Settings):
     )
 
 
-class ExposuresInput(PlacedSettings):
+class ExposuresInput(PlacedSettings, TableSettings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(exposure_formats, "format of exposures"))] = Field(
-        description="`csv` (image, camera, strip, x, y, z and three angles) or `ign-opk` (name X Y Z ω φ κ "
-        "camera; strip and flight are taken from names like …x00015_00614)."
+        description="`csv` (image, camera, strip, x, y, z, omega, phi, kappa or heading, pitch, roll [, "
+        "time, flight, sx, sy, sz, somega, sphi, skappa or sheading, spitch, sroll, rate_roll, rate_pitch, "
+        "rate_yaw]; headings of others can be declared) or another of [the formats that are "
+        f"read](import.md): {_listed(exposure_formats())}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(description='Height system of z; not needed with crs = "local".')
@@ -99,19 +114,42 @@ class ExposuresInput(PlacedSettings):
     sigma: ExposureSigma = Field(
         default_factory=ExposureSigma, description="Standard deviations; those of a row beat them."
     )
+    image_names: InputPath | None = Field(
+        default=None,
+        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
+        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
+        "export.",
+    )
+    camera: Name | None = Field(
+        default=None,
+        description="Camera of all exposures of this file, whatever the file says; for files that name none, "
+        "or call it otherwise than the project.",
+    )
+    flight: Name | None = Field(
+        default=None, description="Flight of all exposures of this file, whatever the file says."
+    )
+    strip: StripRule | None = Field(
+        default=None,
+        description='How strips are found, in the place of those of the file: `strip = "time-gaps"` or '
+        '`strip = { pattern = "{strip}_*" }`.',
+    )
     flights: dict[str, DeliveredFlight] = Field(
         default_factory=dict,
         description='Single flights by their delivered names, e.g. `high = { part_of = "1" }` or '
         '`"day 2" = { camera = "UCE-80 remounted" }`.',
     )
 
+    def _given_in_another_way(self) -> tuple[str, ...]:
+        return tuple(name for name in ("camera", "strip") if getattr(self, name) is not None)
 
-class ControlInput(PlacedSettings):
+
+class ControlInput(PlacedSettings, TableSettings):
     """One file of control and check points."""
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(control_formats, "format of control points"))] = Field(
-        description="`csv` (point, x, y, z [, sx, sy, sz, role]) or `ign-app` (name code x y z)."
+        description="`csv` (point, x, y, z [, sx, sy, sz, role]; headings of others can be declared) or "
+        f"another of [the formats that are read](import.md): {_listed(control_formats())}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(

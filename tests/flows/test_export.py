@@ -52,7 +52,8 @@ def eo_csv(text: str, order: str = "omega-phi-kappa", unit: str = "deg") -> tupl
     rows = list(csv.DictReader(text.splitlines()))
     factor = {"deg": np.pi / 180.0, "gon": np.pi / 200.0, "rad": 1.0}[unit]
     centre = np.array([[float(row[f"{axis}_m"]) for axis in "xyz"] for row in rows])
-    angles = np.array([[float(row[f"{name}_{unit}"]) for name in order.split("-")] for row in rows]) * factor
+    names = ("omega", "phi", "kappa")
+    angles = np.array([[float(row[f"{name}_{unit}"]) for name in names] for row in rows]) * factor
     turn = from_omega_phi_kappa if order == "omega-phi-kappa" else from_phi_omega_kappa
     return centre, turn(angles)
 

@@ -19,8 +19,11 @@ _PER_RADIAN = {"deg": 180.0 / np.pi, "gon": 200.0 / np.pi, "rad": 1.0}
 
 def in_angles(rotations: Floats, angles: Angles) -> Floats:
     """(n, 3) angles of rotations world from camera (n, 3, 3), in the order their system names them."""
-    split = to_omega_phi_kappa if angles.order == "omega-phi-kappa" else to_phi_omega_kappa
-    return np.asarray(split(rotations) * _PER_RADIAN[angles.unit])
+    if angles.order == "omega-phi-kappa":
+        found = to_omega_phi_kappa(rotations)
+    else:
+        found = to_phi_omega_kappa(rotations)[:, [1, 0, 2]]
+    return np.asarray(found * _PER_RADIAN[angles.unit])
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]], separator: str = ",") -> str:

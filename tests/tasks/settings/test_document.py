@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tasks.settings.base import Settings
 from tasks.settings.document import _TABLES, project_file_page
+from tasks.settings.table_layout import TableSettings
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "project-file.md"
 
@@ -28,7 +29,8 @@ def test_no_settings_model_is_left_out():
 
     from tasks.settings.project import Project
 
-    assert {model for _, model, _ in _TABLES} == set(models(Project))
+    # The layout of tables is no table of its own: its keys stand in the inputs.
+    assert {model for _, model, _ in _TABLES} - {TableSettings} == set(models(Project))
 
 
 def _settings_in(annotation):

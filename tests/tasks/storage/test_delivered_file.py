@@ -38,6 +38,7 @@ from tasks.storage.stage_key import InputFile
 from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
 from tests.conftest import REPOSITORY
+from tests.tasks.formats.sound_files import READERS as FORMAT_READERS
 
 #: Everything that reads a file somebody delivered; the grid of a geoid is read by PROJ, see below.
 READERS: dict[str, Callable[[Path], object]] = {
@@ -51,6 +52,12 @@ READERS: dict[str, Callable[[Path], object]] = {
     "control, csv": read_csv_control,
     "control, ign-app": read_ign_app,
     "calibration": read_calibrations,
+    **{
+        f"{kind}, {name}": reader
+        for kind, readers in FORMAT_READERS.items()
+        for name, reader in readers.items()
+        if name != "csv" and not name.startswith("ign")
+    },
     "table of another run": lambda path: read_foreign_table(path, schemas.PARAMETERS, "Name another."),
 }
 every_reader = pytest.mark.parametrize("reader", READERS.values(), ids=READERS)

@@ -1,0 +1,69 @@
+"""BINGO: control points (``geoin.dat``) and orientations (``itera.dat``); image points are in `photo_lists`.
+
+| file | line | meaning |
+|---|---|---|
+| ``geoin.dat`` | ``CONT`` id E N H, ``CHCK`` id E N H | control point, check point |
+| ``itera.dat`` | ``ORIA`` photo X Y Z and three angles, camera | φ, ω, κ in most projects, else ω, φ, κ, as declared; mostly gon |
+
+Other lines are passed over: cameras, eccentricities, options and object points are of the program's own.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import control_of, exposures_of, numbers_of
+from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
+
+_ROLES = {"CONT": "control", "CHCK": "check"}
+
+
+def read_bingo_control(path: Path) -> ControlRecords:
+    """Read control and check points.
+
+    Raises
+    ------
+    InputError
+        With file and line: no such lines, coordinates that are no numbers.
+    """
+    point, position, role, at = [], [], [], []
+    for number, line in enumerate(lines(path), start=1):
+        fields = line.split()
+        if len(fields) < 2 or fields[0].upper() not in _ROLES:
+            continue
+        point.append(fields[1])
+        position.append(numbers_of(path, fields[2:], 3, number, "E, N, H of a point"))
+        role.append(_ROLES[fields[0].upper()])
+        at.append(number)
+    return control_of(path, point, position, at, role=role)
+
+
+def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
+    """Read orientations; the order of the angles is the declared one.
+
+    Raises
+    ------
+    InputError
+        With file and line: no such lines, an order that the program does not have.
+    """
+    if order == "heading-pitch-roll":
+        raise InputError(
+            "A file of BINGO holds φ, ω, κ (or ω, φ, κ), but the project file declares heading-pitch-roll.",
+            'Declare angles.order = "phi-omega-kappa".',
+            file=path,
+        )
+    image, position, angles, camera, at = [], [], [], [], []
+    for number, line in enumerate(lines(path), start=1):
+        fields = line.split()
+        if len(fields) < 2 or fields[0].upper() != "ORIA":
+            continue
+        values = numbers_of(path, fields[2:], 6, number, "X, Y, Z and three angles")
+        first, second, third = values[3:]
+        image.append(fields[1])
+        position.append(values[:3])
+        angles.append([second, first, third] if order == "phi-omega-kappa" else [first, second, third])
+        camera.append(fields[8] if len(fields) > 8 else None)
+        at.append(number)
+    return exposures_of(path, image, position, angles, at, camera=camera)

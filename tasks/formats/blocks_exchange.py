@@ -1,0 +1,279 @@
+"""BlocksExchange XML (iTwin Capture, ContextCapture; also written by Metashape, Pix4D, RealityScan).
+
+| element | read |
+|---|---|
+| ``Photogroup`` | size, focal length, principal point, distortion; its name is that of the camera |
+| ``Photo/Pose`` | centre, rotation (nine elements world → camera, or ω, φ, κ) in the axes of ``CameraOrientation`` |
+| ``ControlPoint`` | position, category (horizontal or vertical points lack a coordinate), check point |
+| ``Measurement`` | of control and tie points: pixels, the centre of the first is 0, 0 |
+| ``SRS/Definition`` | ``ENU:latitude,longitude``: read as longitude, latitude, height; ``EPSG:…``: compared; none: local |
+
+Its P1, P2 are p2, p1 of ``brown-forward``. Photos without a complete pose are left out.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.geometry.rotation import from_omega_phi_kappa
+from tasks.errors import InputError
+from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
+from tasks.formats.plain_records import (
+    control_of,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    number_of,
+)
+from tasks.formats.records import (
+    AngleOrder,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.xml_text import parsed_xml
+
+_ENU = re.compile(r"ENU:\s*(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)$")
+_LENS = {"K1": "k1", "K2": "k2", "K3": "k3", "P1": "p2", "P2": "p1"}
+#: In our axes, x right and y up.
+_RIGHT, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+_AXES = {"Right": _RIGHT, "Left": -_RIGHT, "Up": _UP, "Down": -_UP}
+_ORIENTATION = re.compile(r"X(Right|Left|Up|Down)Y(Right|Left|Up|Down)$")
+
+
+def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the photos with a pose.
+
+    Raises
+    ------
+    InputError
+        If there are none, numbers are missing, or the reference system is none that is read.
+    """
+    root = parsed_xml(path)
+    image, camera, centre, rotation, at = [], [], [], [], []
+    for number, (name, group, photo) in enumerate(_photos(path, root), start=1):
+        pose = photo.find("Pose")
+        point, turn = (None, None) if pose is None else (pose.find("Center"), pose.find("Rotation"))
+        if point is None or turn is None or len(turn) == 0:
+            continue
+        image.append(name)
+        camera.append(group.findtext("Name"))
+        centre.append([_number(path, point, axis) for axis in "xyz"])
+        rotation.append(_world_from_camera(path, turn) @ _camera_from_ours(path, group))
+        at.append(number)
+    crs, place = _reference(path, root, root.findtext(".//Block/SRSId"))
+    centres, rotations = np.array(centre).reshape(-1, 3), np.array(rotation).reshape(-1, 3, 3)
+    states = FileStatement(crs=crs, order="omega-phi-kappa")
+    if place is not None:
+        centres, rotations = geographic_poses(*geocentric_poses((*place, 0.0), centres, rotations))
+        states = GEOGRAPHIC
+    angles = degrees_of_rotations(path, rotations, image, at)
+    return exposures_of(path, image, centres, angles, at, camera=camera, unit="deg", states=states)
+
+
+def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read the cameras by the names of their photo groups.
+
+    Raises
+    ------
+    InputError
+        If there is none, numbers are missing, or one is no perspective camera.
+    """
+    found = {}
+    for group in parsed_xml(path).iter("Photogroup"):
+        name = group.findtext("Name") or "Photogroup"
+        if (group.findtext("CameraModelType") or "Perspective") != "Perspective":
+            raise InputError("Only perspective cameras are read.", "Leave it out.", path, None, name)
+        size = _child(path, group, "ImageDimensions")
+        columns, rows = _number(path, size, "Width"), _number(path, size, "Height")
+        longer = max(columns, rows)
+        if group.find("FocalLengthPixels") is not None:
+            c = _number(path, group, "FocalLengthPixels")
+        else:
+            c = _number(path, group, "FocalLength") * longer / _number(path, group, "SensorSize")
+        lens = group.find("Distortion")
+        given = {
+            ours: _number(path, lens, key)
+            for key, ours in _LENS.items()
+            if lens is not None and lens.find(key) is not None
+        }
+        aspect = _number(path, group, "AspectRatio") if group.find("AspectRatio") is not None else 1.0
+        skew = _number(path, group, "Skew") if group.find("Skew") is not None else 0.0
+        if not (columns.is_integer() and rows.is_integer() and c > 0.0) or aspect != 1.0 or skew != 0.0:
+            raise InputError(
+                "The camera has no whole pixels, a focal length that is not positive, or pixels that are not "
+                "square.",
+                "Write the camera into the project file.",
+                file=path,
+                entity=name,
+            )
+        point = group.find("PrincipalPoint")
+        offset = (0.0, 0.0)
+        if point is not None:
+            offset = (
+                _number(path, point, "x") - 0.5 * (columns - 1),
+                0.5 * (rows - 1) - _number(path, point, "y"),
+            )
+        known = {f"brown-forward:{key}": value for key, value in given.items() if value}
+        found[name] = PixelCamera(int(columns), int(rows), c, offset, known)
+    if not found:
+        raise InputError("There is no camera in the file.", "Export the photo groups.", file=path)
+    return found
+
+
+def read_blocks_control(path: Path) -> ControlRecords:
+    """Read control and check points.
+
+    Raises
+    ------
+    InputError
+        If there are none, numbers are missing, or they are in several reference systems.
+    """
+    root = parsed_xml(path)
+    point, position, role, sigma, at = [], [], [], [], []
+    systems = set()
+    for number, item in enumerate(root.iter("ControlPoint"), start=1):
+        category = item.findtext("Category") or "Full"
+        place = _child(path, item, "Position")
+        wanted = {"Horizontal": "xy", "Vertical": "xyz"}.get(category, "xyz")
+        values = [
+            _number(path, place, axis) if place.find(axis) is not None or axis in wanted else np.nan
+            for axis in "xyz"
+        ]
+        # A vertical point has a place in plan that was not surveyed.
+        nan = float("nan")
+        values = {"Horizontal": [values[0], values[1], nan], "Vertical": [nan, nan, values[2]]}.get(
+            category, values
+        )
+        accuracy = [item.findtext(key) for key in ("HorizontalAccuracy", "VerticalAccuracy")]
+        plan, height = (
+            nan if text is None else number_of(path, text, number, "an accuracy") for text in accuracy
+        )
+        point.append(item.findtext("Name") or "")
+        position.append(values)
+        role.append("check" if (item.findtext("CheckPoint") or "").strip().lower() == "true" else "control")
+        sigma.append([plan, plan, height])
+        systems.add(item.findtext("SRSId"))
+        at.append(number)
+    if len(systems) > 1:
+        raise InputError("Control points are in several reference systems.", "Export them in one.", file=path)
+    crs, local_place = _reference(path, root, systems.pop() if systems else None)
+    if local_place is not None:
+        raise InputError(
+            "Control points east, north, up of a place are not read.",
+            "Export them in a map projection.",
+            path,
+        )
+    return control_of(path, point, position, at, role=role, sigma=sigma, states=FileStatement(crs=crs))
+
+
+def read_blocks_image_points(path: Path) -> ImagePointRecords:
+    """Read measurements of control points and tie points (pixel_origin = "centre").
+
+    Tie points have no names: they are called tie1, tie2, … in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If there are none, numbers are missing, or a photo is not in the file.
+    """
+    root = parsed_xml(path)
+    photos = {photo.findtext("Id"): name for name, _, photo in _photos(path, root)}
+    image, point, xy = [], [], []
+    named = [(item.findtext("Name") or "", item) for item in root.iter("ControlPoint")]
+    named += [(f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1)]
+    for name, item in named:
+        for measurement in item.findall("Measurement"):
+            number = measurement.findtext("PhotoId")
+            photo = photos.get(number)
+            if photo is None:
+                raise InputError(
+                    f"A measurement is in the photo {number}, which is not in the file.",
+                    "Export all photos of the block.",
+                    file=path,
+                    entity=name,
+                )
+            image.append(photo)
+            point.append(name)
+            xy.append([_number(path, measurement, axis) for axis in "xy"])
+    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+
+
+def _photos(
+    path: Path, root: ElementTree.Element
+) -> Iterator[tuple[str, ElementTree.Element, ElementTree.Element]]:
+    """File name, group and element of every photo."""
+    for group in root.iter("Photogroup"):
+        for photo in group.findall("Photo"):
+            name = PureWindowsPath(photo.findtext("ImagePath") or "").name
+            if not name:
+                raise InputError("A photo has no ImagePath.", "Export the block again.", file=path)
+            yield name, group, photo
+
+
+def _world_from_camera(path: Path, turn: ElementTree.Element) -> Floats:
+    if turn.find("M_00") is not None:
+        rows = [[_number(path, turn, f"M_{i}{j}") for j in range(3)] for i in range(3)]
+        return np.array(rows).T
+    if turn.find("Omega") is None:
+        raise InputError(
+            "Rotations are given as heading, pitch and roll, whose convention is not published.",
+            "Export them as a matrix, or as omega, phi, kappa.",
+            file=path,
+        )
+    angles = [np.radians(_number(path, turn, name)) for name in ("Omega", "Phi", "Kappa")]
+    return from_omega_phi_kappa(np.array(angles))
+
+
+def _camera_from_ours(path: Path, group: ElementTree.Element) -> Floats:
+    """Axes of the group from ours, x right, y up, z back."""
+    name = group.findtext("CameraOrientation") or "XRightYDown"
+    found = _ORIENTATION.match(name.strip())
+    if found is None or np.dot(_AXES[found.group(1)], _AXES[found.group(2)]) != 0.0:
+        raise InputError(f"The camera orientation '{name}' is none.", "Export the block again.", file=path)
+    x, y = _AXES[found.group(1)], _AXES[found.group(2)]
+    return np.array([x, y, np.cross(x, y)])
+
+
+def _reference(
+    path: Path, root: ElementTree.Element, number: str | None
+) -> tuple[str | None, tuple[float, float] | None]:
+    """The CRS, or latitude and longitude of the origin of a frame east, north, up."""
+    text = None
+    for system in root.iter("SRS"):
+        if system.findtext("Id") == number:
+            text = (system.findtext("Definition") or "").strip()
+    if not text:
+        return "local", None
+    place = _ENU.match(text)
+    if place is not None:
+        return None, (float(place.group(1)), float(place.group(2)))
+    if text.upper().startswith("EPSG:") or text.startswith(
+        ("+proj=", "PROJCS", "GEOGCS", "PROJCRS", "GEOGCRS")
+    ):
+        return text, None
+    raise InputError(
+        f"The reference system '{text[:40]}' is none that is read.",
+        "Export the block in an EPSG system.",
+        path,
+    )
+
+
+def _child(path: Path, item: ElementTree.Element, name: str) -> ElementTree.Element:
+    found = item.find(name)
+    if found is None:
+        raise InputError(f"An element <{item.tag}> lacks <{name}>.", "Export the block again.", file=path)
+    return found
+
+
+def _number(path: Path, item: ElementTree.Element | None, name: str) -> float:
+    text = None if item is None else item.findtext(name)
+    return number_of(path, (text or "").strip(), 1, f"<{name}>")

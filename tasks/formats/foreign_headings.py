@@ -1,0 +1,155 @@
+"""Headings of tables as others write them: what the project file has to declare to have them read.
+
+Nothing is taken for granted from a heading that is not ours; but the error that it makes names the line of
+the project file with which the table can be read as it stands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.table_layout import MARKS, TableLayout
+from tasks.nearest_name import did_you_mean
+from tasks.plain_text import quoted
+
+#: Headings seen in deliveries, in lower case and without blanks and marks.
+_ALIASES: Mapping[str, tuple[str, ...]] = {
+    "point": ("name", "id", "gcp", "pointid", "pointname", "pt", "nr", "number", "label", "station"),
+    "image": (
+        "filename", "imagename", "photo", "photoid", "photoname", "label", "rollframe", "raster", "picture",
+        "id", "name", "imageid", "frame",
+    ),
+    "x": (
+        "easting", "east", "e", "xlong", "longitude", "lon", "long", "perspectivex", "x0", "eopx", "xm",
+        "xmm", "column", "col",
+    ),
+    "y": (
+        "northing", "north", "n", "ylat", "latitude", "lat", "perspectivey", "y0", "eopy", "ym", "ymm", "row",
+    ),
+    "z": (
+        "height", "elevation", "elev", "h", "alt", "altitude", "hmsl", "ellipsoidheight", "perspectivez",
+        "z0", "eopz", "zm", "up",
+    ),
+    "omega": ("rotx", "o", "omegadeg", "omegagon"),
+    "phi": ("roty", "p", "phideg", "phigon"),
+    "kappa": ("rotz", "k", "kappadeg", "kappagon"),
+    "heading": ("yaw", "azimuth", "headingdeg"),
+    "pitch": ("pitchdeg",),
+    "roll": ("rolldeg",),
+    "camera": ("cameraid", "cam", "sensor"),
+    "strip": ("line", "stripid", "run", "flightline"),
+    "time": ("gpstime", "times", "timestamp"),
+}  # fmt: skip
+#: What a project file can declare in the place of a column.
+_INSTEAD = {
+    "camera": 'camera = "NAME"',
+    "strip": 'strip = "time-gaps" (or strip = { pattern = "{strip}_*" })',
+}
+_NUMBERS_WITH_COMMA = re.compile(r"\d,\d")
+
+
+def mapped_names(
+    fields: Sequence[str], layout: TableLayout, known: Sequence[str], path: Path, line: int
+) -> list[str]:
+    """Our names where the project file declares a column by its heading or number, else the heading.
+
+    Raises
+    ------
+    InputError
+        If a declared column is not in the file, or its name is none that is read.
+    """
+    names = list(fields)
+    for ours, theirs in layout.columns.items():
+        if ours not in known:
+            raise InputError(
+                f"columns declares {quoted(ours)}, and no column of this kind of file is called so.",
+                f"Columns are {', '.join(known)}.",
+                file=path,
+                entity=ours,
+            )
+        places = (
+            [theirs - 1]
+            if isinstance(theirs, int) and 0 < theirs <= len(fields)
+            else [k for k, heading in enumerate(fields) if heading == theirs]
+        )
+        if len(places) != 1:
+            trouble = "is not in the file" if not places else "is there twice"
+            raise InputError(
+                f"columns declares {quoted(str(theirs))} for '{ours}', and that column {trouble}.",
+                did_you_mean(str(theirs), fields)
+                if isinstance(theirs, str) and not places
+                else f"The file has {len(fields)} columns; give the number of one, from 1.",
+                file=path,
+                line=line,
+            )
+        if names[places[0]] != fields[places[0]]:
+            raise InputError(
+                f"columns declares the same column, {quoted(str(theirs))}, twice.", "Keep one.", path, line
+            )
+        names[places[0]] = ours
+    # What is declared to be another column is not this one, whatever its heading.
+    taken = set(layout.columns)
+    return [
+        name
+        if name != field_ or name not in taken or layout.columns[name] == field_
+        else f"{name} of the file"
+        for name, field_ in zip(names, fields, strict=True)
+    ]
+
+
+def refuse_other_separator(
+    fields: Sequence[str], needed: Sequence[str], layout: TableLayout, rows: bytes, path: Path, line: int
+) -> None:
+    """Raise if the line of headings has one column, and another separator would divide it.
+
+    Raises
+    ------
+    InputError
+        Naming the lines for the project file.
+    """
+    if len(fields) != 1 or len(needed) < 2:
+        return
+    text = fields[0] if layout.header else rows.split(b"\n", 1)[0].decode(layout.encoding, errors="replace")
+    counts = {name: text.count(mark) for name, mark in MARKS.items() if name != layout.separator}
+    name = max(counts, key=lambda one: (counts[one], one != "blank"))
+    if counts[name] == 0:
+        return
+    sample = rows[:2_000].decode(layout.encoding, errors="replace")
+    comma = name != "comma" and layout.decimal == "." and _NUMBERS_WITH_COMMA.search(sample)
+    shown = {
+        "semicolon": "a semicolon",
+        "tab": "a tab",
+        "bar": "a bar",
+        "comma": "a comma",
+        "blank": "blanks",
+    }
+    lines = f'separator = "{name}"' + (' and decimal = ","' if comma else "")
+    raise InputError(
+        f"The columns are separated by {shown[name]}, not by a {layout.separator}.",
+        f"Write {lines} into this input of the project file.",
+        file=path,
+        line=line,
+    )
+
+
+def declaration(missing: Iterable[str], fields: Sequence[str], layout: TableLayout) -> str:
+    """The line of the project file that would declare missing columns; empty if nothing looks like them."""
+    if not layout.header:
+        return " The file has no headings: declare the columns by number, e.g. columns = { x = 2 }."
+    missing = list(missing)
+    plain = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(fields)}
+    found: dict[str, str] = {}
+    for name in missing:
+        heading = next((plain[a] for a in _ALIASES.get(name, ()) if a in plain), None)
+        if heading is not None and heading not in found.values():
+            found[name] = heading
+    text = ""
+    if found:
+        every = {**{name: str(heading) for name, heading in layout.columns.items()}, **found}
+        pairs = ", ".join(f'{name} = "{heading}"' for name, heading in every.items())
+        text = f" If they are what they look like, write columns = {{ {pairs} }} into this input."
+    instead = [_INSTEAD[name] for name in missing if name in _INSTEAD and name not in found]
+    return text + (f" In the place of a column: {' and '.join(instead)}." if instead else "")

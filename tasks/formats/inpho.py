@@ -1,0 +1,265 @@
+"""Inpho project (``.prj``): cameras, photos with orientations and measured points, control points.
+
+| block | read |
+|---|---|
+| ``$CAMERA``, ``$CAMERA_DEFINITION`` | focal length, principal point (mm), size, pixels per mm; distortion only if it is zero |
+| ``$PHOTO`` | name, camera, ``$EXT_ORI``: c, X0, Y0, Z0 and the rotation camera from ground, row by row |
+| ``$PHOTO_POINTS`` of a photo | id, column, row: pixels, the centre of the first is 0, 0 |
+| ``$CONTROL_POINTS`` | id, X, Y, Z |
+
+Rotations are read as ω, φ, κ in degrees. ``$COORDINATE_SYSTEM`` is compared with the declared CRS where it is
+well-known text. Blocks that are not named here are passed over.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import (
+    control_of,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    numbers_of,
+)
+from tasks.formats.records import (
+    AngleOrder,
+    CameraRecord,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+)
+
+_KEY = re.compile(r"\s*\$(\w+)\s*:(.*)$")
+_BLOCK = re.compile(r"\s*\$(\w+)\b(.*)$")
+_BLANK = re.compile(r"(?<!\\)\s+")
+_CAMERAS = ("CAMERA", "CAMERA_DEFINITION")
+
+
+@dataclass
+class _Block:
+    """A block: its own keys with the lines of their values, and lines without any key."""
+
+    name: str
+    line: int
+    values: dict[str, list[tuple[int, list[str]]]] = field(default_factory=dict)
+    inner: list[_Block] = field(default_factory=list)
+
+    def words(self, key: str) -> list[str]:
+        """All words of a key."""
+        return [word for _, words in self.values.get(key, []) for word in words]
+
+    def numbers(self, path: Path, key: str, count: int, what: str) -> list[float]:
+        """The first numbers of a key."""
+        found = self.values.get(key)
+        if not found:
+            raise InputError(
+                f"The block ${self.name} lacks ${key}.", "Deliver the project again.", path, self.line
+            )
+        return numbers_of(path, self.words(key), count, found[0][0], what)
+
+    def name_of(self, path: Path, *keys: str) -> str:
+        """Its name, from the first of these keys that it has."""
+        for key in keys:
+            if self.words(key):
+                return " ".join(self.words(key))
+        raise InputError(
+            f"The block ${self.name} lacks ${keys[0]}.", "Deliver the project again.", path, self.line
+        )
+
+
+def _blocks(path: Path) -> Iterator[_Block]:
+    stack: list[_Block] = []
+    key = ""
+    for number, line in enumerate(lines(path), start=1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        value, opened = _KEY.match(line), _BLOCK.match(line)
+        if value is not None and stack:
+            key = value.group(1).upper()
+            stack[-1].values.setdefault(key, [])
+            text = value.group(2).strip()
+        elif opened is not None and value is None:
+            name = opened.group(1).upper()
+            ends_list = name.startswith("END_") and (not stack or name[4:] != stack[-1].name)
+            if name.startswith("END") and (name in ("END", "ENDNAV") or not ends_list):
+                key = ""
+                if stack:
+                    closed = stack.pop()
+                    if stack:
+                        stack[-1].inner.append(closed)
+                    else:
+                        yield closed
+            elif name == "END_POINTS" and stack and stack[-1].name == "CONTROL_POINTS":
+                yield stack.pop()
+                key = ""
+            elif ends_list:
+                key = ""
+            else:
+                stack.append(_Block(name, number))
+                key = ""
+            continue
+        if stack and text:
+            words = [word.replace("\\ ", " ") for word in _BLANK.split(text)]
+            stack[-1].values.setdefault(key, []).append((number, words))
+    if stack:
+        raise InputError(
+            f"The block ${stack[0].name} does not end.",
+            "The file may have been cut off: deliver it again.",
+            file=path,
+            line=stack[0].line,
+        )
+
+
+def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the photos that have an exterior orientation.
+
+    Raises
+    ------
+    InputError
+        With file and line: no photos, numbers missing, a rotation that is none.
+    """
+    image, camera, position, rotation, at = [], [], [], [], []
+    crs = None
+    for block in _blocks(path):
+        if block.name == "PROJECT":
+            crs = _well_known_text(block)
+        if block.name != "PHOTO" or "EXT_ORI" not in block.values:
+            continue
+        # The first words may be time and date of the orientation, in the line of the key itself.
+        rows = [entry for entry in block.values["EXT_ORI"] if not re.match(r"\d+:\d+|\d+/", entry[1][0])]
+        words = [word for _, row in rows for word in row]
+        values = numbers_of(path, words, 13, block.line, "c, X0, Y0, Z0 and nine elements of a rotation")
+        image.append(block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE"))
+        camera.append(" ".join(block.words("CAMERA_ID")) or None)
+        position.append(values[1:4])
+        rotation.append(values[4:13])
+        at.append(block.line)
+    ground_from_camera = np.array(rotation).reshape(-1, 3, 3).transpose(0, 2, 1)
+    angles = degrees_of_rotations(path, ground_from_camera, image, at)
+    states = FileStatement(crs=crs, order="omega-phi-kappa")
+    return exposures_of(path, image, position, angles, at, camera=camera, unit="deg", states=states)
+
+
+def _well_known_text(block: _Block) -> str | None:
+    text = " ".join(block.words("COORDINATE_SYSTEM"))
+    return text if text.startswith(("PROJC", "GEOGC", "PROJCRS", "GEODCRS", "GEOGCRS")) else None
+
+
+def read_inpho_image_points(path: Path) -> ImagePointRecords:
+    """Read the measured points of all photos, in pixels (pixel_origin = "centre").
+
+    Raises
+    ------
+    InputError
+        With file and line: no points, numbers missing.
+    """
+    image, point, xy, at = [], [], [], []
+    for block in _blocks(path):
+        if block.name != "PHOTO":
+            continue
+        for number, words in block.values.get("PHOTO_POINTS", []):
+            image.append(block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE"))
+            point.append(words[0])
+            xy.append(numbers_of(path, words[1:], 2, number, "column and row"))
+            at.append(number)
+    return image_points_of(path, image, point, xy, at)
+
+
+def read_inpho_control(path: Path) -> ControlRecords:
+    """Read control points.
+
+    Raises
+    ------
+    InputError
+        With file and line: no points, numbers missing.
+    """
+    point, position, at = [], [], []
+    crs = None
+    for block in _blocks(path):
+        if block.name == "PROJECT":
+            crs = _well_known_text(block)
+        if block.name != "CONTROL_POINTS":
+            continue
+        for one in block.inner:
+            point.append(one.name_of(path, "ID"))
+            position.append(one.numbers(path, "POSITION", 3, "X, Y, Z"))
+            at.append(one.line)
+        for number, words in block.values.get("", []):
+            point.append(words[0])
+            position.append(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
+            at.append(number)
+    return control_of(path, point, position, at, states=FileStatement(crs=crs))
+
+
+def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
+    """Read the cameras by their names.
+
+    Raises
+    ------
+    InputError
+        With file and line: no camera, numbers missing, distortion, a camera turned against its image.
+    """
+    found = {}
+    for block in _blocks(path):
+        if block.name in _CAMERAS:
+            found[block.name_of(path, "ID", "CAMERA_ID")] = _camera(path, _calibrated(block))
+    if not found:
+        raise InputError("There is no camera in the file.", "Write it into the project file.", file=path)
+    return found
+
+
+def _calibrated(block: _Block) -> _Block:
+    """The camera with the values of its active calibration."""
+    sets = [one for one in block.inner if one.name == "CALIBRATION_SET"]
+    active = block.words("ACTIVE_CALIBRATION")
+    chosen = next((one for one in sets if one.words("ID") == active), sets[-1] if sets else None)
+    if chosen is None:
+        return block
+    return _Block(block.name, block.line, {**chosen.values, **block.values})
+
+
+def _camera(path: Path, block: _Block) -> CameraRecord:
+    (c,) = block.numbers(path, "FOCAL_LENGTH", 1, "the focal length")
+    x0, y0 = block.numbers(path, "PRINCIPAL_POINT_PPA", 2, "the principal point")
+    (columns,) = block.numbers(path, "CCD_COLUMNS", 1, "the number of columns")
+    (rows,) = block.numbers(path, "CCD_ROWS", 1, "the number of rows")
+    to_pixel = block.numbers(path, "CCD_INTERIOR_ORIENTATION", 6, "the six numbers from mm to pixels")
+    a, b, column, d, e, row = to_pixel
+    straight = a > 0.0 and abs(b) + abs(d) <= 1e-9 * a and abs(a + e) <= 1e-6 * a
+    centred = abs(column - 0.5 * (columns - 1)) <= 1.0 and abs(row - 0.5 * (rows - 1)) <= 1.0
+    if not (straight and centred and columns.is_integer() and rows.is_integer()):
+        raise InputError(
+            "The interior orientation of this camera is not x right, y up from the middle of the image with "
+            "square pixels.",
+            "Write the camera into the project file, with its images as they are turned.",
+            file=path,
+            line=block.line,
+        )
+    _refuse_distortion(path, block)
+    # The interior orientation may count from elsewhere than the middle: that is a principal point, too.
+    shift = ((column - 0.5 * (columns - 1)) / a, (0.5 * (rows - 1) - row) / a)
+    return CameraRecord(
+        int(columns), int(rows), round(1e3 / a, 9), c, (round(x0 + shift[0], 9), round(y0 + shift[1], 9))
+    )
+
+
+def _refuse_distortion(path: Path, block: _Block) -> None:
+    for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS"):
+        for number, words in block.values.get(key, []):
+            if any(numbers_of(path, words, len(words), number, "a coefficient")):
+                raise InputError(
+                    f"The camera has distortion (${key}), and the file does not say of which direction.",
+                    "Write the camera into the project file, with cameras.NAME.additional_parameters.",
+                    file=path,
+                    line=number,
+                )

@@ -1,0 +1,159 @@
+"""ImageStation (ISAT): the files ``photo``, ``camera`` and ``control``.
+
+Each entry stands between ``begin KIND NAME`` and ``end KIND``; a line is a keyword (with or without a colon)
+and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; unknown keywords are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
+from tasks.formats.records import (
+    AngleOrder,
+    CameraRecord,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+)
+
+
+@dataclass
+class _Entry:
+    """What stands between begin and end."""
+
+    kind: str
+    title: list[str]
+    line: int
+    values: dict[str, tuple[int, list[str]]] = field(default_factory=dict)
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+
+    def numbers(self, path: Path, key: str, count: int, what: str) -> list[float]:
+        """The first numbers of a keyword."""
+        if key not in self.values:
+            raise InputError(
+                f"The entry lacks {key}.", "Deliver the file again.", path, self.line, " ".join(self.title)
+            )
+        number, words = self.values[key]
+        return numbers_of(path, words, count, number, what)
+
+
+def _entries(path: Path, kind: str) -> Iterator[_Entry]:
+    entry: _Entry | None = None
+    for number, line in enumerate(lines(path), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        first = words[0].lower().rstrip(":")
+        if first == "begin" and len(words) > 1:
+            if entry is None and words[1].lower() == kind:
+                entry = _Entry(kind, words[2:], number)
+        elif first == "end" and len(words) > 1:
+            if entry is not None and words[1].lower() == kind:
+                yield entry
+                entry = None
+        elif entry is not None:
+            entry.rows.append((number, words))
+            values = words[1:]
+            if values and values[0] == ":":
+                values = values[1:]
+            entry.values[first] = (number, values)
+    if entry is not None:
+        raise InputError(
+            f"The entry 'begin {kind}' does not end.",
+            "The file may have been cut off: deliver it again.",
+            file=path,
+            line=entry.line,
+        )
+
+
+def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read orientations, with standard deviations where they are given.
+
+    Raises
+    ------
+    InputError
+        With file and line: no photo, numbers missing.
+    """
+    image, camera, strip, values, sigmas, at = [], [], [], [], [], []
+    for entry in _entries(path, "photo_parameters"):
+        title = entry.title
+        if not title:
+            raise InputError("The photo has no name.", "Give it one.", file=path, line=entry.line)
+        image.append(title[0])
+        strip.append(title[2] if len(title) > 2 and title[1].lower() == "strip_id" else None)
+        named = entry.values.get("camera_name", (0, []))[1]
+        camera.append(" ".join(named) or None)
+        values.append(entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ"))
+        known = "computed_std_devs" in entry.values
+        sigma = entry.numbers(path, "computed_std_devs", 6, "six σ") if known else []
+        # A photo that was not adjusted has zeros there.
+        sigmas.append([value if value > 0.0 else float("nan") for value in sigma] or [float("nan")] * 6)
+        at.append(entry.line)
+    return exposures_of(
+        path,
+        image,
+        [row[:3] for row in values],
+        [row[3:] for row in values],
+        at,
+        camera=camera,
+        strip=strip,
+        sigma_position=[row[:3] for row in sigmas],
+        sigma_angles=[row[3:] for row in sigmas],
+        unit="deg",
+        states=FileStatement(order="omega-phi-kappa"),
+    )
+
+
+def read_isat_control(path: Path) -> ControlRecords:
+    """Read control points: name X Y Z and what else stands in the line.
+
+    Raises
+    ------
+    InputError
+        With file and line: no points, numbers missing.
+    """
+    rows = [row for entry in _entries(path, "control_points") for row in entry.rows]
+    positions = [numbers_of(path, words[1:], 3, number, "X, Y, Z") for number, words in rows]
+    return control_of(path, [words[0] for _, words in rows], positions, [number for number, _ in rows])
+
+
+def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
+    """Read the cameras by their names.
+
+    Raises
+    ------
+    InputError
+        With file and line: no camera, numbers missing, distortion.
+    """
+    found = {}
+    for entry in _entries(path, "camera_parameters"):
+        _refuse_distortion(path, entry)
+        (c,) = entry.numbers(path, "focal_length", 1, "the focal length")
+        x0, y0 = entry.numbers(path, "ppac", 2, "the principal point")
+        (pixel,) = entry.numbers(path, "pixel_size", 1, "the side of a pixel")
+        columns, rows = entry.numbers(path, "image_size_in_pixels", 2, "columns and rows")
+        if not (columns.is_integer() and rows.is_integer()):
+            raise InputError("The image has no whole number of pixels.", "Correct it.", path, entry.line)
+        found[" ".join(entry.title)] = CameraRecord(int(columns), int(rows), pixel, c, (x0, y0))
+    if not found:
+        raise InputError("There is no camera in the file.", "Write it into the project file.", file=path)
+    return found
+
+
+def _refuse_distortion(path: Path, entry: _Entry) -> None:
+    flag = entry.values.get("lens_distortion_flag", (0, ["off"]))[1]
+    number, given = entry.values.get("distortions", (entry.line, []))
+    on = bool(flag) and flag[0].lower() not in ("off", "0", "false", "no")
+    if on and any(number_of(path, text, number, "a distortion") for text in given):
+        raise InputError(
+            "The camera has a table of radial distortion, which is not read.",
+            "Write the camera into the project file, with cameras.NAME.additional_parameters.",
+            file=path,
+            line=number,
+            entity=" ".join(entry.title),
+        )

@@ -1,0 +1,235 @@
+"""Metashape XML: cameras and orientations (Export Cameras), markers and their measurements (Export Markers).
+
+| element | read |
+|---|---|
+| ``sensor/calibration`` (adjusted before initial) | f, cx, cy, distortion; in pixels, cx and cy from the middle of the image |
+| ``camera/transform`` | camera (x right, y down, z forward) to chunk, row by row |
+| ``component/transform`` or ``chunk/transform`` | chunk to geocentric WGS 84: read as longitude, latitude, ellipsoidal height, angles against true north |
+| without such a transform | local coordinates |
+| ``marker/reference`` | coordinates of a marker, in the CRS of the markers |
+| ``marker/location`` with ``pinned="true"`` | a measurement, pixels from the corner; the others are computed |
+
+Its P1 and P2 are p2 and p1 of ``brown-forward``; B1 and B2 are b1 and b2 times f.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from adjust.arrays import Floats
+from tasks.errors import InputError
+from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
+from tasks.formats.plain_records import (
+    CV_AXES,
+    control_of,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    number_of,
+    numbers_of,
+)
+from tasks.formats.records import (
+    AngleOrder,
+    CameraRecord,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.xml_text import parsed_xml
+
+_LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "k4": "k4", "p1": "p2", "p2": "p1"}
+
+
+def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the orientations of all aligned and enabled cameras.
+
+    Raises
+    ------
+    InputError
+        If there are none, numbers are missing, or some cameras are on the earth and some are not.
+    """
+    root = parsed_xml(path)
+    sensors = _sensor_names(root)
+    placed = {
+        item.get("id"): similarity
+        for item in root.iter("component")
+        if (similarity := _similarity(path, item.find("transform"))) is not None
+    }
+    of_chunk = _similarity(path, root.find(".//chunk/transform"))
+    image, camera, pose, to_earth, at = [], [], [], [], []
+    for number, item in enumerate(root.iter("camera"), start=1):
+        transform = item.findtext("transform")
+        if transform is None or item.get("enabled") in ("false", "0") or "label" not in item.attrib:
+            continue
+        pose.append(numbers_of(path, transform.split(), 16, number, "a 4 × 4 transform"))
+        image.append(item.attrib["label"])
+        camera.append(sensors.get(item.get("sensor_id", "")))
+        to_earth.append(placed.get(item.get("component_id"), of_chunk))
+        at.append(number)
+    matrix = np.array(pose).reshape(-1, 4, 4)
+    rotation, centre = matrix[:, :3, :3] @ CV_AXES, matrix[:, :3, 3]
+    states = FileStatement(crs="local", order="omega-phi-kappa")
+    earthly = [one for one in to_earth if one is not None]
+    if earthly:
+        if len(earthly) < len(to_earth):
+            raise InputError(
+                "Some cameras are on the earth and some are in a local frame.",
+                "Export one component of the chunk.",
+                file=path,
+                entity=image[to_earth.index(None)],
+            )
+        turn = np.array([one[0] for one in earthly])
+        rotation, states = turn @ rotation, GEOGRAPHIC
+        moved = np.array([one[2] for one in earthly])[:, None] * np.einsum("nij,nj->ni", turn, centre)
+        degrees_of_rotations(path, rotation, image, at)
+        centre, rotation = geographic_poses(moved + np.array([one[1] for one in earthly]), rotation)
+    angles = degrees_of_rotations(path, rotation, image, at)
+    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+
+
+def _similarity(path: Path, item: ElementTree.Element | None) -> tuple[Floats, Floats, float] | None:
+    """Rotation, translation and scale of a transform; None if it has none of them."""
+    texts = [None if item is None else item.findtext(name) for name in ("rotation", "translation", "scale")]
+    if any(text is None for text in texts):
+        return None
+    rotation, translation, scale = (
+        numbers_of(path, (text or "").split(), count, 1, "a transform to the earth")
+        for text, count in zip(texts, (9, 3, 1), strict=True)
+    )
+    return np.array(rotation).reshape(3, 3), np.array(translation), scale[0]
+
+
+def _sensor_names(root: ElementTree.Element) -> dict[str, str]:
+    """Names of the sensors by their ids: their labels, with the id where two are alike."""
+    labels = {item.get("id", ""): item.get("label") or "" for item in root.iter("sensor")}
+    alike = list(labels.values())
+    return {
+        number: label if label and alike.count(label) == 1 else f"{label} {number}".strip()
+        for number, label in labels.items()
+    }
+
+
+def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamera]:
+    """Read the cameras by the labels of their sensors.
+
+    Raises
+    ------
+    InputError
+        If there is none, or numbers are missing.
+    """
+    root = parsed_xml(path)
+    names = _sensor_names(root)
+    found: dict[str, CameraRecord | PixelCamera] = {}
+    for item in root.iter("sensor"):
+        calibrations = item.findall("calibration")
+        chosen = next((one for one in calibrations if one.get("class") == "adjusted"), None)
+        chosen = chosen if chosen is not None else next(iter(calibrations), None)
+        if chosen is not None:
+            name = names[item.get("id", "")]
+            found[name] = _sensor(path, item, chosen, name)
+    if not found:
+        raise InputError("There is no camera in the file.", "Export the cameras of an aligned chunk.", path)
+    return found
+
+
+def _sensor(
+    path: Path, item: ElementTree.Element, calibration: ElementTree.Element, name: str
+) -> CameraRecord | PixelCamera:
+    kind = calibration.get("type") or item.get("type")
+    if kind not in (None, "frame"):
+        raise InputError(
+            f"The camera is of the type '{kind}', and only frame cameras are read.",
+            "Leave it out.",
+            path,
+            None,
+            name,
+        )
+    size = calibration.find("resolution")
+    size = item.find("resolution") if size is None else size
+    columns, rows = (
+        _whole(path, "" if size is None else size.get(key, ""), name) for key in ("width", "height")
+    )
+    f = number_of(path, calibration.findtext("f") or calibration.findtext("fy") or "", 1, f"f of {name}")
+    if f <= 0.0:
+        raise InputError("The focal length is not positive.", "Export the cameras again.", path, None, name)
+    given = {
+        child.tag.lower(): number_of(path, child.text or "", 1, child.tag)
+        for child in calibration
+        if child.tag.lower() in (*_LENS, "cx", "cy", "b1", "b2", "fx")
+    }
+    values = {ours: given.get(theirs, 0.0) for theirs, ours in _LENS.items()}
+    values["b1"] = given["fx"] / f - 1.0 if "fx" in given else given.get("b1", 0.0) / f
+    values["b2"] = given.get("b2", 0.0) / f
+    distortion = {f"brown-forward:{key}": value for key, value in values.items() if value}
+    cx, cy = given.get("cx", 0.0), given.get("cy", 0.0)
+    camera = PixelCamera(columns, rows, f, (cx, 0.0 - cy), distortion)
+    pixel = [one.get("value", "") for one in item.findall("property") if one.get("name") == "pixel_width"]
+    return camera.with_pixel(1e3 * number_of(path, pixel[0], 1, "pixel_width")) if pixel else camera
+
+
+def _whole(path: Path, text: str, name: str) -> int:
+    value = number_of(path, text, 1, f"the size of the image of {name}")
+    if not (value.is_integer() and value > 0):
+        raise InputError("The image has no whole number of pixels.", "Export it again.", path, None, name)
+    return int(value)
+
+
+def read_metashape_markers(path: Path) -> ControlRecords:
+    """Read the markers that have coordinates.
+
+    Raises
+    ------
+    InputError
+        If there are none, or numbers are missing.
+    """
+    point, position, role, at = [], [], [], []
+    for number, item in enumerate(parsed_xml(path).iter("marker"), start=1):
+        reference = item.find("reference")
+        if reference is None or "label" not in item.attrib or "x" not in reference.attrib:
+            continue
+        values = [number_of(path, reference.get(axis, ""), number, f"its {axis}") for axis in "xyz"]
+        point.append(item.attrib["label"])
+        position.append(values)
+        # A marker that is switched off in the reference pane is a check point there.
+        role.append("check" if reference.get("enabled") in ("false", "0") else "control")
+        at.append(number)
+    return control_of(path, point, position, at, role=role)
+
+
+def read_metashape_measurements(path: Path) -> ImagePointRecords:
+    """Read the measurements of markers in images (pixel_origin = "corner").
+
+    Raises
+    ------
+    InputError
+        If there are none, numbers are missing, or a camera or marker is not in the file.
+    """
+    root = parsed_xml(path)
+    markers = {item.get("id"): item.get("label") for item in root.iter("marker") if "label" in item.attrib}
+    cameras = {item.get("id"): item.get("label") for item in root.iter("camera") if "label" in item.attrib}
+    image, point, xy, at = [], [], [], []
+    number = 0
+    for item in root.iter("marker"):
+        for location in item.findall("location"):
+            number += 1
+            if location.get("pinned") not in ("true", "1"):
+                continue
+            name, seen_in = markers.get(item.get("marker_id")), cameras.get(location.get("camera_id"))
+            if name is None or seen_in is None:
+                raise InputError(
+                    "A measurement is of a marker or in a camera that the file does not have.",
+                    "Export the markers with the cameras of the chunk.",
+                    file=path,
+                    entity=f"camera {location.get('camera_id')}",
+                )
+            point.append(name)
+            image.append(seen_in)
+            xy.append([number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy"])
+            at.append(number)
+    return image_points_of(path, image, point, xy, at)

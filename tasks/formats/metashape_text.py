@@ -1,0 +1,50 @@
+"""Metashape's OPK text: photo, X, Y, Z, ω, φ, κ in degrees and the rotation camera from ground, by tabs.
+
+Coordinates and angles are of the CRS and the grid that the export was made in.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of
+from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+
+# Both are printed with six decimals and more.
+_SAME_DEG = 1e-3
+
+
+def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read orientations.
+
+    Raises
+    ------
+    InputError
+        With file and line: fields missing, angles that are not those of the rotation beside them.
+    """
+    image, values, at = [], [], []
+    for number, line in enumerate(lines(path), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        fields = line.split("\t") if "\t" in line else line.split()
+        image.append(fields[0].strip())
+        values.append(numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements"))
+        at.append(number)
+    table = np.array(values).reshape(-1, 15)
+    angles = degrees_of_rotations(path, table[:, 6:].reshape(-1, 3, 3).transpose(0, 2, 1), image, at)
+    away = np.abs((angles - table[:, 3:6] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
+    if (away > _SAME_DEG).any():
+        row = int(np.argmax(away))
+        raise InputError(
+            f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation beside them.",
+            "Export the orientations again, as OPK.",
+            file=path,
+            line=at[row],
+            entity=image[row],
+        )
+    states = FileStatement(order="omega-phi-kappa")
+    return exposures_of(path, image, table[:, :3], table[:, 3:6], at, unit="deg", states=states)

@@ -1,0 +1,293 @@
+"""OpenSfM and OpenDroneMap: ``reconstruction.json``, ``tracks.csv``, ``gcp_list.txt``, ``geo.txt``.
+
+| file | read |
+|---|---|
+| ``reconstruction.json`` | shots as longitude, latitude, ellipsoidal height and angles against true north where it has a reference (its frame is east, north, up there), else local; cameras perspective and brown, in pixels |
+| ``tracks.csv`` | image points from the middle of the image, in parts of its longer side: unit = "longer-side" |
+| ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are told apart by their coordinates |
+| ``geo.txt`` | CRS in the first line, then image x y z and, not read, angles |
+
+A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from adjust.geometry.rotation import exp
+from tasks.errors import InputError
+from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import (
+    CV_AXES,
+    control_of,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    number_of,
+    numbers_of,
+)
+from tasks.formats.records import (
+    AngleOrder,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.text_table import read_bytes
+from tasks.storage.json_text import from_json
+
+_CHECK = "CHK-"
+_UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
+_TRACKS = re.compile(r"OPENSFM_TRACKS_VERSION_v[12]$")
+
+
+def read_opensfm_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the shots of a reconstruction.
+
+    Raises
+    ------
+    InputError
+        If the file is no reconstruction, has several, or numbers are missing.
+    """
+    one = _reconstruction(path)
+    shots = _table(path, one, "shots")
+    image, at = list(shots), list(range(1, len(shots) + 1))
+    entries = [_as_table(path, shot, name) for name, shot in shots.items()]
+    turn = [_vector(path, shot, "rotation", name) for name, shot in zip(image, entries, strict=True)]
+    shift = np.array(
+        [_vector(path, shot, "translation", name) for name, shot in zip(image, entries, strict=True)]
+    )
+    world_from_camera = np.swapaxes(exp(np.array(turn).reshape(-1, 3)), 1, 2)
+    centre = -np.einsum("nij,nj->ni", world_from_camera, shift.reshape(-1, 3))
+    rotation, states = world_from_camera @ CV_AXES, FileStatement(crs="local", order="omega-phi-kappa")
+    if "reference_lla" in one:
+        place = _table(path, one, "reference_lla")
+        names = ("latitude", "longitude", "altitude")
+        lla = [_number(path, place.get(name), f"reference_lla.{name}") for name in names]
+        centre, rotation = geographic_poses(*geocentric_poses(lla, centre, rotation))
+        # Altitudes are whatever the images came with.
+        states = replace(GEOGRAPHIC, heights=None)
+    angles = degrees_of_rotations(path, rotation, image, at)
+    camera = [str(shot["camera"]) if "camera" in shot else None for shot in entries]
+    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+
+
+def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read the cameras of a reconstruction.
+
+    Raises
+    ------
+    InputError
+        If the file is no reconstruction, or a camera is neither perspective nor brown.
+    """
+    found = {}
+    for name, given in _table(path, _reconstruction(path), "cameras").items():
+        camera = _as_table(path, given, name)
+        kind = camera.get("projection_type")
+        if kind not in ("perspective", "brown"):
+            raise InputError(
+                f"The camera is '{kind}', and only perspective and brown ones are read.",
+                "Leave it out.",
+                file=path,
+                entity=name,
+            )
+        columns, rows = (int(_number(path, camera.get(key), f"{name}.{key}")) for key in ("width", "height"))
+        longer = max(columns, rows)
+        focal = "focal" if kind == "perspective" else "focal_y"
+        c = _number(path, camera.get(focal), f"{name}.{focal}")
+        if c <= 0.0 or columns <= 0 or rows <= 0:
+            raise InputError("A focal length or size is not positive.", "Correct it.", path, None, name)
+        values = {
+            key: _number(path, camera[key], f"{name}.{key}")
+            for key in ("k1", "k2", "k3", "p1", "p2")
+            if key in camera
+        }
+        if kind == "brown":
+            values["b1"] = _number(path, camera.get("focal_x"), f"{name}.focal_x") / c - 1.0
+        x0, y0 = (longer * _number(path, camera.get(key, 0.0), f"{name}.{key}") for key in ("c_x", "c_y"))
+        known = {f"brown-forward:{key}": value for key, value in values.items() if value}
+        found[name] = PixelCamera(columns, rows, longer * c, (x0, 0.0 - y0), known)
+    return found
+
+
+def read_opensfm_tracks(path: Path) -> ImagePointRecords:
+    """Read the image points of all tracks.
+
+    Raises
+    ------
+    InputError
+        With file and line: another version of the file, fields missing.
+    """
+    rows = lines(path)
+    if not _TRACKS.match(rows[0].strip()):
+        raise InputError(
+            "The file does not begin with OPENSFM_TRACKS_VERSION_v1 or v2.",
+            "Check that it is tracks.csv.",
+            file=path,
+            line=1,
+        )
+    image, point, xy, at = [], [], [], []
+    for number, line in enumerate(rows[1:], start=2):
+        if not line.strip():
+            continue
+        fields = line.split("\t")
+        x, y = numbers_of(path, fields[3:], 2, number, "shot, track, feature, x, y")
+        image.append(fields[0])
+        point.append(fields[1])
+        # Their y counts downwards.
+        xy.append([x, 0.0 - y])
+        at.append(number)
+    return image_points_of(path, image, point, xy, at)
+
+
+def read_odm_control(path: Path) -> ControlRecords:
+    """Read the points of a ``gcp_list.txt``.
+
+    Raises
+    ------
+    InputError
+        With file and line: fields missing, a name with two different coordinates.
+    """
+    crs, entries = _gcp_list(path)
+    found: dict[str, tuple[list[float], int]] = {}
+    for name, position, _, _, number in entries:
+        known = found.setdefault(name, (position, number))
+        if not np.array_equal(known[0], position, equal_nan=True):
+            raise InputError(
+                f"The point has other coordinates in line {known[1]}.",
+                "Correct one of the two.",
+                file=path,
+                line=number,
+                entity=name,
+            )
+    role = ["check" if name.startswith(_CHECK) else "control" for name in found]
+    positions, at = [value[0] for value in found.values()], [value[1] for value in found.values()]
+    return control_of(path, list(found), positions, at, role=role, states=FileStatement(crs=crs))
+
+
+def read_odm_measurements(path: Path) -> ImagePointRecords:
+    """Read the measurements of a ``gcp_list.txt`` in pixels (pixel_origin = "centre").
+
+    Raises
+    ------
+    InputError
+        With file and line: fields missing.
+    """
+    _, entries = _gcp_list(path)
+    return image_points_of(
+        path,
+        [image for _, _, _, image, _ in entries],
+        [name for name, *_ in entries],
+        [xy for _, _, xy, _, _ in entries],
+        [number for *_, number in entries],
+    )
+
+
+def _gcp_list(path: Path) -> tuple[str, list[tuple[str, list[float], list[float], str, int]]]:
+    """CRS, and of every line name, coordinates, pixel, image and number."""
+    found = []
+    names: dict[tuple[float, ...], str] = {}
+    crs, rows = _with_crs(path)
+    for number, line in rows:
+        fields = line.split("\t") if line.count("\t") >= 5 else line.split()
+        x, y = numbers_of(path, fields, 2, number, "x, y, z, column, row, image")
+        z = float("nan") if len(fields) > 2 and fields[2].lower() in ("", "nan") else None
+        column_row = numbers_of(path, fields[3:], 2, number, "x, y, z, column, row, image")
+        height = number_of(path, fields[2], number, "z of the point") if z is None else z
+        if len(fields) < 6:
+            raise InputError("The line names no image.", "Add it.", file=path, line=number)
+        # Not a number is not itself, and would make of each row a point of its own.
+        key = (x, y, -1e15 if np.isnan(height) else height)
+        name = fields[6].strip() if len(fields) > 6 and fields[6].strip() else None
+        name = name or names.setdefault(key, f"gcp{len(names) + 1}")
+        found.append((name, [x, y, height], column_row, fields[5].strip(), number))
+    return crs, found
+
+
+def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the positions of a ``geo.txt``; its angles are not used for orientations there, nor here.
+
+    Raises
+    ------
+    InputError
+        With file and line: fields missing.
+    """
+    crs, rows = _with_crs(path)
+    image, position, at = [], [], []
+    for number, line in rows:
+        fields = line.split()
+        image.append(fields[0])
+        position.append(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
+        at.append(number)
+    return exposures_of(
+        path, image, position, np.full((len(image), 3), np.nan), at, states=FileStatement(crs=crs)
+    )
+
+
+def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:
+    """The CRS of the first line as PROJ understands it, and the other lines that say anything."""
+    rows = [
+        (k, line) for k, line in enumerate(lines(path), start=1) if line.strip() and line.strip()[0] != "#"
+    ]
+    first = rows[0][1].strip() if rows else ""
+    utm = _UTM.match(first)
+    if utm is not None:
+        crs = f"+proj=utm +zone={utm.group(1)} {'+south ' if utm.group(2).upper() == 'S' else ''}+datum=WGS84"
+    elif first.upper() in ("WGS84", "WGS 84"):
+        crs = "+proj=longlat +datum=WGS84"
+    elif first.upper().startswith("EPSG:") or first.startswith("+proj="):
+        crs = first
+    else:
+        raise InputError(
+            "The first line does not state a CRS.",
+            'It is "EPSG:NUMBER", "WGS84", "WGS84 UTM 32N" or a text for PROJ.',
+            file=path,
+            line=rows[0][0] if rows else 1,
+        )
+    return crs, iter(rows[1:])
+
+
+def _reconstruction(path: Path) -> Mapping[str, object]:
+    try:
+        found = from_json(read_bytes(path, "document"))
+    except ValueError as error:
+        raise InputError(f"This is no JSON: {error}.", "Deliver the file again.", file=path) from error
+    if not isinstance(found, list) or len(found) != 1 or not isinstance(found[0], dict):
+        count = len(found) if isinstance(found, list) else 0
+        raise InputError(
+            f"The file has {count} reconstructions, and one is read.",
+            "Deliver the one that is meant in a list of its own.",
+            file=path,
+        )
+    return cast("Mapping[str, object]", found[0])
+
+
+def _table(path: Path, of: Mapping[str, object], key: str) -> Mapping[str, object]:
+    return _as_table(path, of.get(key), key)
+
+
+def _as_table(path: Path, value: object, name: str) -> Mapping[str, object]:
+    if not isinstance(value, dict):
+        raise InputError(f"There are no {name} in the file.", "Check that it is reconstruction.json.", path)
+    return cast("Mapping[str, object]", value)
+
+
+def _vector(path: Path, of: Mapping[str, object], key: str, name: str) -> list[float]:
+    value = of.get(key)
+    if not isinstance(value, list) or len(value) != 3:
+        raise InputError(f"The shot has no {key} of three numbers.", "Deliver it again.", path, None, name)
+    return [_number(path, one, f"{key} of {name}") for one in value]
+
+
+def _number(path: Path, value: object, what: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{what} is no number.", "Deliver the file again.", file=path)
+    return number_of(path, repr(value), 1, what)

@@ -1,0 +1,229 @@
+"""Records of values that were read one by one: names that can be read, numbers that are numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pyarrow as pa
+
+from adjust.arrays import Bools, Floats
+from adjust.geometry.rotation import to_omega_phi_kappa
+from tasks.errors import InputError
+from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.magnitude import HUGE
+from tasks.plain_text import quoted, trouble_in
+from tasks.storage.delivered_file import file_limits
+
+# Elements of a rotation that were printed with four decimals and more.
+_ROTATION_TOLERANCE = 1e-3
+#: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
+CV_AXES = np.diag([1.0, -1.0, -1.0])
+
+
+def exposures_of(
+    path: Path,
+    image: Sequence[str],
+    position: Sequence[Sequence[float]] | Floats,
+    angles: Sequence[Sequence[float]] | Floats,
+    line: Sequence[int],
+    *,
+    camera: Sequence[str | None] | None = None,
+    strip: Sequence[str | None] | None = None,
+    time_s: Sequence[float] | None = None,
+    sigma_position: Sequence[Sequence[float]] | None = None,
+    sigma_angles: Sequence[Sequence[float]] | None = None,
+    unit: Literal["deg", "gon", "rad"] | None = None,
+    states: FileStatement | None = None,
+    remarks: tuple[str, ...] = (),
+) -> ExposureRecords:
+    """Exposures; positions and angles (n, 3), NaN where an image has none.
+
+    Raises
+    ------
+    InputError
+        If there are none, or a name or number cannot be.
+    """
+    count = len(image)
+    _refuse_none(path, count, "exposure")
+    names = _names(path, image, line)
+    nothing = np.full((count, 3), np.nan)
+    return ExposureRecords(
+        file=path,
+        image=names,
+        camera=_names(path, [None] * count if camera is None else camera, line),
+        strip=_names(path, [None] * count if strip is None else strip, line),
+        flight=pa.nulls(count, pa.string()),
+        time_s=nothing[:, 0] if time_s is None else _numbers(path, time_s, image, line),
+        position=_numbers(path, position, image, line),
+        angles=_numbers(path, angles, image, line),
+        sigma_position=nothing if sigma_position is None else _numbers(path, sigma_position, image, line),
+        sigma_angles=nothing if sigma_angles is None else _numbers(path, sigma_angles, image, line),
+        line=np.asarray(line, dtype=np.int64),
+        declared_angle_unit=unit,
+        states=states or FileStatement(),
+        remarks=remarks,
+    )
+
+
+def image_points_of(
+    path: Path,
+    image: Sequence[str],
+    point: Sequence[str],
+    xy: Sequence[Sequence[float]] | Floats,
+    line: Sequence[int],
+    sigma: Floats | None = None,
+) -> ImagePointRecords:
+    """Image points (n,) with coordinates (n, 2).
+
+    Raises
+    ------
+    InputError
+        If there are none, or a name or number cannot be.
+    """
+    _refuse_none(path, len(image), "image point")
+    file_limits().require_rows(path, len(image))
+    return ImagePointRecords(
+        file=path,
+        image=_names(path, image, line).dictionary_encode(),
+        point=_names(path, point, line).dictionary_encode(),
+        xy=_numbers(path, xy, point, line),
+        sigma=np.full((len(image), 2), np.nan) if sigma is None else sigma,
+        line=np.asarray(line, dtype=np.int64),
+    )
+
+
+def control_of(
+    path: Path,
+    point: Sequence[str],
+    position: Sequence[Sequence[float]] | Floats,
+    line: Sequence[int],
+    *,
+    role: Sequence[str | None] | None = None,
+    sigma: Sequence[Sequence[float]] | None = None,
+    states: FileStatement | None = None,
+    remarks: tuple[str, ...] = (),
+) -> ControlRecords:
+    """Control points with coordinates (n, 3), NaN where one is not known.
+
+    Raises
+    ------
+    InputError
+        If there are none, or a name or number cannot be.
+    """
+    count = len(point)
+    _refuse_none(path, count, "control point")
+    return ControlRecords(
+        file=path,
+        point=_names(path, point, line),
+        position=_numbers(path, position, point, line),
+        sigma=np.full((count, 3), np.nan) if sigma is None else _numbers(path, sigma, point, line),
+        role=pa.array([None] * count if role is None else role, pa.string()),
+        line=np.asarray(line, dtype=np.int64),
+        states=states or FileStatement(),
+        remarks=remarks,
+    )
+
+
+def degrees_of_rotations(path: Path, rotation: Floats, image: Sequence[str], line: Sequence[int]) -> Floats:
+    """ω, φ, κ (n, 3) in degrees of rotations ground from camera (n, 3, 3); NaN where one is not given.
+
+    Raises
+    ------
+    InputError
+        If one is no rotation.
+    """
+    rotation = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
+    given: Bools = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
+    bounded = np.where(given[:, None, None] & (np.abs(rotation) < 2.0), rotation, 0.0)
+    away = np.abs(bounded @ np.swapaxes(bounded, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    bad = given & ((away > _ROTATION_TOLERANCE) | (np.linalg.det(bounded) < 0.0))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(
+            "The nine numbers are no rotation: rows are not perpendicular, not of length 1, or mirrored.",
+            "Deliver the file again; a digit may be missing.",
+            file=path,
+            line=int(line[row]),
+            entity=str(image[row]),
+        )
+    result = np.full((len(rotation), 3), np.nan)
+    # The nearest rotation: the digits of a file leave it perpendicular to their rounding only.
+    u, _, vt = np.linalg.svd(bounded[given])
+    result[given] = np.degrees(to_omega_phi_kappa(u @ vt))
+    return result
+
+
+def number_of(path: Path, text: str, line: int, what: str) -> float:
+    """A number of a file.
+
+    Raises
+    ------
+    InputError
+        If the text is none.
+    """
+    try:
+        # Python takes 1_000 for a number, no other program does.
+        value = np.nan if "_" in text else float(text)
+    except ValueError:
+        value = np.nan
+    if not abs(value) <= HUGE:
+        remedy = "Correct it." if "," not in text else "Write it with a decimal point."
+        raise InputError(f"{quoted(text)} is no number, but should be {what}.", remedy, file=path, line=line)
+    return float(value)
+
+
+def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: str) -> list[float]:
+    """The first numbers of a line.
+
+    Raises
+    ------
+    InputError
+        If there are fewer, or one is no number.
+    """
+    if len(texts) < count:
+        raise InputError(
+            f"There are {len(texts)} fields here, and {count} are needed: {what}.",
+            "The file may have been cut off: deliver it again.",
+            file=path,
+            line=line,
+        )
+    return [number_of(path, text, line, what) for text in texts[:count]]
+
+
+def _refuse_none(path: Path, count: int, what: str) -> None:
+    if count == 0:
+        raise InputError(
+            f"There is no {what} in the file.", "Check that it is the file and format that was meant.", path
+        )
+
+
+def _names(path: Path, names: Sequence[str | None], line: Sequence[int]) -> pa.Array:
+    known: set[str] = set()
+    for row, name in enumerate(names):
+        if name is None or name in known:
+            continue
+        known.add(name)
+        trouble = trouble_in(name) if name else "A name is empty."
+        if trouble is not None:
+            raise InputError(trouble, "Give a name of ordinary characters.", file=path, line=int(line[row]))
+    return pa.array(names, pa.string())
+
+
+def _numbers(
+    path: Path, values: Sequence[object] | Floats, names: Sequence[str], line: Sequence[int]
+) -> Floats:
+    found = np.asarray(values, dtype=np.float64)
+    bad: Bools = np.asarray(np.abs(found.reshape(len(found), -1)) > HUGE)
+    if bad.any():
+        row = int(np.argmax(bad.any(axis=1)))
+        raise InputError(
+            "A number here is more than any quantity has.",
+            "Correct it.",
+            file=path,
+            line=int(line[row]),
+            entity=str(names[row]),
+        )
+    return found

@@ -1,0 +1,52 @@
+"""XML files of others: parsed as plain elements, without anything that XML can do besides."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.text_table import read_bytes
+
+
+def parsed_xml(path: Path) -> ElementTree.Element:
+    """The root element of a file.
+
+    Raises
+    ------
+    InputError
+        If the file is no well-formed XML, or declares document types or entities.
+    """
+    text = _plain_text(path)
+    try:
+        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
+        return ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InputError(
+            f"This is not well-formed XML ({error.msg}).",
+            "Deliver the file again.",
+            file=path,
+            line=error.position[0],
+        ) from error
+
+
+def _plain_text(path: Path) -> str:
+    """The text of the file, without declarations of types: entities could read files or fill the memory.
+
+    No delivered file needs them, so they are refused before any parser sees them, whatever version it is of.
+    """
+    content = read_bytes(path, "document")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        try:
+            text = content.decode("utf-8")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise InputError(
+            "The file declares document types or entities (<!DOCTYPE>).",
+            "Deliver it without them; it needs none.",
+            file=path,
+        )
+    return text.strip()

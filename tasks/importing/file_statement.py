@@ -1,0 +1,133 @@
+"""Whether what a file says itself of its numbers is what the project file declares."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from adjust.arrays import Floats
+from tasks.coordinates.crs import MapFrame
+from tasks.errors import InputError
+from tasks.formats.records import FileStatement
+from tasks.settings.coordinates import ELLIPSOIDAL, LOCAL
+from tasks.settings.inputs import ControlInput, ExposuresInput
+
+# Two descriptions of one projection agree to rounding; different zones or parameters differ by metres.
+_SAME_RAD = 1e-9
+_DATUMS = (
+    ("WGS 84", re.compile(r"wgs\W?(19)?84|world geodetic system 1984", re.IGNORECASE)),
+    ("NAD83", re.compile(r"nad\W?(19)?83|north american datum 1983", re.IGNORECASE)),
+    ("NAD27", re.compile(r"nad\W?(19)?27|north american datum 1927", re.IGNORECASE)),
+    ("ETRS89", re.compile(r"etrs\W?(19)?89|european terrestrial reference system 1989", re.IGNORECASE)),
+    ("GDA94", re.compile(r"gda\W?(19)?94|geocentric datum of australia 1994", re.IGNORECASE)),
+    ("GDA2020", re.compile(r"gda\W?2020|geocentric datum of australia 2020", re.IGNORECASE)),
+)
+_MISLABELLED = "If the file is mislabelled, correct it there."
+
+
+def refuse_other_statement(
+    file: Path,
+    states: FileStatement,
+    source: ExposuresInput | ControlInput,
+    frame: MapFrame,
+    position: Floats,
+) -> None:
+    """Raise if a file contradicts its declaration.
+
+    Parameters
+    ----------
+    states : what the file says.
+    source, frame : what the project file declares.
+    position : (n, 3) as in the file.
+
+    Raises
+    ------
+    InputError
+        Naming what the file says, and the line of the project file that says the same.
+    """
+    for key, stated, declared in _plain_statements(states, source):
+        if stated is not None and stated != declared:
+            raise InputError(
+                f"The file states {key} {stated}, the project file declares {declared}.",
+                f'Declare {key} = "{stated}". {_MISLABELLED}',
+                file=file,
+            )
+    if states.crs is not None and (states.crs == LOCAL) != frame.is_local:
+        raise InputError(
+            f'The file states the CRS "{states.crs}", the project file declares "{frame.name}".',
+            f'Declare crs = "{states.crs}" for this input. {_MISLABELLED}',
+            file=file,
+        )
+    if frame.is_local:
+        return
+    datum = states.datum
+    if states.crs is not None:
+        stated_frame = _stated(file, states.crs)
+        _refuse_other_projection(file, stated_frame, frame, position)
+        datum = datum or _datum_name(stated_frame)
+    found, meant = _datum(datum), _datum(_datum_name(frame))
+    if found is not None and meant is not None and found != meant:
+        raise InputError(
+            f"The file states coordinates in the datum {found}, and {frame.name} is in {meant}.",
+            f"Declare the CRS of the file. {_MISLABELLED}",
+            file=file,
+        )
+
+
+def _stated(file: Path, crs: str) -> MapFrame:
+    """The frame of a stated CRS; of one with heights its part in plan."""
+    frame = MapFrame(crs, ELLIPSOIDAL)
+    try:
+        known = frame.crs
+    except InputError as error:
+        raise replace(error, file=file) from error
+    return MapFrame(known.sub_crs_list[0].to_wkt(), ELLIPSOIDAL) if known.is_compound else frame
+
+
+def _plain_statements(
+    states: FileStatement, source: ExposuresInput | ControlInput
+) -> list[tuple[str, str | None, str]]:
+    heights = "ellipsoidal" if source.heights.geoid is None else "geoid"
+    found: list[tuple[str, str | None, str]] = [("heights", states.heights, heights)]
+    if isinstance(source, ExposuresInput):
+        found += [
+            ("position", states.position, source.position),
+            ("angles.order", states.order, source.angles.order),
+            ("angles.reference", states.reference, source.angles.reference),
+        ]
+    return found
+
+
+def _refuse_other_projection(file: Path, stated: MapFrame, declared: MapFrame, position: Floats) -> None:
+    """The positions of the file must be the same place on the earth in both."""
+    known = position[np.isfinite(position[:, :2]).all(axis=1)]
+    if len(known) == 0:
+        return
+    flat = np.column_stack([known[:, :2], np.zeros(len(known))])
+    # Both are finite only where the coordinates can be in the CRS.
+    away = np.abs(
+        stated.to_geodetic(flat)[:, :2] - MapFrame(declared.name, ELLIPSOIDAL).to_geodetic(flat)[:, :2]
+    )
+    if bool((away <= _SAME_RAD).all()):
+        return
+    code = stated.crs.to_authority(min_confidence=70)
+    name = ":".join(code) if code is not None else stated.name
+    raise InputError(
+        f"The file states its coordinates in {stated.crs.name} ({stated.name}), and {declared.name} is "
+        "another projection.",
+        f'Declare crs = "{name}" for this input. {_MISLABELLED}',
+        file=file,
+    )
+
+
+def _datum_name(frame: MapFrame) -> str | None:
+    geodetic = frame.crs.geodetic_crs
+    return None if geodetic is None or geodetic.datum is None else geodetic.datum.name
+
+
+def _datum(name: str | None) -> str | None:
+    """The datum a name means, among those that programs write; None: another one."""
+    return next((datum for datum, like in _DATUMS if name and like.search(name)), None)

@@ -1,0 +1,63 @@
+"""Names of images in a file that had to call them otherwise: numbers of PATB, names that were cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from tasks.errors import InputError
+from tasks.formats.records import ExposureRecords, ImagePointRecords
+from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_rows import Layout
+from tasks.formats.text_table import read_table_text
+from tasks.nearest_name import did_you_mean
+
+_Records = TypeVar("_Records", ExposureRecords, ImagePointRecords)
+
+
+def with_image_names(records: _Records, table: Path | None) -> _Records:
+    """The records with the images' names of a table: a line of headings, then name in the file, name here.
+
+    Raises
+    ------
+    InputError
+        If the table gives a name twice, or lacks one of the file.
+    """
+    if table is None:
+        return records
+    text = DeliveredLines.of(table, lone_return=b"\n")
+    pieces = text.pieces()
+    below = next(pieces).partition(b"\n")[2]
+    layout = Layout(table, ("theirs", "ours"), (), "comma")
+    rows = read_table_text(chain([below] if below else [], pieces), layout, text.lines, 2)
+    theirs, ours = rows.text("theirs").to_pylist(), rows.text("ours").to_pylist()
+    for names in (theirs, ours):
+        again = pd.Series(names).duplicated().to_numpy()
+        if again.any():
+            row = int(np.argmax(again))
+            raise InputError(
+                "The name stands in two lines.", "Keep one.", table, int(rows.line[row]), names[row]
+            )
+    known = dict(zip(theirs, ours, strict=True))
+    kept_once = isinstance(records.image, pa.DictionaryArray)
+    encoded = records.image if kept_once else records.image.dictionary_encode()
+    delivered = encoded.dictionary.to_pylist()
+    missing = next((name for name in delivered if name not in known), None)
+    if missing is not None:
+        row = int(np.argmax(np.array(records.image.to_pylist(), dtype=object) == missing))
+        raise InputError(
+            f"The table of names, {table.name}, does not have this image.",
+            f"Add it there. {did_you_mean(missing, theirs)}",
+            file=records.file,
+            line=int(records.line[row]),
+            entity=missing,
+        )
+    names = pa.array([known[name] for name in delivered], pa.string())
+    image = pa.DictionaryArray.from_arrays(encoded.indices, names)
+    return replace(records, image=image if kept_once else image.cast(pa.string()))

@@ -1,0 +1,134 @@
+"""Settings of the layout of a table of text (`format = "csv"`), for tables that others have written."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tasks.formats.table_layout import Separator, TableLayout
+from tasks.plain_text import is_blank
+from tasks.settings.base import Settings, trouble
+from tasks.settings.coordinates import Positive, Whole
+
+_MOST_LINES, _MOST_COLUMNS = 10_000, 1_000
+
+
+def _visible(text: str) -> str:
+    if is_blank(text):
+        raise trouble("The name is empty.", "Give one, or leave the key out.")
+    return text
+
+
+Name: TypeAlias = Annotated[str, Field(min_length=1), AfterValidator(_visible)]
+ColumnNumber: TypeAlias = Annotated[Whole, Field(ge=1, le=_MOST_COLUMNS)]
+
+
+class TableSettings(Settings):
+    """Layout of a table with `format = "csv"`; what is left out is as in our own tables.
+
+    The keys stand in `[inputs.image_points]`, `[inputs.exposures]` and `[inputs.control]` themselves.
+    """
+
+    separator: Separator = Field(
+        default="comma", description="What stands between two columns; `blank` is any run of blanks or tabs."
+    )
+    decimal: Literal[".", ","] = Field(default=".", description="Decimal mark of numbers.")
+    columns: dict[str, Name | ColumnNumber] = Field(
+        default_factory=dict,
+        description="Our name of a column → its heading in the file, or its number from 1: "
+        '`columns = { point = "Name", x = "Easting" }`. Columns that are headed as ours need none. All that '
+        "are read stand at `format`.",
+    )
+    unused: tuple[Name, ...] = Field(
+        default=(), description="Headings of the file that are not to be read though they are like ours."
+    )
+    header: bool = Field(
+        default=True, description="Whether headings stand above the rows; without, `columns` are numbers."
+    )
+    skip_lines: Annotated[Whole, Field(ge=0, le=_MOST_LINES)] = Field(
+        default=0, description="Lines at the top of the file that are neither headings nor rows."
+    )
+    comment: Name | None = Field(
+        default=None, description='Beginning of lines that are left out, e.g. `"#"` or `"//"`.'
+    )
+    quote: Literal['"', "'"] = Field(
+        default='"', description="Mark around names in which a separator stands."
+    )
+    encoding: Literal["utf-8", "latin-1"] = Field(default="utf-8", description="Encoding of the text.")
+
+    @model_validator(mode="after")
+    def _only_of_tables(self) -> TableSettings:
+        given = [name for name in TableSettings.model_fields if name in self.model_fields_set]
+        if given and getattr(self, "format", None) != "csv":
+            raise trouble(
+                f"{', '.join(given)} describe the layout of a table, and this file's format has its own.",
+                'Leave them out, or declare format = "csv".',
+            )
+        if self.separator == "comma" and self.decimal == ",":
+            raise trouble(
+                "A comma cannot both separate columns and divide numbers.",
+                'Declare the separator, e.g. separator = "semicolon".',
+            )
+        if not self.header and (not self.columns or any(isinstance(v, str) for v in self.columns.values())):
+            raise trouble(
+                "Without headings the columns are known by their numbers only.",
+                "Declare each, from 1: columns = { point = 1, x = 2, y = 3, z = 4 }.",
+            )
+        return self
+
+    @property
+    def layout(self) -> TableLayout:
+        """The layout as readers take it."""
+        names = TableSettings.model_fields
+        return TableLayout(
+            **{name: getattr(self, name) for name in names}, elsewhere=self._given_in_another_way()
+        )
+
+    def _given_in_another_way(self) -> tuple[str, ...]:
+        return ()
+
+
+class StripRule(Settings):
+    """How strips are told apart; `strip = "time-gaps"` stands for `{ gap_factor = 3.0 }`."""
+
+    gap_factor: Positive | None = Field(
+        default=None,
+        description="A strip ends where no image follows for more than so many median intervals of the "
+        "file. Strips are numbered in the order of time, in each flight.",
+    )
+    pattern: Name | None = Field(
+        default=None,
+        description="Where strip (and flight) stand in the image's name: `{strip}`, `{flight}`, `*` for "
+        "anything, `?` for one character, all else as it is. `{strip}` and `*` end where the character "
+        'that follows them stands first: `"*_{strip}_*"` finds 05 in `2015_05_0182`.',
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_text(cls, value: object) -> object:
+        if isinstance(value, str):
+            if value == "time-gaps":
+                return {"gap_factor": 3.0}
+            raise trouble(
+                "How strips are told apart is not understood.",
+                'Write "time-gaps", or { pattern = "{strip}_*" }.',
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> StripRule:
+        if (self.gap_factor is None) == (self.pattern is None):
+            raise trouble("Strips are found by one rule.", "Give gap_factor or pattern.")
+        if self.gap_factor is not None and self.gap_factor <= 1.0:
+            raise trouble("With gap_factor up to 1 each image is a strip.", "Give more, e.g. 3.")
+        pattern = self.pattern or "{strip}"
+        if pattern.count("{strip}") != 1 or pattern.count("{flight}") > 1:
+            raise trouble("The pattern needs {strip} once.", 'Write for example "*_{strip}_*".')
+        plain = pattern.replace("{strip}", "*").replace("{flight}", "*")
+        if "**" in plain or "{" in plain or "*?" in plain:
+            raise trouble(
+                "The pattern leaves open where a part of it ends.",
+                "Put between two parts the character that stands there in the names.",
+            )
+        return self

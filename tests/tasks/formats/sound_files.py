@@ -1,0 +1,128 @@
+"""A small sound file of every format, and damage that files come with."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+
+from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
+from tests.tasks.formats import test_classical_formats as texts
+
+_EO = "image,camera,strip,x,y,z,omega,phi,kappa,time\nI1,C,S,500000.5,5300000.25,2000,0.1,-0.2,10,5.5\n"
+_MATRIX = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"
+_METASHAPE = f"""<document><chunk><sensors><sensor id="0" label="S" type="frame">
+<resolution width="100" height="80"/>
+<calibration class="adjusted"><f>200</f><cx>1.5</cx><k1>0.1</k1></calibration></sensor></sensors><components>
+<component id="0"><transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>4e6 6e5 4.9e6</translation>
+<scale>1</scale></transform></component></components><cameras><camera id="0" sensor_id="0" component_id="0"
+label="a"><transform>{_MATRIX}</transform></camera></cameras></chunk></document>"""
+_APPLANIX = """\
+ Mapping frame datum: WGS84  ; Mapping frame projection : TM;
+ central meridian = 9.000000 deg;
+ latitude of the grid origin = 0.000000 deg; grid scale factor = 0.999600:
+ false easting = 500000.000000 m; false northing = 0.000000 m;
+    First rotation is about the 'x' axis by the 'omega' angle.
+    Second rotation is about the 'y' axis by the 'phi' angle.
+    Third rotation is about the 'z' axis by the 'kappa' angle.
+ POS/AV Computed Data at Camera Perspective Centre
+
+ Record Format:
+
+ ID, # EVENT, TIME (s), EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, LAT, LONG
+
+ (position in Meters, orientation in Degrees, lat, long in Deg)
+
+17657707\t    3  576091.066218  470696.886 5155353.811 1997.734    2.43560    2.26026   89.58606 46.5 -87.3
+"""
+_RECONSTRUCTION = json.dumps(
+    [
+        {
+            "cameras": {
+                "c": {"projection_type": "perspective", "width": 100, "height": 80, "focal": 0.9, "k1": 0.1}
+            },
+            "shots": {"a": {"rotation": [0.1, 0.2, 0.3], "translation": [1.0, 2.0, 3.0], "camera": "c"}},
+            "reference_lla": {"latitude": 48.0, "longitude": 11.0, "altitude": 500.0},
+        }
+    ]
+)
+_GCP = "EPSG:25832\n500123.412 5300456.789 412.334 4012.6 3001.2 a.tif 2001\n1 2 NaN 3 4 b.tif\n"
+_COLMAP = (
+    struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 1, 2, 3, 1) + b"a.tif\0" + struct.pack("<QddQ", 1, 1.5, 2.5, 7)
+)
+_BUNDLE = "# Bundle file v0.3\n1 1\n500 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n1 2 3\n255 0 0\n1 0 7 1.5 -2.5\n"
+_BLOCKS = texts.BLOCKS.format(rotation=texts.ANGLES, axes="XRightYUp", srs="EPSG:32632")
+_OPK = "# Cameras (1)\na b\t1\t2\t3\t0\t0\t0\t1\t0\t0\t0\t1\t0\t0\t0\t1\n"
+_IGN_XML = """<sensor><usefull-frame><rect><w>100</w><h>80</h></rect></usefull-frame>
+<pixel_size>5e-6</pixel_size>
+<focal><pt3d><x>50</x><y>40</y><z>20000</z></pt3d></focal></sensor>"""
+
+#: (what is read, format) → content.
+SOUND: dict[tuple[str, str], str | bytes] = {
+    ("image points", "csv"): "image,point,x,y\nI1,P1,1.5,2.5\n",
+    ("image points", "ign-mes"): "P1 I1 1.5 2.5\n",
+    ("image points", "patb"): "1001 120000.0\n5 -34210.4 12988.7\n-99\n",
+    ("image points", "bingo"): "IMG CAM # x\nT1 -41.2 22.0\n-99\n",
+    ("image points", "pix4d"): "IMG.JPG\n5 100.5 200.5 1.2\n-99\n",
+    ("image points", "inpho"): texts.INPHO,
+    ("image points", "metashape-markers"): texts.MARKERS,
+    ("image points", "blocks-exchange"): _BLOCKS,
+    ("image points", "colmap"): _COLMAP,
+    ("image points", "opensfm"): "OPENSFM_TRACKS_VERSION_v2\na\t1\t2\t0.1\t-0.2\t0.001\t1\t2\t3\t-1\t-1\n",
+    ("image points", "odm-gcp"): _GCP,
+    ("image points", "bundler"): _BUNDLE,
+    ("exposures", "csv"): _EO,
+    ("exposures", "ign-opk"): "I1 1 2 3 0.1 0.2 0.3 C\n",
+    ("exposures", "applanix"): _APPLANIX,
+    ("exposures", "patb"): texts.PATB,
+    ("exposures", "bingo"): "ORIA 17 500.5 600.5 1000.25 1.5 2.5 100.0 CAM1\n",
+    ("exposures", "inpho"): texts.INPHO,
+    ("exposures", "isat"): texts.ISAT,
+    ("exposures", "metashape-opk"): _OPK,
+    ("exposures", "metashape"): _METASHAPE,
+    (
+        "exposures",
+        "pix4d",
+    ): "imageName X Y Z Omega Phi Kappa\nIMG 1.JPG 500123.41 5300456.7 2430.1 0.1 -0.2 89.7\n",
+    ("exposures", "blocks-exchange"): _BLOCKS,
+    ("exposures", "colmap"): "1 1 0 0 0 1 2 3 1 a.tif\n1.5 2.5 7 3 4 -1\n",
+    ("exposures", "opensfm"): _RECONSTRUCTION,
+    ("exposures", "odm-geo"): "WGS84\na.jpg 11.5 48.0 600\n",
+    ("exposures", "bundler"): _BUNDLE,
+    ("exposures", "realityscan"): "#name,x,y,alt,heading,pitch,roll\na.tif,1,2,3,-89.7,-0.2,-0.01\n",
+    ("control", "csv"): "point,x,y,z\nA,1,2,3\n",
+    ("control", "ign-app"): "A 13 1 2 3\n",
+    ("control", "patb"): "A 1.5 2.5\n-99\nA 10.25\n-99\n",
+    ("control", "bingo"): "CONT 2001 500123.412 5300456.789 412.334\n",
+    ("control", "inpho"): texts.INPHO,
+    ("control", "isat"): "begin control_points\n A 1 2 3 HV\nend control_points\n",
+    ("control", "metashape-markers"): texts.MARKERS,
+    ("control", "blocks-exchange"): _BLOCKS,
+    ("control", "odm-gcp"): _GCP,
+    ("camera", "ign-xml"): _IGN_XML,
+    ("camera", "inpho"): texts.INPHO,
+    ("camera", "isat"): (
+        "begin camera_parameters C\n focal_length: 100\n ppac: 0 0\n pixel_size: 5\n"
+        " image_size_in_pixels: 10 8\nend camera_parameters\n"
+    ),
+    ("camera", "metashape"): _METASHAPE,
+    ("camera", "blocks-exchange"): _BLOCKS,
+    ("camera", "colmap"): "1 OPENCV 100 80 200 201 50 40 0.1 0 0.001 0\n",
+    ("camera", "opensfm"): _RECONSTRUCTION,
+}
+#: What is read → its readers by format; all take one path.
+READERS: dict[str, dict[str, Callable[..., object]]] = {
+    "image points": dict(IMAGE_POINT_FORMATS),
+    "exposures": {
+        name: lambda path, reader=reader: reader(path, "omega-phi-kappa")
+        for name, reader in EXPOSURE_FORMATS.items()
+    },
+    "control": dict(CONTROL_FORMATS),
+    "camera": dict(CAMERA_FORMATS),
+}
+
+
+def content_of(key: tuple[str, str]) -> bytes:
+    """The sound file as bytes."""
+    content = SOUND[key]
+    return content if isinstance(content, bytes) else content.encode()

@@ -1,0 +1,392 @@
+"""PATB, BINGO, Inpho, ISAT and the text exports of other programs, from small files with known content."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.geometry.rotation import about_x, about_y, about_z, from_omega_phi_kappa
+from tasks.errors import InputError
+from tasks.formats import blocks_exchange, bundler, inpho, isat, metashape, opensfm, pix4d, realityscan
+from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
+from tasks.formats.patb import read_patb_control, read_patb_orientations
+from tasks.formats.photo_lists import read_photo_lists
+
+ORDER = "omega-phi-kappa"
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text, name="file.txt"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def refused(reader, *arguments):
+    with pytest.raises(InputError) as raised:
+        reader(*arguments)
+    assert raised.value.remedy
+    return raised.value
+
+
+# Numbers of a record of PATB as a page of another program prints it (formats.md 1.3).
+PATB = """\
+           10203      0.00000000    712190.65866     -5421.70427      2141.64057
+ -0.998826566538 -0.043032486871 -0.022219249579  0.044887436532 -0.994826584290
+ -0.091132789002 -0.018182629618 -0.092023215893  0.995590839510
+"""
+
+
+def test_orientations_of_patb_are_rotations_ground_from_camera(file):
+    records = read_patb_orientations(file(PATB), ORDER)
+    assert records.image.to_pylist() == ["10203"]
+    assert records.position.tolist() == [[712190.65866, -5421.70427, 2141.64057]]
+    rotation = from_omega_phi_kappa(np.radians(records.angles[0]))
+    np.testing.assert_allclose(rotation[0], [-0.998826566538, -0.043032486871, -0.022219249579], atol=1e-11)
+    assert abs(abs(records.angles[0, 2]) - 177.5) < 0.1
+    # The spare field may be blank, and long numbers may leave no blank between the columns.
+    blank = PATB.replace("     0.00000000", " " * 15)
+    assert read_patb_orientations(file(blank), ORDER).position.tolist() == records.position.tolist()
+    joined = PATB.replace("     -5421.70427", "-5304421.704270 ")
+    assert read_patb_orientations(file(joined), ORDER).position[0, 1] == -5304421.70427
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said", "line"),
+    [
+        ("  0.995590839510\n", "\n", "3 fields", 3),
+        ("0.044887436532", "0.000000000000", "no rotation", 1),
+        (" -0.018182629618", " 0.0l8182629618", "no number", 3),
+        (PATB.split("\n")[2] + "\n", "", "every image has three", 2),
+    ],
+)
+def test_damaged_orientations_of_patb_are_named(file, old, new, said, line):
+    error = refused(read_patb_orientations, file(PATB.replace(old, new)), ORDER)
+    assert said in error.what
+    assert error.line == line
+
+
+def test_lists_of_image_points_end_with_minus_99(file):
+    text = (
+        "  1001  120000.000\n 5000001 -34210.4 12988.7\n 5000002 10233.1 -20871.9 1\n -99\n"
+        "# next\n\nIMG 2 CAM\nT1 1 2\n"
+    )
+    records = read_photo_lists(file(text))
+    assert records.image.to_pylist() == ["1001", "1001", "IMG"]
+    assert records.point.to_pylist() == ["5000001", "5000002", "T1"]
+    assert records.xy.tolist() == [[-34210.4, 12988.7], [10233.1, -20871.9], [1.0, 2.0]]
+    assert records.line.tolist() == [2, 3, 8]
+    error = refused(read_photo_lists, file("1001\n1 2 3\n1002\n1 2 3\n-99\n"))
+    assert error.line == 3
+    assert "-99" in error.remedy
+
+
+def test_control_of_patb_is_known_in_plan_height_or_both(file):
+    records = read_patb_control(file("A 1.5 2.5 1\nB 3 4\nF 7 8 9.5\n-99\nA 10.25 1\nH 20\n-99\n"))
+    assert records.point.to_pylist() == ["A", "B", "F", "H"]
+    np.testing.assert_array_equal(
+        records.position,
+        [[1.5, 2.5, 10.25], [3, 4, np.nan], [7, 8, 9.5], [np.nan, np.nan, 20.0]],
+    )
+    assert "2 points known in X, Y and Z, 1 in X and Y, 1 in Z" in records.remarks[0]
+    assert "twice" in refused(read_patb_control, file("A 1 2\nA 1 2\n-99\n")).what
+
+
+def test_orientations_of_bingo_are_in_the_declared_order(file):
+    path = file("ORIA 17 500.5 600.5 1000.25 1.5 2.5 100.0 CAM1\nCORD 1 2 3 4\n")
+    records = read_bingo_orientations(path, "phi-omega-kappa")
+    # Angles of records are ω, φ, κ in every order.
+    assert records.angles.tolist() == [[2.5, 1.5, 100.0]]
+    assert records.camera.to_pylist() == ["CAM1"]
+    assert read_bingo_orientations(path, ORDER).angles.tolist() == [[1.5, 2.5, 100.0]]
+    assert "phi-omega-kappa" in refused(read_bingo_orientations, path, "heading-pitch-roll").remedy
+
+
+def test_control_and_check_points_of_bingo(file):
+    text = (
+        "CAPA CAM1 0 100.5 0.001 -0.03\nCONT 2001 500123.412 5300456.789 412.334\n"
+        "* CONT 9 1 2 3\nCHCK 2002 1 2 3\n"
+    )
+    records = read_bingo_control(file(text))
+    assert records.point.to_pylist() == ["2001", "2002"]
+    assert records.role.to_pylist() == ["control", "check"]
+    assert refused(read_bingo_control, file("CONT 1 2 3\n")).line == 1
+
+
+INPHO = """\
+$PROJECT 15.0.0
+  $PROJECT_NAME : a b
+  $COORDINATE_SYSTEM :
+    PROJCS["x"]
+  $END_COORDINATE_SYSTEM
+$END
+$CAMERA_DEFINITION
+  $ID : UC\\ Xp
+  $ACTIVE_CALIBRATION : b
+  $CALIBRATION_SET
+    $ID : a
+    $FOCAL_LENGTH : 99.0
+  $END
+  $CALIBRATION_SET
+    $ID : b
+    $FOCAL_LENGTH : 100.5
+    $PRINCIPAL_POINT_PPA : 0.01 -0.02
+  $END
+  $CCD_COLUMNS : 1001
+  $CCD_ROWS : 801
+  $CCD_INTERIOR_ORIENTATION :
+    200.0 0 500.0
+    0 -200.0 400.0
+  $RADIAL_COEFFS : 0 0 0 0
+    0 0 0 0
+$END
+$PHOTO
+  $PHOTO_NUM : 1_0001
+  $CAMERA_ID : UC\\ Xp
+  $EXT_ORI : 12:00:00 01/06/2025
+   100.500000  500123.4120  5300456.7890  2430.1230
+     0.999390827   0.034899497   0.000000000
+    -0.034899497   0.999390827   0.000000000
+     0.000000000   0.000000000   1.000000000
+  $PHOTO_POINTS :
+    t\\ 1 10.5 20.25 1.00 2 { * }
+    t2 11 21 1.00 2 { * }
+  $END_POINTS
+$END
+$CONTROL_POINTS
+  c1 1.0 2.0 3.0 HV 0 0 0
+$END_POINTS
+"""
+
+
+def test_a_project_of_inpho_is_read(file):
+    path = file(INPHO)
+    exposures = inpho.read_inpho_exposures(path, ORDER)
+    # The sample of formats.md: camera from ground of κ = +2°.
+    np.testing.assert_allclose(exposures.angles, [[0.0, 0.0, 2.0]], atol=1e-7)
+    assert exposures.camera.to_pylist() == ["UC Xp"]
+    assert exposures.states.crs == 'PROJCS["x"]'
+    points = inpho.read_inpho_image_points(path)
+    assert points.point.to_pylist() == ["t 1", "t2"]
+    assert points.xy.tolist() == [[10.5, 20.25], [11.0, 21.0]]
+    assert inpho.read_inpho_control(path).position.tolist() == [[1.0, 2.0, 3.0]]
+    (camera,) = inpho.read_inpho_cameras(path).values()
+    assert (camera.columns, camera.rows, camera.pixel_um, camera.focal_length_mm) == (1001, 801, 5.0, 100.5)
+    assert camera.principal_point_mm == (0.01, -0.02)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("$RADIAL_COEFFS : 0 0 0 0", "$RADIAL_COEFFS : 0 1e-9 0 0", "distortion"),
+        ("200.0 0 500.0\n    0 -200.0 400.0", "0 200.0 500.0\n    200.0 0 400.0", "not x right, y up"),
+        ("$CCD_ROWS : 801\n", "", "lacks $CCD_ROWS"),
+    ],
+)
+def test_cameras_of_inpho_that_are_not_read_are_refused(file, old, new, said):
+    assert said in refused(inpho.read_inpho_cameras, file(INPHO.replace(old, new))).what
+
+
+def test_a_project_of_inpho_that_was_cut_off_is_refused(file):
+    assert (
+        "does not end"
+        in refused(inpho.read_inpho_exposures, file(INPHO[: INPHO.index("$PHOTO_POINTS")]), ORDER).what
+    )
+
+
+ISAT = """\
+begin photo_parameters 1_0001\tstrip_id 1
+ camera_name: DMC2_27
+ EO_parameters\t500123.412 5300456.789 2430.123 0.01234 -0.22310 89.76540
+ COMPUTED_std_devs: 0.021 0.020 0.030 0.0004 0.0004 0.0006
+end photo_parameters
+begin photo_measurements 1_0001
+ 1 2 3
+end photo_measurements
+"""
+
+
+def test_photos_of_isat_are_read_with_or_without_colons(file):
+    records = isat.read_isat_exposures(file(ISAT), ORDER)
+    assert records.angles.tolist() == [[0.01234, -0.2231, 89.7654]]
+    assert records.strip.to_pylist() == ["1"]
+    assert records.sigma_position.tolist() == [[0.021, 0.02, 0.03]]
+    assert (
+        "lacks eo_parameters"
+        in refused(isat.read_isat_exposures, file(ISAT.replace("EO_parameters", "XX")), ORDER).what
+    )
+    control = isat.read_isat_control(file("begin control_points\n A 1 2 3 HV\nend control_points\n"))
+    assert control.position.tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_a_distortion_table_of_isat_is_refused(file):
+    text = (
+        "begin camera_parameters C\n focal_length: 100\n ppac: 0 0\n pixel_size: 5\n"
+        " image_size_in_pixels: 10 8\n lens_distortion_flag: on\n distortions: 0 1.5\nend camera_parameters\n"
+    )
+    assert "distortion" in refused(isat.read_isat_cameras, file(text)).what
+    assert isat.read_isat_cameras(file(text.replace("flag: on", "flag: off")))["C"].pixel_um == 5.0
+
+
+def test_calibrated_parameters_of_pix4d(file):
+    text = (
+        "imageName X Y Z Omega Phi Kappa\nIMG 1.JPG 500123.41201 5300456.789 2430.12 0.0123 -0.2231 89.7654\n"
+    )
+    records = pix4d.read_pix4d_exposures(file(text), ORDER)
+    assert records.image.to_pylist() == ["IMG 1.JPG"]
+    assert records.angles.tolist() == [[0.0123, -0.2231, 89.7654]]
+    assert refused(pix4d.read_pix4d_exposures, file(text.replace("Omega Phi", "Phi Omega")), ORDER).line == 1
+
+
+def test_the_row_of_realityscan_is_the_photo_of_the_other_formats(file):
+    """One photo in the angles of both (receivers.md 5.6)."""
+    text = (
+        "#name,x,y,alt,heading,pitch,roll,f,px,py\n"
+        "1_0001.tif,123.412,456.789,2030.123,-89.7653503,-0.2230478,-0.0132135,27.14,0,0\n"
+    )
+    records = realityscan.read_realityscan_exposures(file(text), ORDER)
+    np.testing.assert_allclose(records.angles, [[0.0123, -0.2231, 89.7654]], atol=2e-7)
+
+
+def test_bundler_is_camera_from_world_in_our_axes(file):
+    rotation = about_x(0.1) @ about_y(-0.2) @ about_z(2.0)
+    centre = np.array([10.0, 20.0, 30.0])
+    rows = ["# Bundle file v0.3", "2 1", *["0 0 0"] * 5, "500 0 0"]
+    rows += [" ".join(map(repr, row.tolist())) for row in (*rotation.T, -rotation.T @ centre)]
+    rows += ["1 2 3", "255 0 0", "2 0 7 1.5 -2.5 1 8 3 4"]
+    path = file("\n".join(rows) + "\n")
+    records = bundler.read_bundler_exposures(path, ORDER)
+    assert records.image.to_pylist() == ["1"]
+    np.testing.assert_allclose(records.position, [centre], atol=1e-12)
+    np.testing.assert_allclose(np.radians(records.angles), [[0.1, -0.2, 2.0]], atol=1e-12)
+    points = bundler.read_bundler_image_points(path)
+    assert points.image.to_pylist() == ["0", "1"]
+    assert points.xy.tolist() == [[1.5, -2.5], [3.0, 4.0]]
+    assert "too few" in refused(bundler.read_bundler_exposures, file("# Bundle file v0.3\n9 1\n"), ORDER).what
+
+
+BLOCKS = """\
+<BlocksExchange version="2.1"><SpatialReferenceSystems><SRS><Id>0</Id><Definition>{srs}</Definition></SRS>
+</SpatialReferenceSystems><Block><SRSId>0</SRSId><Photogroups><Photogroup><Name>UC</Name>
+<ImageDimensions><Width>1000</Width><Height>800</Height></ImageDimensions><SensorSize>50</SensorSize>
+<FocalLength>100</FocalLength><CameraOrientation>{axes}</CameraOrientation>
+<PrincipalPoint><x>500.5</x><y>399.5</y></PrincipalPoint>
+<Distortion><K1>-0.1</K1><P1>0.001</P1><P2>0.002</P2></Distortion>
+<Photo><Id>7</Id><ImagePath>D:\\img\\a.tif</ImagePath><Pose><Rotation>{rotation}</Rotation>
+<Center><x>10</x><y>20</y><z>30</z></Center></Pose></Photo>
+<Photo><Id>8</Id><ImagePath>b.tif</ImagePath><Component>0</Component></Photo></Photogroup></Photogroups>
+<ControlPoints><ControlPoint><SRSId>0</SRSId><Name>g1</Name><Category>Horizontal</Category>
+<Position><x>1</x><y>2</y></Position><HorizontalAccuracy>0.02</HorizontalAccuracy><CheckPoint>true</CheckPoint>
+<Measurement><PhotoId>7</PhotoId><x>5</x><y>6</y></Measurement></ControlPoint></ControlPoints>
+<TiePoints><TiePoint><Measurement><PhotoId>8</PhotoId><x>1.5</x><y>2.5</y></Measurement></TiePoint></TiePoints>
+</Block></BlocksExchange>"""
+ANGLES = "<Omega>0.0123</Omega><Phi>-0.2231</Phi><Kappa>89.7654</Kappa>"
+
+
+def blocks(file, rotation=ANGLES, axes="XRightYUp", srs="EPSG:32632"):
+    return file(BLOCKS.format(rotation=rotation, axes=axes, srs=srs))
+
+
+def test_a_block_in_our_axes_has_the_angles_that_stand_there(file):
+    records = blocks_exchange.read_blocks_exposures(blocks(file), ORDER)
+    assert records.image.to_pylist() == ["a.tif"]
+    np.testing.assert_allclose(records.angles, [[0.0123, -0.2231, 89.7654]], atol=1e-10)
+    assert records.states.crs == "EPSG:32632"
+
+
+@pytest.mark.parametrize(
+    ("axes", "in_ours"),
+    [
+        ("XRightYDown", np.diag([1.0, -1.0, -1.0])),
+        ("XLeftYDown", np.diag([-1.0, -1.0, 1.0])),
+        ("XDownYRight", np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])),
+    ],
+)
+def test_a_block_in_other_axes_is_turned(file, axes, in_ours):
+    rotation = from_omega_phi_kappa(np.radians([0.0123, -0.2231, 89.7654]))
+    # World → camera, in the axes of the camera: columns of `in_ours` are its axes in ours.
+    matrix = (rotation @ in_ours).T
+    text = "".join(f"<M_{i}{j}>{matrix[i, j]!r}</M_{i}{j}>".replace("np.float64(", "").replace(")<", "<")
+                   for i in range(3) for j in range(3))  # fmt: skip
+    records = blocks_exchange.read_blocks_exposures(blocks(file, text, axes), ORDER)
+    np.testing.assert_allclose(records.angles, [[0.0123, -0.2231, 89.7654]], atol=1e-10)
+
+
+def test_a_block_east_north_up_of_a_place_is_put_on_the_earth(file):
+    records = blocks_exchange.read_blocks_exposures(blocks(file, srs="ENU:47.5,9.25"), ORDER)
+    longitude, latitude, height = records.position[0]
+    assert (longitude - 9.25) * 111_412.0 * np.cos(np.radians(47.5)) == pytest.approx(10.0, abs=0.05)
+    assert (latitude - 47.5) * 111_180.0 == pytest.approx(20.0, abs=0.05)
+    assert height == pytest.approx(30.0, abs=1e-3)
+    assert records.states.reference == "true-north"
+
+
+def test_camera_control_and_measurements_of_a_block(file):
+    path = blocks(file)
+    camera = blocks_exchange.read_blocks_cameras(path)["UC"]
+    assert camera.focal_length_px == 2000.0
+    # The centre of the image is (499.5, 399.5) from the centre of the first pixel.
+    assert camera.principal_point_px == (1.0, 0.0)
+    assert camera.additional_parameters == {
+        "brown-forward:k1": -0.1, "brown-forward:p2": 0.001, "brown-forward:p1": 0.002,
+    }  # fmt: skip
+    control = blocks_exchange.read_blocks_control(path)
+    np.testing.assert_array_equal(control.position, [[1.0, 2.0, np.nan]])
+    np.testing.assert_array_equal(control.sigma, [[0.02, 0.02, np.nan]])
+    assert control.role.to_pylist() == ["check"]
+    points = blocks_exchange.read_blocks_image_points(path)
+    assert points.point.to_pylist() == ["g1", "tie1"]
+    assert points.image.to_pylist() == ["a.tif", "b.tif"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"rotation": "<Heading>1</Heading><Pitch>0</Pitch><Roll>0</Roll>"}, "not published"),
+        ({"axes": "XRightYLeft"}, "is none"),
+        ({"srs": "/some/file.prj"}, "none that is read"),
+        ({"rotation": "<M_00>1</M_00>"}, "<M_01>"),
+    ],
+)
+def test_blocks_that_are_not_read_are_refused(file, change, said):
+    assert said in refused(blocks_exchange.read_blocks_exposures, blocks(file, **change), ORDER).what
+
+
+MARKERS = """\
+<document><chunk><cameras><camera id="0" label="a"/><camera id="1" label="b"/></cameras><markers>
+<marker id="0" label="g1"><reference x="1" y="2" z="3" enabled="true"/></marker>
+<marker id="1" label="g2"><reference x="4" y="5" z="6" enabled="false"/></marker>
+<marker id="2" label="tie"/></markers><frames><frame id="0"><markers><marker marker_id="0">
+<location camera_id="0" pinned="true" x="10.5" y="20.5"/><location camera_id="1" pinned="false" x="1" y="2"/>
+</marker></markers></frame></frames></chunk></document>"""
+
+
+def test_only_measurements_of_metashape_that_somebody_made_are_read(file):
+    points = metashape.read_metashape_measurements(file(MARKERS))
+    assert list(zip(points.point.to_pylist(), points.image.to_pylist(), strict=True)) == [("g1", "a")]
+    assert points.xy.tolist() == [[10.5, 20.5]]
+    control = metashape.read_metashape_markers(file(MARKERS))
+    assert control.point.to_pylist() == ["g1", "g2"]
+    assert control.role.to_pylist() == ["control", "check"]
+
+
+def test_check_points_and_heights_that_are_not_known_in_a_gcp_list(file):
+    text = (
+        "EPSG:25832\n# remark\n500123.412 5300456.789 412.334 4012.6 3001.2 a.tif 2001\n"
+        "500623.1 5300956.021 NaN 1210.4 2977.9 b.tif CHK-2002\n"
+    )
+    control = opensfm.read_odm_control(file(text))
+    assert control.role.to_pylist() == ["control", "check"]
+    np.testing.assert_array_equal(control.position[1], [500623.1, 5300956.021, np.nan])
+    other = text + "1 2 3 4 5 c.tif 2001\n"
+    assert "other coordinates in line 3" in refused(opensfm.read_odm_control, file(other)).what
+    assert "state a CRS" in refused(opensfm.read_odm_control, file("1 2 3 4 5 a.tif\n")).what
+
+
+def test_positions_of_a_geo_file_have_no_angles(file):
+    records = opensfm.read_odm_geo(file("WGS84\na.jpg 11.5 48.0 600 10 20 30\n"), ORDER)
+    assert records.position.tolist() == [[11.5, 48.0, 600.0]]
+    assert np.isnan(records.angles).all()
