@@ -105,7 +105,7 @@ def test_the_adjusted_orientations_of_the_eagle_block_need_their_height_conversi
     project = load_project(
         EXAMPLES / "ign_ultracam_eagle" / "project.toml", environment={"AEROCAL_TEST_DATA": str(test_data)}
     )
-    adjusted = project.inputs.exposures[0].model_dump() | {
+    adjusted = project.inputs.exposures[0].model_dump(exclude_unset=True) | {
         "file": str(test_data / "ign_ultracam_eagle_m3" / "21FD2447_alt_s07.OPK"),
         "heights": {
             "geoid": str(test_data / "ign_borea_uce_m3" / "fr_ign_RAF20.tif"),
