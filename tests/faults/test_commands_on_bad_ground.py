@@ -73,7 +73,7 @@ def test_killed_commands_never_spoil_a_later_one(command: str, flight: Path, tmp
         hit = ended(process)[0] == -signal.SIGKILL
         hits += hit
         assert not damage(out)
-        # What is finished is taken up: after some kills, or where one came too late, from the beginning again.
+        # What is finished is taken up; after some kills, or one that came too late, all begins anew.
         if not hit or hits % 4 == 0:
             shutil.rmtree(out, ignore_errors=True)
         if hits == HITS:
