@@ -6,15 +6,14 @@ Contrasts c_j between the strips, along the eigenvectors of Q without its mean, 
 variances s² + λ_j. With s² given, the mean with weights w has the variance s² Σ w² + wᵀ Q w; of the
 second part only λ shows in the scatter.
 
-A few strips do not determine s². So the error of the mean has not one normal distribution but a mixture
-of them, over s² with the density
-
-    p(s²) ∝ √(Σ_j (s² + λ_j)⁻²) · Π_j (s² + λ_j)^(−1/2) exp(−c_j² / (2 (s² + λ_j)))
-
-(likelihood of the contrasts with the prior of Jeffreys 1946). Without known errors that is exactly
-Student's t with k − 1 degrees of freedom and the scatter of the strips over √k; where known errors
-prevail, the normal distribution; in between σ is rather too large than too small. Stated are σ and ν of
-the t-distribution with the same central intervals of 68.3 and 95 %.
+A few strips do not determine s². Whatever it is, Σ_j c_j² / (s² + λ_j) has the χ²-distribution with k − 1
+degrees of freedom, and falls with s²: each value of χ² belongs to one s², or to s² = 0 where the scatter is
+less than the known errors alone would make it. So the error of the mean has not one normal distribution
+but a mixture of them, over the s² that the distribution of χ² gives (generalized pivotal quantity, Weerahandi
+1993, with s² not below zero). Without known errors that is exactly Student's t with k − 1 degrees of freedom
+and the scatter of the strips over √k; where known errors prevail, the normal distribution; in between σ is
+rather too large than too small. Stated are σ and ν of the t-distribution with the same central intervals of
+68.3 and 95 %.
 """
 
 from __future__ import annotations
@@ -29,8 +28,9 @@ from adjust.arrays import Floats, Ints
 _INNER, _OUTER = float(special.ndtr(1.0)), 0.975
 # More degrees of freedom are as good as all.
 _MOST, _LEAST = 1e6, 0.5
-# s² over the scale of the contrasts, and at how many places.
-_RANGE, _PLACES = (1e-8, 1e10), 300
+# χ² over its degrees of freedom, and at how many places; halvings of the range of s².
+_RANGE, _PLACES = (1e-10, 1e3), 300
+_HALVINGS = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,19 +85,23 @@ def widening(freedom: Floats | float, level: float = _OUTER) -> Floats:
 
 
 def _mixture(squares: Floats, known: Floats) -> tuple[Floats, Floats]:
-    """Values (n,) of s², and the probability of each."""
-    scale = float(np.mean(squares) + np.mean(known))
-    if not scale > 0.0:
-        return np.zeros(1), np.ones(1)
-    variance = scale * np.geomspace(*_RANGE, _PLACES)
-    of_contrast = variance[:, None] + known
-    logarithm = (
-        np.log(variance)  # equal steps of log s²
-        + 0.5 * np.log(np.sum((scale / of_contrast) ** 2, axis=1))
-        - 0.5 * np.sum(np.log(of_contrast / scale) + squares / of_contrast, axis=1)
-    )
-    mass = np.exp(logarithm - logarithm.max())
-    return variance, mass / mass.sum()
+    """Values (n,) of s², and the probability of each.
+
+    Parameters
+    ----------
+    squares, known : (k − 1,) c², λ.
+    """
+    freedom = len(squares)
+    chi = freedom * np.geomspace(*_RANGE, _PLACES)
+    mass = np.exp(0.5 * (freedom * np.log(chi / freedom) - chi))  # equal steps of log χ²
+    # With no known errors s² = Σ c² / χ²; known ones leave less of it.
+    low, high = np.zeros(_PLACES), squares.sum() / chi
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            more = np.sum(squares / (middle[:, None] + known), axis=1) > chi
+        low, high = np.where(more, middle, low), np.where(more, high, middle)
+    return high, mass / mass.sum()
 
 
 def _quantile(sigma: Floats, mass: Floats, level: float) -> float:

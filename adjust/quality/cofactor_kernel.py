@@ -13,7 +13,7 @@ import numpy as np
 from adjust.compiled import kernel
 from adjust.observations.image_point_kernel import linearize_ray
 from adjust.solve.covisibility_kernel import find_block
-from adjust.solve.reduction_kernel import nonzero_columns
+from adjust.solve.reduction_kernel import nonzero_columns, open_row
 
 
 @kernel
@@ -91,11 +91,7 @@ def point_cofactors(
                     )
             for s in range(counts[a]):
                 g = found[a, s]
-                if position[g] < 0:
-                    position[g] = touched
-                    local[touched] = g
-                    gain_border[touched, :] = 0.0
-                    touched += 1
+                touched = open_row(g, touched, local, position, gain_border)
                 for q in range(3):
                     mixed[q] = of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                 for q in range(3):
@@ -104,11 +100,7 @@ def point_cofactors(
                     )
         for i in range(coupled_start[j], coupled_start[j + 1]):
             g = coupled_column[i]
-            if position[g] < 0:
-                position[g] = touched
-                local[touched] = g
-                gain_border[touched, :] = 0.0
-                touched += 1
+            touched = open_row(g, touched, local, position, gain_border)
             for q in range(3):
                 for k in range(3):
                     gain_border[position[g], q] += coupled_vector[i, k] * inverse[k, q]

@@ -53,6 +53,12 @@ class Joins:
             one.index, other.index, one.jacobian[:, 0], other.jacobian[:, 0], whitened.misclosure[:, 0]
         )
 
+    def add_to(self, point_normal: Floats, point_rhs: Floats) -> None:
+        """Add what both halves give to N_pp (m, 3, 3) and b_p (m, 3) of each object point."""
+        for point, rows in ((self.point, self.of_point), (self.other_point, self.of_other)):
+            np.add.at(point_normal, point, 2.0 * rows[:, :, None] * rows[:, None, :])
+            np.add.at(point_rhs, point, rows * self.misclosure[:, None])
+
     def moved(self, of_points: Floats) -> Floats:
         """Changes (k, d) of the unknowns t that keep both halves as they are while points (m, 3, d) move."""
         return np.asarray(-np.einsum("ki,kid->kd", self.of_point, of_points[self.point]))

@@ -317,7 +317,7 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
             _add_group(sums, equations, system, point_normal, point_rhs)
         else:
             joins.append(joined)
-            _add_joins(joined, point_normal, point_rhs)
+            joined.add_to(point_normal, point_rhs)
     # Each unknown t stands in two halves with the weight 2, whether its observation takes part or not.
     own = np.arange(layout.border, g)
     sums.corner[own, own] = 4.0
@@ -366,13 +366,6 @@ def _add_group(
             _add_pairs(sums, system.pattern, (index, other), transposed @ of_other)
     sums.corner[:] += np.einsum("nij,nik->jk", of_border, of_border)
     sums.rhs_border[:] += np.einsum("nij,ni->j", of_border, equations.misclosure)
-
-
-def _add_joins(joins: Joins, point_normal: Floats, point_rhs: Floats) -> None:
-    """Add what both halves of rows that join object points give to each of them."""
-    for point, rows in ((joins.point, joins.of_point), (joins.other_point, joins.of_other)):
-        np.add.at(point_normal, point, 2.0 * rows[:, :, None] * rows[:, None, :])
-        np.add.at(point_rhs, point, rows * joins.misclosure[:, None])
 
 
 def _add_pairs(sums: Sums, pattern: Covisibility, images: tuple[Ints, Ints], products: Floats) -> None:

@@ -106,6 +106,20 @@ def add_exposure_rows(
 
 
 @small_kernel
+def open_row(column, touched, local, position, rows):
+    """Give a column of the border that one point touches a row (3,) of zeros, unless it has one.
+
+    local (·,) has the columns that have a row, position (g,) the row of each column or −1; returns how many.
+    """
+    if position[column] < 0:
+        position[column] = touched
+        local[touched] = column
+        rows[touched, :] = 0.0
+        touched += 1
+    return touched
+
+
+@small_kernel
 def nonzero_columns(a, e, of_system, columns, found):
     """Free parameters of a ray with a derivative other than zero; returns how many.
 
@@ -277,22 +291,14 @@ def reduce_points(
                 )  # fmt: skip
                 for s in range(count):
                     g = found[a, s]
-                    if position[g] < 0:
-                        position[g] = touched
-                        local[touched] = g
-                        reduced_border[touched, :] = 0.0
-                        touched += 1
+                    touched = open_row(g, touched, local, position, reduced_border)
                     for q in range(3):
                         reduced_border[position[g], q] += (
                             of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                         )
         for i in range(coupled_start[j], coupled_start[j + 1]):
             g = coupled_column[i]
-            if position[g] < 0:
-                position[g] = touched
-                local[touched] = g
-                reduced_border[touched, :] = 0.0
-                touched += 1
+            touched = open_row(g, touched, local, position, reduced_border)
             for q in range(3):
                 reduced_border[position[g], q] += coupled_vector[i, q]
         times_inverse_transpose(reduced, 0, 6 * (rays[1] - rays[0]), lower)

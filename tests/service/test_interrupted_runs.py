@@ -143,7 +143,7 @@ def test_one_delivery_delivered_three_times_with_a_redeploy_between_is_computed_
         return (
             until(
                 lambda: found if len(found := server.records.runs(states=("Completed",))) == number else None,
-                400,
+                150,
             )
             or []
         )
