@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
-from adjust.calibration.correlation import correlation_matrix, total_correlation
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.control_point import ControlPoints
@@ -32,9 +31,11 @@ from adjust.parameters import (
     SystemParameters,
 )
 from adjust.planning.network import PlannedDistances, PlannedNetwork
+from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import SingularNormalsError, factorize
-from adjust.solve.normal_equations import Observations, System, reduced_normals
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import Observations, System
 
 # Families that the equations take part in only when they are there.
 _ON_DEMAND = (GNSS_STRIP_BIAS, GNSS_DRIFT, TIME_OFFSET)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
 from adjust.parameters import FAMILIES
 from adjust.planning.a_priori import APriori
+from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.block.parameter_tables import reported_unit
 
 
