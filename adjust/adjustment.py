@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
-from adjust.data_snooping import Search, snoop
+from adjust.data_snooping import Search, snoop, without_rejected
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
@@ -18,7 +18,7 @@ from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.global_test import global_test
 from adjust.quality.joint_cofactor import JointCofactor, joint_cofactors
 from adjust.quality.redundancy import GroupResiduals
-from adjust.quality.rejection import SnoopingRule
+from adjust.quality.rejection import Rejection, SnoopingRule
 from adjust.quality.s_transformation import with_inner_constraints
 from adjust.quality.variance_components import VarianceComponent, variance_components
 from adjust.result import AdjustmentResult, FreeNetwork, GroupResult, ObservationStatus
@@ -34,6 +34,7 @@ def adjust_block(
     observations: Observations,
     options: AdjustmentOptions | None = None,
     progress: Progress | None = None,
+    rejected: Rejection | None = None,
 ) -> AdjustmentResult:
     """Adjust a block by least squares and state how good the result is.
 
@@ -46,6 +47,8 @@ def adjust_block(
     Parameters
     ----------
     progress : called after every iteration.
+    rejected : what begins as rejected, from an adjustment of nearly the same block; it comes back where it
+        fits.
 
     Raises
     ------
@@ -56,8 +59,9 @@ def adjust_block(
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
     with threadpool_limits(limits=1):
-        system = System.of(block, observations, options.threads, options.free_network)
-        search = Search.start(observations, adjuster.adjust(system, block.approximate_state()))
+        left = observations if rejected is None else without_rejected(observations, rejected)
+        system = System.of(block, left, options.threads, options.free_network)
+        search = Search.start(observations, adjuster.adjust(system, block.approximate_state()), rejected)
         rule, weighted = _rule(options), None
         if options.variance_components or options.correlation_times:
             weighted = estimate_weights(adjuster, search, rule)

@@ -42,11 +42,14 @@ class Search:
     per_pass: tuple[int, ...] = ()
 
     @classmethod
-    def start(cls, given: Observations, adjusted: Adjusted) -> Search:
-        """Nothing rejected yet."""
+    def start(cls, given: Observations, adjusted: Adjusted, rejected: Rejection | None = None) -> Search:
+        """Nothing rejected yet but what the adjustment has left out already."""
         nothing = tuple(np.zeros(len(group.image), dtype=bool) for group in given.groups)
         no_point = np.zeros(len(adjusted.state.object_point), dtype=bool)
-        return cls(given, adjusted, nothing, no_point, nothing, no_point)
+        if rejected is None:
+            return cls(given, adjusted, nothing, no_point, nothing, no_point)
+        per_pass = (rejected.count,)
+        return cls(given, adjusted, rejected.rejected, rejected.given_up, nothing, no_point, per_pass)
 
     @property
     def taken_back(self) -> int:
@@ -65,7 +68,8 @@ class Search:
             given_up=self.given_up | found.given_up,
             per_pass=(*self.per_pass, found.count),
         )
-        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining()))
+        adjust = adjuster.again if adjuster.options.robust else adjuster.without_gross_errors
+        return replace(left, adjusted=adjust(self.adjusted, left.remaining()))
 
     def more(self, adjuster: Adjuster, back: Return) -> Search:
         """Adjusted with what fits again."""
@@ -88,13 +92,16 @@ class Search:
 
     def remaining(self) -> Observations:
         """The observations that are left."""
-        rays = self.given.image_points
-        return Observations(
-            rays.without(self.rejected[0] | self.given_up[rays.point]),
-            tuple(
-                group.without(mask) for group, mask in zip(self.given.others, self.rejected[1:], strict=True)
-            ),
-        )
+        return without_rejected(self.given, Rejection(self.rejected, self.given_up))
+
+
+def without_rejected(given: Observations, gone: Rejection) -> Observations:
+    """The observations that are left, without those of given-up object points, too."""
+    rays = given.image_points
+    return Observations(
+        rays.without(gone.rejected[0] | gone.given_up[rays.point]),
+        tuple(group.without(mask) for group, mask in zip(given.others, gone.rejected[1:], strict=True)),
+    )
 
 
 def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from adjust.arrays import Bools
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.cofactor import Cofactor, cofactor, of_fewer_rays
 from adjust.quality.considered import considered_errors
 from adjust.quality.redundancy import GroupResiduals, group_residuals
-from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
+from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate, single_step
 from adjust.solve.system import Observations, System
 
 
@@ -93,6 +96,21 @@ class Adjuster:
         found = self.adjust(system, before.state if state is None else state)
         return replace(found, history=before.history + found.history)
 
+    def without_gross_errors(self, before: Adjusted, observations: Observations) -> Adjusted:
+        """Adjust what is left after a few more observations were rejected, well enough to go on rejecting.
+
+        One step does where it can, with new cofactors for the object points that have lost something only.
+        The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere the same as ``again``.
+        """
+        system = before.system.remaining(observations)
+        solution = single_step(system, before.state)
+        if solution is None:
+            return self.again(before, observations)
+        lost = _points_that_lost(before.observations, system.observations, len(system.active_point))
+        quality = of_fewer_rays(before.quality, system, solution, lost)
+        residuals = group_residuals(system, solution.state, quality)
+        return Adjusted(system, solution, quality, residuals, (*before.history, solution.iterations))
+
     def to_the_end(self, before: Adjusted) -> Adjusted:
         """The same adjustment, stalled before, until it converges or fails.
 
@@ -102,3 +120,11 @@ class Adjuster:
         """
         found = self.adjust(before.system, before.state, may_stall=False)
         return replace(found, history=before.history + found.history)
+
+
+def _points_that_lost(before: Observations, left: Observations, points: int) -> Bools:
+    """Object points (points,) of which an observation takes part no more."""
+    lost = np.zeros(points + 1, dtype=bool)  # the last one stands for what belongs to no object point (−1)
+    for one, other in zip(before.groups, left.groups, strict=True):
+        lost[one.point[(one.stochastic.present != other.stochastic.present).any(axis=1)]] = True
+    return lost[:-1]

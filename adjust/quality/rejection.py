@@ -11,6 +11,7 @@ likeliest are rejected, and the good one of them fits again in the end.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,6 +42,8 @@ ReferenceVariance = Literal["a_priori", "a_posteriori"]
 
 # Part of the largest |w| below which an observation may be swamped by another one's gross error.
 _SWAMPED = 0.7
+# Statistics whose ratio is above this are equal but for rounding and what linear equations leave out.
+_EQUAL = 0.9999
 # With so many rays an object point can spare the two of which one is wrong; the good one comes back later.
 _ENOUGH_RAYS = 4
 
@@ -157,7 +160,7 @@ def choose(
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)
     touched: set[tuple[str, int]] = set()
-    for _, g, i in sorted(candidates):
+    for _, g, i in _first_of_equals(sorted(candidates), groups):
         point, image = int(groups[g].point[i]), int(groups[g].image[i])
         own = [("point", point)] if point >= 0 else [("image", image)]
         if any(place in touched for place in (("point", point), ("image", image))):
@@ -172,6 +175,28 @@ def choose(
     given_up = _undetermined(observations, rejected, len(state.object_point))
     given_up[[point for point, suspects in unclear.items() if len(suspects.ray) < _ENOUGH_RAYS]] = True
     return Rejection(rejected, given_up)
+
+
+def _first_of_equals(
+    candidates: list[tuple[float, int, int]], groups: tuple[ObservationGroup, ...]
+) -> Iterator[tuple[float, int, int]]:
+    """The same in the same order, but of the rays of a point that are equally suspicious the first one first.
+
+    Two rays have one residual between them: without this, rounding would say which of them is wrong.
+    """
+    of_point: dict[int, list[tuple[float, int, int]]] = {}
+    for item in candidates:
+        if item[1] == 0:
+            of_point.setdefault(int(groups[0].point[item[2]]), []).append(item)
+    for item in candidates:
+        if item[1] == 0:
+            equals = of_point[int(groups[0].point[item[2]])]
+            yield min(
+                (one for one in equals if item[0] / _EQUAL <= one[0] <= _EQUAL * item[0]),
+                key=lambda one: one[2],
+            )
+        else:
+            yield item
 
 
 def _beside(group: ObservationGroup, i: int) -> list[tuple[str, int]]:

@@ -15,10 +15,12 @@ import numpy as np
 from adjust.adjustment import adjust_block
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
+from adjust.data_snooping import without_rejected
 from adjust.errors import DatumDefectError, DivergenceError
 from adjust.observations.direct import DirectObservations
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS, ParameterLayout
+from adjust.quality.rejection import Rejection
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.selection.elimination import Elimination, eliminate
 from adjust.selection.elimination_rules import EliminationRules
@@ -78,7 +80,7 @@ def adjust_with_selection(
         result = adjust_block(block, observations, options, progress)
         full = LinearEstimate.of(normals_of_result(result))
         return SelectedAdjustment(block, result, full, layout, None, sigma0)
-    start, full, first = _all_together(block, observations, options, candidates, progress)
+    start, full, first, rejected = _all_together(block, observations, options, candidates, progress)
     elimination = eliminate(full, candidates, rules, sigma0)
     if tell is not None:
         tell(elimination)
@@ -86,7 +88,7 @@ def adjust_with_selection(
         return SelectedAdjustment(block, first, full, layout, elimination, sigma0)
     reduced = with_held(start, layout, elimination.eliminated)
     kept = without_priors_of_held(reduced, observations)
-    result = adjust_block(reduced, kept, options, progress)
+    result = adjust_block(reduced, kept, options, progress, _of_same(kept, observations, rejected))
     # The values to start from are no longer the given ones.
     left = with_held(block, layout, elimination.eliminated)
     return SelectedAdjustment(left, result, full, layout, elimination, sigma0)
@@ -116,19 +118,24 @@ def _all_together(
     options: AdjustmentOptions,
     candidates: Bools,
     progress: Progress | None,
-) -> tuple[Block, LinearEstimate, AdjustmentResult | None]:
-    """The block at the values of a first adjustment, all parameters as far as they are determined."""
+) -> tuple[Block, LinearEstimate, AdjustmentResult | None, Rejection]:
+    """The block at the values of a first adjustment, all parameters as far as they are determined.
+
+    Also the result, if it has all parameters, and what of the observations it has rejected.
+    """
     try:
         result = adjust_block(block, observations, options, progress)
         estimate = LinearEstimate.of(normals_of_result(result))
-        return _started_from(block, result), estimate, result
+        return _started_from(block, result), estimate, result, _rejected(result)
     except (DatumDefectError, DivergenceError):
         held = with_held(block, block.layout, candidates)
-        result = adjust_block(held, without_priors_of_held(held, observations), options, progress)
-        left = _left(observations, result)
+        kept = without_priors_of_held(held, observations)
+        result = adjust_block(held, kept, options, progress)
+        rejected = _of_same(observations, kept, _rejected(result))
+        left = without_rejected(observations, rejected)
         system = System.of(block, left, options.threads, options.free_network)
         estimate = LinearEstimate.of(normals_at(system, result.state), last=candidates)
-        return _started_from(block, result), estimate, None
+        return _started_from(block, result), estimate, None, rejected
 
 
 def _started_from(block: Block, result: AdjustmentResult) -> Block:
@@ -142,15 +149,22 @@ def _started_from(block: Block, result: AdjustmentResult) -> Block:
     )
 
 
-def _left(observations: Observations, result: AdjustmentResult) -> Observations:
-    """Without what an adjustment has rejected."""
-    kept = []
-    for group, item in zip(observations.groups[1:], result.groups[1:], strict=False):
-        kept.append(group.without(np.asarray((item.status == ObservationStatus.REJECTED).any(axis=1))))
-    rays = observations.image_points
-    status = result.groups[0].status
-    gone = np.isin(status, (ObservationStatus.REJECTED, ObservationStatus.NOT_USED)).any(axis=1)
-    return Observations(rays.without(np.asarray(gone)), tuple(kept))
+def _rejected(result: AdjustmentResult) -> Rejection:
+    """What an adjustment has rejected of its observations."""
+    gone = tuple((group.status == ObservationStatus.REJECTED).any(axis=1) for group in result.groups)
+    given_up = np.zeros(result.layout.points, dtype=bool)
+    given_up[result.given_up] = True
+    return Rejection(gone, given_up)
+
+
+def _of_same(wanted: Observations, before: Observations, rejected: Rejection) -> Rejection:
+    """The same of other groups of the same observations; what is known of parameters is never rejected."""
+    masks = {id(group.image): mask for group, mask in zip(before.groups, rejected.rejected, strict=True)}
+    nothing = (np.zeros(len(group.image), dtype=bool) for group in wanted.groups)
+    found = tuple(
+        masks.get(id(group.image), none) for group, none in zip(wanted.groups, nothing, strict=True)
+    )
+    return replace(rejected, rejected=found)
 
 
 def without_priors_of_held(block: Block, observations: Observations) -> Observations:

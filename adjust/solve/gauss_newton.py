@@ -26,6 +26,8 @@ _CONVERGED = 1e-3
 _FIRST_DAMPING = 1e-4
 # Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
 _LONG, _STALLED = 30.0, 1e-3
+# One step does where vᵀPv is what linear equations promise, but for this part.
+_LINEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,26 @@ class Solution:
 Progress = Callable[[Iteration], None]
 
 
+def single_step(system: System, start: State) -> Solution | None:
+    """One step from values that are nearly adjusted; None where one does not do.
+
+    The solution counts as stalled, and its normal equations are those of the state before the step.
+
+    Raises
+    ------
+    DatumDefectError : singular normal equations, explained.
+    InconsistentBlockError : an object point lies behind a camera that sees it.
+    """
+    normals = reduced_normals(system, start)
+    increments = _increments(system, start, normals)
+    moved = increments.applied(system, start)
+    promised = normals.weighted_squares - increments.decrement
+    if not abs(weighted_squares(system, moved) - promised) <= _LINEAR * promised:
+        return None
+    step = Iteration(1, normals.weighted_squares, increments.largest_move, 0.0)
+    return Solution(moved, normals, increments.factorization, (step,), True, increments.movements)
+
+
 def iterate(
     system: System, start: State, most: int, progress: Progress | None = None, may_stall: bool = False
 ) -> Solution:
@@ -126,14 +148,11 @@ def converge(
     history: list[Iteration] = []
     for number in range(1, most + 1):
         increments = _increments(system, state, normals)
-        largest_move = float(np.sqrt(max(increments.decrement, 0.0)))
-        step = Iteration(number, normals.weighted_squares, largest_move, damping)
+        step = Iteration(number, normals.weighted_squares, increments.largest_move, damping)
         history.append(step)
         if progress is not None:
             progress(step)
-        moved = system.layout.update(
-            state, increments.of_exposures, increments.of_border, increments.of_points
-        )
+        moved = increments.applied(system, state)
         if step.largest_move < _CONVERGED and damping == 0.0 and increments.datum_settled:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
             squares = weighted_squares(system, moved)
@@ -166,6 +185,7 @@ class _Increments:
     ----------
     of_exposures, of_border, of_points : (n, 6), (g,) and (m, 3).
     decrement : bᵀdx, which no choice of the datum changes.
+    factorization, movements : as of a solution.
     datum_settled : whether the block as a whole moves no more.
     """
 
@@ -173,7 +193,18 @@ class _Increments:
     of_border: Floats
     of_points: Floats
     decrement: float
-    datum_settled: bool
+    factorization: Factorization
+    movements: OpenMovements | None = None
+    datum_settled: bool = True
+
+    @property
+    def largest_move(self) -> float:
+        """Upper bound of |dx_i|/σ_i over all unknowns."""
+        return float(np.sqrt(max(self.decrement, 0.0)))
+
+    def applied(self, system: System, state: State) -> State:
+        """The state after the step."""
+        return system.layout.update(state, self.of_exposures, self.of_border, self.of_points)
 
 
 def _increments(system: System, state: State, normals: ReducedNormals) -> _Increments:
@@ -185,13 +216,15 @@ def _increments(system: System, state: State, normals: ReducedNormals) -> _Incre
     )
     of_points = substitute_back(system, state, normals, of_exposures, of_border)
     if movements is None:
-        return _Increments(of_exposures, of_border, of_points, decrement, True)
+        return _Increments(of_exposures, of_border, of_points, decrement, factorization)
     exposures, border, points = movements.towards_approximate_values(system, state, of_exposures, of_points)
     return _Increments(
         of_exposures + exposures,
         of_border + border,
         of_points + points,
         decrement,
+        factorization,
+        movements,
         settled(normals, exposures),
     )
 
