@@ -30,14 +30,21 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.project_run import RunRequest, Story  # noqa: E402
 from flows.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.registered import identity, show, state_of  # noqa: E402
-from flows.run_artifacts import artifacts_of_outcome, artifacts_of_refusal  # noqa: E402
+from flows.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
 from flows.run_state import STATE_NAMES  # noqa: E402
 from flows.serving.api import configured_api  # noqa: E402
-from flows.serving.calibrations import registry_of_runner  # noqa: E402
-from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
-from flows.serving.inbox import configured_inbox  # noqa: E402
-from flows.serving.results import configured_results  # noqa: E402
-from flows.serving.roots import OUTPUT_PATTERN, configured_roots, output_name  # noqa: E402
+from flows.serving.inbox import (  # noqa: E402
+    StoryOfDeliveries,
+    configured_inbox,
+    schedule_deliveries,
+)
+from flows.serving.roots import (  # noqa: E402
+    OUTPUT_PATTERN,
+    configured_results,
+    configured_roots,
+    output_name,
+    registry_of_runner,
+)
 from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
@@ -94,12 +101,12 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
         outcome = carry_out_recorded(story, request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))
-        show(artifacts_of_refusal(project, "InputError", str(error), identity()))
+        show(text_of_refusal(project, "InputError", str(error), identity()))
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     except InstallationError as error:
-        show(artifacts_of_refusal(project, "Failed", str(error), identity()))
+        show(text_of_refusal(project, "Failed", str(error), identity()))
         return Failed(message=str(error))
-    show(artifacts_of_outcome(outcome, request, identity()))
+    show(text_of_outcome(outcome, request, identity()))
     return state_of(outcome)
 
 

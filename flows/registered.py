@@ -6,7 +6,6 @@ them when a deployment is served.
 """
 
 import logging
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 from uuid import UUID
@@ -29,15 +28,11 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
-from flows.run_artifacts import (  # noqa: E402
-    CONTRADICTS_TRUTH,
-    artifacts_beside_records,
-    artifacts_of_outcome,
-)
+from flows.run_artifacts import CONTRADICTS_TRUTH, text_of_outcome  # noqa: E402
 from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
 from flows.scenario_sweep import sweep_of  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
-from tasks.dashboard.artifacts import DashboardArtifact  # noqa: E402
+from tasks.dashboard.short_text import ShortText  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.object_storage.address import ObjectAddress  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
@@ -65,23 +60,21 @@ def identity() -> FlowRunIdentity:
     return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
 
 
-def show(artifacts: Sequence[DashboardArtifact]) -> None:
-    """Store artifacts of the flow run that is active; what the server does not take is remarked on."""
-    run_id = UUID(str(flow_run.id))
+def show(text: ShortText) -> None:
+    """Store the text of the flow run that is active; what the server does not take is remarked on."""
     try:
+        artifact = ArtifactCreate(
+            key=f"{text.key}-verdict",
+            type="markdown",
+            description=text.line,
+            data=text.markdown,
+            flow_run_id=UUID(str(flow_run.id)),
+        )
         with get_client(sync_client=True) as client:
-            for one in artifacts:
-                created = ArtifactCreate(
-                    key=one.key,
-                    type=one.type,
-                    description=one.description,
-                    data=one.data,
-                    flow_run_id=run_id,
-                )
-                client.create_artifact(created)
+            client.create_artifact(artifact)
     # Whatever it is: the run is done, and its results are there.
     except Exception as error:
-        _log.warning("the artifacts of this run were not stored: %s: %s", type(error).__name__, error)
+        _log.warning("the text of this run was not stored: %s: %s", type(error).__name__, error)
 
 
 @flow(
@@ -108,7 +101,7 @@ def aerial_triangulation(
 
 def _run(story: Story, request: RunRequest) -> State[None]:
     outcome = carry_out_recorded(story, request, identity())
-    show(artifacts_of_outcome(outcome, request, identity()))
+    show(text_of_outcome(outcome, request, identity()))
     return state_of(outcome)
 
 
@@ -220,7 +213,7 @@ def flight_check(
     check = flight_check_story(specification, Path(out), calibrates=calibrate)
     contradictions = () if check.comparison is None else check.comparison.contradictions()
     request = RunRequest(Path(out) / "project.toml")
-    show(artifacts_beside_records(check.outcome, request, identity(), contradictions))
+    show(text_of_outcome(check.outcome, request, identity(), contradictions, recorded=False))
     if contradictions:
         return Failed(name=CONTRADICTS_TRUTH, message=" ".join(contradictions))
     return state_of(check.outcome)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import waitress
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
 
 from flows.overview import calibration_figures, trend_figures
@@ -60,6 +64,26 @@ def application(sources: Sources) -> Dash:
     add_results(app.server, sources)
     guard(app.server, sources.door, page_policy(app.csp_hashes()))
     return app
+
+
+@contextmanager
+def page_server(sources: Sources, host: str, port: int) -> Iterator[None]:
+    """Serve the page in threads of this process while the context lasts."""
+    # Its own name and version are nobody's business.
+    server = waitress.create_server(application(sources).server, host=host, port=port, threads=6, ident=None)
+    # Thousands of runs take some seconds, once; the first visitor need not wait for all of them.
+    for work in (server.run, lambda: _read_ahead(sources)):
+        threading.Thread(target=work, daemon=True).start()
+    try:
+        yield
+    finally:
+        server.close()
+
+
+def _read_ahead(sources: Sources) -> None:
+    # What is wrong with the records is said on the page.
+    with suppress(AerocalError):
+        sources.board.changes(None)
 
 
 def _health() -> str:

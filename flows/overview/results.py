@@ -49,10 +49,6 @@ def _shown(document: Document) -> Response:
             "default-src 'none'; style-src 'unsafe-inline'; object-src 'self'"
         )
         response.headers["Content-Disposition"] = f'inline; filename="{document.name}"'
-    if document.media_type.startswith("image/"):
-        # The dashboard, on another port, shows the map; a browser takes no two ports of an IP address for the
-        # same site. Other pages could draw it, too, if they knew the run, and never read it.
-        response.headers["Cross-Origin-Resource-Policy"] = "cross-origin"
     response.headers["Cache-Control"] = "no-store"
     return response
 

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
-from pathlib import Path
 from typing import Generic, TypeVar
 
 from flows.overview.server_queue import ServerView, server_view
-from flows.serving.api import Api, configured_api
-from flows.serving.door import DOOR_VARIABLE, Door, door_from
-from flows.serving.inbox_news import InboxNews, read_inbox_news
-from flows.serving.roots import Roots, configured_roots
-from flows.serving.server_process import SERVER_WORDS
-from flows.serving.state_file import state_folder
-from tasks.errors import AerocalError, InputError
+from flows.serving.api import Api
+from flows.serving.door import Door
+from flows.serving.roots import Roots
+from flows.serving.watch import InboxNews
+from tasks.errors import AerocalError
 from tasks.production.board import Board
 from tasks.production.queue import queue_of_records
-from tasks.production.records import Records, configured_records
+from tasks.production.records import Records
 from tasks.registry.due import DueLimits
 from tasks.registry.registry import Registry
 from tasks.registry.watch import RegistryWatch, watch_of
-from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
+from tasks.settings.registry import registry_address
 
 T = TypeVar("T")
 #: How long an answer of the server, and one of the registry, serves; s.
@@ -78,7 +74,7 @@ class Sources:
     api : of the server.
     door : who is let in.
     registry : address of the registry; None: there is none.
-    state : folder of what ``aerocal serve`` keeps.
+    inbox : what the last look into the inbox has found; None: there is no inbox.
     """
 
     records: Records
@@ -87,7 +83,7 @@ class Sources:
     api: Api
     door: Door
     registry: str | None
-    state: Path
+    inbox: Callable[[], InboxNews | None]
     board: Board = field(init=False)
     _server: Lasting[ServerView] = field(init=False)
     _calibrations: Lasting[Calibrations] = field(init=False)
@@ -105,10 +101,6 @@ class Sources:
         """What the registry says."""
         return self._calibrations.get()
 
-    def inbox(self) -> InboxNews | None:
-        """What the last look into the inbox has found; None: there is no inbox."""
-        return read_inbox_news(self.state)
-
     def _ask_server(self) -> ServerView:
         found = server_view(self.api, datetime.now(UTC))
         if found.reachable:
@@ -124,29 +116,3 @@ class Sources:
             return Calibrations(watch_of(contents, date.today(), DueLimits()), None, True)
         except AerocalError as error:
             return Calibrations(None, str(error), True)
-
-
-def configured_sources(dashboard: str, environment: Mapping[str, str] = os.environ) -> Sources:
-    """The sources that the server which started this process has named.
-
-    Parameters
-    ----------
-    dashboard : address of the server's own pages for browsers.
-
-    Raises
-    ------
-    InputError
-        If it has named none.
-    """
-    records = configured_records(environment)
-    if records is None or not all(environment.get(name) for name in ("PREFECT_API_URL", SERVER_WORDS)):
-        raise InputError("The page belongs to a server.", "Start it with `aerocal serve`.")
-    return Sources(
-        records,
-        dashboard,
-        configured_roots(environment),
-        configured_api(environment),
-        door_from(environment[SERVER_WORDS], environment.get(DOOR_VARIABLE)),
-        environment.get(REGISTRY_VARIABLE) or None,
-        state_folder(),
-    )

@@ -1,13 +1,13 @@
 """The outbox: notices wait in the database of production until every address has taken them.
 
-A notice is written in the same transaction as the end of its run. It is sent at least once: whoever is killed
-between the answer of a receiver and the note about it sends it again, with the same number. Once noted, it is
-never sent again.
+Neither Prefect's notifications nor apprise keep what a receiver did not take. A notice is written in the
+same transaction as the end of its run. It is sent at least once: whoever is killed between the answer of a
+receiver and the note about it sends it again, with the same number. Once noted, it is never sent again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Literal, TypeAlias
@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 from sqlalchemy import insert, select, update
 
 from tasks.notification.addresses import NoticeAddress, Sent
-from tasks.notification.notice import Notice, notice_from
+from tasks.notification.notice import Links, Notice, NoticeKind, notice_from
 from tasks.production.records import Records
 from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
 
@@ -106,3 +106,77 @@ class Outbox:
         with self.records.writing() as connection:
             for notice in notices:
                 connection.execute(update(NOTICES).where(NOTICES.c.id == notice.id).values(closed=now))
+
+
+#: An address that has failed is left alone for so long, whatever else waits for it.
+_RESTED = timedelta(seconds=5)
+
+
+class Courier:
+    """Delivers notices.
+
+    Parameters
+    ----------
+    outbox : where they wait.
+    addresses : where they go.
+    wanted : kinds that are told; others are done with at once.
+    links : where readers find more.
+    say : is told about failures, a sentence.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        addresses: Sequence[NoticeAddress],
+        wanted: Collection[NoticeKind],
+        links: Links,
+        say: Callable[[str], None],
+        patience: Patience | None = None,
+    ) -> None:
+        self.outbox, self.addresses, self.wanted, self.links = outbox, addresses, wanted, links
+        self.say, self.patience = say, patience or Patience()
+        self._rests: dict[str, datetime] = {}
+
+    def deliver(self, is_over: Callable[[], bool] = lambda: False) -> int:
+        """Send what is due; how many notices are still waiting.
+
+        Parameters
+        ----------
+        is_over : asked between two messages; the rest then waits for the next time.
+
+        Raises
+        ------
+        InputError, InstallationError
+            As of `Outbox`.
+        """
+        waiting = self.outbox.waiting()
+        done: list[Notice] = []
+        for notice in waiting:
+            if is_over():
+                break
+            addresses = self.addresses if notice.kind in self.wanted else ()
+            # Every address gets its turn, whatever the others say.
+            brought = [self._bring(notice, address) for address in addresses]
+            if all(brought):
+                done.append(notice)
+        if done:
+            self.outbox.close(done)
+        return len(waiting) - len(done)
+
+    def _bring(self, notice: Notice, address: NoticeAddress) -> bool:
+        """Send a notice to an address if it is due; whether nothing more is to be done there."""
+        before, now = self.outbox.delivery(notice, address), datetime.now(UTC)
+        if before is not None and before.state != "waiting":
+            return True
+        if (before is not None and now < before.due) or now < self._rests.get(address.key, now):
+            return False
+        sent = address.send(notice, self.links)
+        now = datetime.now(UTC)
+        after = self.outbox.note(notice, address, sent, now, self.patience)
+        if not sent.accepted:
+            self._rests[address.key] = now + min(after.due - now, _RESTED)
+        if after.state == "given_up":
+            self.say(f"The notice '{notice.subject}' is given up: {address} is {sent.said}.")
+        elif not sent.accepted and after.attempts == 1:
+            self.say(f"The notice '{notice.subject}' is sent again later: {address} is {sent.said}.")
+        return after.state != "waiting"

@@ -16,9 +16,8 @@ import pytest
 
 from flows.serving.server_process import free_port
 from tasks.notification.addresses import configured_addresses
-from tasks.notification.delivery import Courier
 from tasks.notification.notice import USUAL, Links
-from tasks.notification.outbox import Outbox, Patience
+from tasks.notification.outbox import Courier, Outbox, Patience
 from tasks.production.records import Records
 from tests.conftest import Start
 from tests.tasks.notification.receivers import mail_receiver, web_receiver
@@ -204,7 +203,7 @@ def test_a_letter_has_one_subject_whatever_the_project_is_called(
 
 
 _KILLED = """
-    from tasks.notification import delivery
+    from tasks.notification import outbox
     from tasks.notification.addresses import configured_addresses
     from tasks.notification.notice import USUAL, Links
     from tasks.notification.outbox import Outbox
