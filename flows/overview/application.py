@@ -22,7 +22,7 @@ from flows.overview.sources import Sources
 from tasks.errors import AerocalError
 from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
 from tasks.production.documents import documents_of
-from tasks.production.trend import trend_of
+from tasks.production.project_row import trend_of
 
 _INDEX = """<!DOCTYPE html>
 <html lang="en">

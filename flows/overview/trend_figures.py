@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
-from tasks.production.trend import TrendPoint, any_of
+from tasks.production.project_row import TrendPoint, any_of
 
 Figure = dict[str, Any]
 

@@ -10,21 +10,21 @@ from __future__ import annotations
 
 import json
 import os
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, cast
 
 from flows.serving.door import basic
 from flows.serving.server_process import CLIENT_WORDS
+from tasks.patience import Patience
 from tasks.production.run_record import ENDED, State
 from tasks.storage.installation import InstallationError
 
-#: Seconds between the trials of a call that finds the server's database busy.
-_PAUSES_S = (0.5, 1.0, 2.0, 4.0)
+#: With a call that finds the server's database busy.
+_PATIENCE = Patience(0.5, 4.0, 7.5)
 
 
 @dataclass(frozen=True)
@@ -87,17 +87,15 @@ class Api:
 
 def _answer(request: urllib.request.Request) -> bytes:
     """What the server says; one whose database is busy (503: nothing was done) is asked again a few times."""
-    for pause_s in _PAUSES_S:
-        try:
-            with urllib.request.urlopen(request, timeout=30) as answer:
-                return bytes(answer.read())
-        except urllib.error.HTTPError as error:
-            if error.code != 503:
-                raise
-            error.close()
-            time.sleep(pause_s)
-    with urllib.request.urlopen(request, timeout=30) as answer:
-        return bytes(answer.read())
+
+    def ask() -> bytes:
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            return bytes(answer.read())
+
+    def is_busy(error: Exception) -> bool:
+        return isinstance(error, urllib.error.HTTPError) and error.code == 503
+
+    return _PATIENCE.tried(ask, is_busy, lambda error, *_: cast(urllib.error.HTTPError, error).close())
 
 
 def configured_api(environment: Mapping[str, str] = os.environ) -> Api:

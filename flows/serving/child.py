@@ -23,6 +23,7 @@ from pathlib import Path
 from types import FrameType
 from typing import BinaryIO
 
+from tasks.patience import Patience
 from tasks.storage.installation import InstallationError
 
 #: A log that is larger, bytes, is begun anew; the old one is kept once.
@@ -158,8 +159,8 @@ if __name__ == "__main__":
 END_S = 30.0
 #: So many ends within so many seconds mean that starting it again does not help. A database may well be away
 #: for a quarter of an hour.
-_ENDS, _ENDS_WITHIN_S = 20, 3600.0
-_LONGEST_PAUSE_S = 60.0
+_ENDS = 20
+_PATIENCE = Patience(1.0, 60.0, 3600.0)
 
 Say = Callable[[str], None]
 
@@ -227,10 +228,10 @@ class Supervised:
         elif self.child.ended:
             # What it has started works for nobody any more, and would stand beside what is started next.
             self.child.end_group(0.0)
-            self._ends = [*(end for end in self._ends if now - end < _ENDS_WITHIN_S), now]
+            self._ends = [*(end for end in self._ends if now - end < _PATIENCE.total_s), now]
             if len(self._ends) >= _ENDS:
                 raise self._given_up()
-            pause_s = min(2.0 ** (len(self._ends) - 1), _LONGEST_PAUSE_S)
+            pause_s = _PATIENCE.pause_s(len(self._ends))
             self._again = now + pause_s
             self._say(f"The {self.name} has ended by itself; it is started again in {pause_s:.0f} s.")
         else:
@@ -238,7 +239,7 @@ class Supervised:
 
     def _given_up(self) -> InstallationError:
         return InstallationError(
-            f"The {self.name} has ended by itself {_ENDS} times within {_ENDS_WITHIN_S / 60:.0f} minutes.",
+            f"The {self.name} has ended by itself {_ENDS} times within {_PATIENCE.total_s / 60:.0f} minutes.",
             "Start again when the reason is found; runs go on where they stood. "
             f"Its log is {self.child.log}; the last lines:\n{self.child.last_lines()}",
         )

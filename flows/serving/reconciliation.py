@@ -137,7 +137,7 @@ _MESSAGE = "It was ended by the machine; finished stages are kept."
 
 
 def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
-    """Schedule the runs again that are due (`tasks.production.attempts`).
+    """Schedule the runs again that are due (`tasks.production.run_record`).
 
     One that belongs to no deployment (it was started by a command, which has ended with it) cannot be begun
     by a runner; it stays as it ended.

@@ -16,10 +16,13 @@ from sqlalchemy import insert, select, update
 
 from tasks.notification.addresses import NoticeAddress, Sent
 from tasks.notification.notice import Links, Notice, NoticeKind, notice_from
+from tasks.patience import Patience
 from tasks.production.records import Records
 from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
 
 DeliveryState: TypeAlias = Literal["waiting", "delivered", "given_up"]
+#: With a receiver that does not take a notice; its age counts.
+PATIENCE = Patience(10.0, 3600.0, 3 * 86_400.0)
 #: Notices that are looked at in one pass.
 _BATCH = 200
 
@@ -40,25 +43,6 @@ class Delivery:
     attempts: int
     due: datetime
     said: str
-
-
-@dataclass(frozen=True)
-class Patience:
-    """How long is waited.
-
-    Attributes
-    ----------
-    first_s, longest_s : pause after the first failure, doubled each time, and its limit.
-    give_up_s : age of a notice at which it is given up.
-    """
-
-    first_s: float = 10.0
-    longest_s: float = 3600.0
-    give_up_s: float = 3 * 86_400.0
-
-    def pause_s(self, attempts: int) -> float:
-        """The pause after so many failures."""
-        return float(min(self.first_s * 2.0 ** min(attempts - 1, 30), self.longest_s))
 
 
 @dataclass(frozen=True)
@@ -88,7 +72,7 @@ class Outbox:
         attempts = 1 if before is None else before.attempts + 1
         age = (now - datetime.fromisoformat(notice.ended)).total_seconds()
         state: DeliveryState = "delivered" if sent.accepted else "waiting"
-        if not sent.accepted and age > patience.give_up_s:
+        if not sent.accepted and age > patience.total_s:
             state = "given_up"
         due = now + timedelta(seconds=patience.pause_s(attempts))
         values = {"state": state, "attempts": attempts, "due": due.isoformat(), "said": sent.said}
@@ -134,7 +118,7 @@ class Courier:
         patience: Patience | None = None,
     ) -> None:
         self.outbox, self.addresses, self.wanted, self.links = outbox, addresses, wanted, links
-        self.say, self.patience = say, patience or Patience()
+        self.say, self.patience = say, patience or PATIENCE
         self._rests: dict[str, datetime] = {}
 
     def deliver(self, is_over: Callable[[], bool] = lambda: False) -> int:

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from flows.serving.api import NAME
+from flows.serving.api import AUTOMATION
 from tasks.production.run_record import RunRecord
 from tasks.storage.run_lock import run_lock
 from tests.flows.conftest import write_block
@@ -126,7 +126,7 @@ def test_two_runners_share_the_runs_and_begin_none_twice(server: Served) -> None
 
 
 def test_the_automation_for_silent_runs_is_there_once(server: Served) -> None:
-    found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [NAME]}}})
+    found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [AUTOMATION]}}})
     assert [one["actions"][0]["state"] for one in found] == ["CRASHED"]
 
 
