@@ -110,67 +110,49 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
     return state_of(outcome)
 
 
-@flow(
-    name="aerial-triangulation",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[None]]":
+    """The flow of a story on a project of this server."""
+
+    def run(
+        project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
+    ) -> State[None]:
+        """Run the story.
+
+        Args:
+            project: The project file or its folder; absolute, or as seen from a folder of this server.
+            settings: What shall differ from the project file.
+            output: Name of the folder of the results, beside the project file.
+        """
+        return _confined(story, project, settings, output)
+
+    run.__name__ = name.replace("-", "_")
+    return flow(
+        run,
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=12 * _HOUR_S,
+        persist_result=False,
+        on_completion=[name_outcome],
+        on_failure=[name_outcome],
+    )
+
+
+aerial_triangulation = _story_flow(
+    "aerial-triangulation",
+    "Adjust the block of a project: orientations, object points and their precision, report, gates.",
+    aerial_triangulation_story,
 )
-def aerial_triangulation(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Adjust the block of a project: orientations, object points and their precision, report, gates.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(aerial_triangulation_story, project, settings, output)
-
-
-@flow(
-    name="system-calibration",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+system_calibration = _story_flow(
+    "system-calibration",
+    "Calibrate camera, mounting and GNSS from a calibration flight, with certificate.",
+    system_calibration_story,
 )
-def system_calibration(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Calibrate camera, mounting and GNSS from a calibration flight, with certificate.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(system_calibration_story, project, settings, output)
-
-
-@flow(
-    name="direct-georeferencing-check",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+direct_georeferencing_check = _story_flow(
+    "direct-georeferencing-check",
+    "Check what GNSS, INS and a calibration give without any control.",
+    direct_georeferencing_story,
 )
-def direct_georeferencing_check(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Check what GNSS, INS and a calibration give without any control.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(direct_georeferencing_story, project, settings, output)
 
 
 @flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)

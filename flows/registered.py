@@ -6,6 +6,7 @@ them when a deployment is served.
 """
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 from uuid import UUID
@@ -77,104 +78,63 @@ def show(text: ShortText) -> None:
         _log.warning("the text of this run was not stored: %s: %s", type(error).__name__, error)
 
 
-@flow(
-    name="aerial-triangulation",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+def _story_flow(
+    name: str, description: str, story_of: Callable[[RunRequest], Story], hours: int = 12
+) -> "Flow[..., State[None]]":
+    """The flow of a story on a project file."""
+
+    def run(
+        project_file: str,
+        out: str | None = None,
+        overrides: list[str] | None = None,
+        data: str | None = None,
+    ) -> State[None]:
+        """Run the story.
+
+        Parameters
+        ----------
+        project_file : the project's TOML file.
+        out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
+        overrides : values to replace, each as ``a.b.c=VALUE``.
+        data : a second folder for relative input paths.
+        """
+        folder = Path(data) if data is not None else None
+        request = RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
+        outcome = carry_out_recorded(story_of(request), request, identity())
+        show(text_of_outcome(outcome, request, identity()))
+        return state_of(outcome)
+
+    run.__name__ = name.replace("-", "_")
+    return flow(
+        run,
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=hours * _HOUR_S,
+        persist_result=False,
+        validate_parameters=True,
+    )
+
+
+aerial_triangulation = _story_flow(
+    "aerial-triangulation", "Adjust the block of a project file.", lambda _request: aerial_triangulation_story
 )
-def aerial_triangulation(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Adjust the block of a project file.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(aerial_triangulation_story, _request(project_file, out, overrides, data))
-
-
-def _run(story: Story, request: RunRequest) -> State[None]:
-    outcome = carry_out_recorded(story, request, identity())
-    show(text_of_outcome(outcome, request, identity()))
-    return state_of(outcome)
-
-
-def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
-    folder = Path(data) if data is not None else None
-    return RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
-
-
-@flow(
-    name="direct-georeferencing-check",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+direct_georeferencing_check = _story_flow(
+    "direct-georeferencing-check",
+    "Check what GNSS, INS and the calibration of a project file give without any control.",
+    lambda _request: direct_georeferencing_story,
 )
-def direct_georeferencing_check(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Check what GNSS, INS and the calibration of a project file give without any control.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [direct_georeferencing] says which calibration.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(direct_georeferencing_story, _request(project_file, out, overrides, data))
-
-
-@flow(
-    name="system-calibration",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+system_calibration = _story_flow(
+    "system-calibration",
+    "Calibrate camera, mounting and GNSS from the calibration flight of a project file.",
+    lambda _request: system_calibration_story,
 )
-def system_calibration(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Calibrate camera, mounting and GNSS from the calibration flight of a project file.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [calibration] says what is estimated.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(system_calibration_story, _request(project_file, out, overrides, data))
-
-
-@flow(
-    name="scenario-sweep",
-    flow_run_name=run_name,
-    timeout_seconds=24 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+scenario_sweep = _story_flow(
+    "scenario-sweep",
+    "Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.",
+    sweep_of,
+    hours=24,
 )
-def scenario_sweep(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [sweep] says which scenarios.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    request = _request(project_file, out, overrides, data)
-    return _run(sweep_of(request), request)
 
 
 def check_name() -> str:
