@@ -126,8 +126,7 @@ def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[N
         return _confined(story, project, settings, output)
 
     run.__name__ = name.replace("-", "_")
-    return flow(
-        run,
+    made: Flow[..., State[None]] = flow(
         name=name,
         description=description,
         flow_run_name=run_name,
@@ -135,7 +134,8 @@ def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[N
         persist_result=False,
         on_completion=[name_outcome],
         on_failure=[name_outcome],
-    )
+    )(run)
+    return made
 
 
 aerial_triangulation = _story_flow(

@@ -105,15 +105,15 @@ def _story_flow(
         return state_of(outcome)
 
     run.__name__ = name.replace("-", "_")
-    return flow(
-        run,
+    made: Flow[..., State[None]] = flow(
         name=name,
         description=description,
         flow_run_name=run_name,
         timeout_seconds=hours * _HOUR_S,
         persist_result=False,
         validate_parameters=True,
-    )
+    )(run)
+    return made
 
 
 aerial_triangulation = _story_flow(
