@@ -137,11 +137,11 @@ class _Serving:
             if not self._wait("server", self._is_well, server):
                 return 0
             at_end.enter_context(notices)
-            watch = Watch(self.settings, self.api, self.records, self.say)
-            at_end.enter_context(self._page(watch))
             begun = time.time()
             runner = Supervised("runner", self._runner, self.say, self._is_well)
             at_end.callback(runner.end)
+            watch = Watch(self.settings, self.api, self.records, self.say)
+            at_end.enter_context(self._page(watch))
             if not self._wait("runner", lambda: self._polls(begun), runner):
                 return 0
             self._ready()
@@ -156,7 +156,7 @@ class _Serving:
 
     @contextmanager
     def _page(self, watch: Watch) -> Iterator[None]:
-        # Loads Dash, which takes a second that the server needs anyway.
+        # Loads Dash, in seconds that the runner needs anyway.
         from flows.overview.application import page_server
         from flows.overview.sources import Sources
 
