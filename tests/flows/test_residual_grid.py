@@ -17,7 +17,7 @@ from tasks.simulate import simulate_project
 
 GRID = "adjustment.residual_grid"
 #: 28 images with radial errors and shifted CCD images; no gross errors in the way.
-SPECIFICATION = ("points.count=2500", "truth.image_errors.radial_um=2.0", "truth.image_errors.tile_um=1.0")
+SPECIFICATION = ("points.count=1500", "truth.image_errors.radial_um=2.0", "truth.image_errors.tile_um=1.0")
 
 
 @pytest.fixture(scope="module")
