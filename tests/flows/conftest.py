@@ -127,5 +127,5 @@ def run_before(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def warm_block(run_before: Path, tmp_path: Path) -> Path:
-    """Project file of a copy of the synthetic block after a run: a test's own run computes what it changes."""
+    """Project file of a copy of the block after a run: a test's own run computes what it changes."""
     return Path(shutil.copytree(run_before, tmp_path / "block")) / "project.toml"
