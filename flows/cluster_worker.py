@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from flows.processes import THREADS_VARIABLE
+from flows.workers import THREADS_VARIABLE
 from tasks.storage.installation import InstallationError
 from tasks.storage.software import Software, software_here
 

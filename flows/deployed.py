@@ -30,14 +30,21 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.project_run import RunRequest, Story  # noqa: E402
 from flows.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.registered import identity, show, state_of  # noqa: E402
-from flows.run_artifacts import artifacts_of_outcome, artifacts_of_refusal  # noqa: E402
+from flows.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
 from flows.run_state import STATE_NAMES  # noqa: E402
 from flows.serving.api import configured_api  # noqa: E402
-from flows.serving.calibrations import registry_of_runner  # noqa: E402
-from flows.serving.deliveries import StoryOfDeliveries, schedule_deliveries  # noqa: E402
-from flows.serving.inbox import configured_inbox  # noqa: E402
-from flows.serving.results import configured_results  # noqa: E402
-from flows.serving.roots import OUTPUT_PATTERN, configured_roots, output_name  # noqa: E402
+from flows.serving.inbox import (  # noqa: E402
+    StoryOfDeliveries,
+    configured_inbox,
+    schedule_deliveries,
+)
+from flows.serving.roots import (  # noqa: E402
+    OUTPUT_PATTERN,
+    configured_results,
+    configured_roots,
+    output_name,
+    registry_of_runner,
+)
 from flows.serving.run_form import RunForm  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
@@ -94,76 +101,58 @@ def _confined(story: Story, project: str, settings: RunForm, output: str) -> Sta
         outcome = carry_out_recorded(story, request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))
-        show(artifacts_of_refusal(project, "InputError", str(error), identity()))
+        show(text_of_refusal(project, "InputError", str(error), identity()))
         return Failed(name=STATE_NAMES["input_error"], message=str(error))
     except InstallationError as error:
-        show(artifacts_of_refusal(project, "Failed", str(error), identity()))
+        show(text_of_refusal(project, "Failed", str(error), identity()))
         return Failed(message=str(error))
-    show(artifacts_of_outcome(outcome, request, identity()))
+    show(text_of_outcome(outcome, request, identity()))
     return state_of(outcome)
 
 
-@flow(
-    name="aerial-triangulation",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[None]]":
+    """The flow of a story on a project of this server."""
+
+    def run(
+        project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
+    ) -> State[None]:
+        """Run the story.
+
+        Args:
+            project: The project file or its folder; absolute, or as seen from a folder of this server.
+            settings: What shall differ from the project file.
+            output: Name of the folder of the results, beside the project file.
+        """
+        return _confined(story, project, settings, output)
+
+    run.__name__ = name.replace("-", "_")
+    made: Flow[..., State[None]] = flow(
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=12 * _HOUR_S,
+        persist_result=False,
+        on_completion=[name_outcome],
+        on_failure=[name_outcome],
+    )(run)
+    return made
+
+
+aerial_triangulation = _story_flow(
+    "aerial-triangulation",
+    "Adjust the block of a project: orientations, object points and their precision, report, gates.",
+    aerial_triangulation_story,
 )
-def aerial_triangulation(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Adjust the block of a project: orientations, object points and their precision, report, gates.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(aerial_triangulation_story, project, settings, output)
-
-
-@flow(
-    name="system-calibration",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+system_calibration = _story_flow(
+    "system-calibration",
+    "Calibrate camera, mounting and GNSS from a calibration flight, with certificate.",
+    system_calibration_story,
 )
-def system_calibration(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Calibrate camera, mounting and GNSS from a calibration flight, with certificate.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(system_calibration_story, project, settings, output)
-
-
-@flow(
-    name="direct-georeferencing-check",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+direct_georeferencing_check = _story_flow(
+    "direct-georeferencing-check",
+    "Check what GNSS, INS and a calibration give without any control.",
+    direct_georeferencing_story,
 )
-def direct_georeferencing_check(
-    project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
-) -> State[None]:
-    """Check what GNSS, INS and a calibration give without any control.
-
-    Args:
-        project: The project file or its folder; absolute, or as seen from a folder of this server.
-        settings: What shall differ from the project file.
-        output: Name of the folder of the results, beside the project file.
-    """
-    return _confined(direct_georeferencing_story, project, settings, output)
 
 
 @flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)

@@ -1,6 +1,7 @@
-"""The deployments of the stories, and the runner that carries out their runs.
+"""The program of the runner: registers the deployments of the stories and carries out their runs.
 
-Loads Prefect when imported, as the flows it serves do.
+Prefect's own runner carries out what its server says, and ends when that is away; ours does neither. Loads
+Prefect when imported, as the flows it serves do.
 """
 
 import asyncio
@@ -15,8 +16,8 @@ import httpx
 
 from flows.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.prefect_settings import HEARTBEAT_S
-from flows.serving.deliveries import MANUAL, ON_DELIVERY
-from flows.serving.options import RunnerOptions
+from flows.serving.inbox import MANUAL, ON_DELIVERY
+from flows.serving.settings import Settings, settings_of_runner
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -102,38 +103,38 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
     return asked
 
 
-def deployments(options: RunnerOptions) -> list[RunnerDeployment]:
+def deployments(settings: Settings) -> list[RunnerDeployment]:
     """The deployments there are with these options; to be called outside an event loop."""
     made = [_of(story, MANUAL, "Started by hand.") for story in STORIES]
-    if options.has_inbox:
-        story = next(one for one in STORIES if one.name == options.story)
+    if settings.inbox is not None:
+        story = next(one for one in STORIES if one.name == settings.story)
         made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
         made.append(
             _of(
                 inbox,
                 NIGHTLY,
                 "Looks through the inbox and starts what has no run yet.",
-                schedule=Cron(options.cron, timezone=options.timezone) if options.cron else None,
-                parameters={"story": options.story},
+                schedule=Cron(settings.cron, timezone=settings.timezone) if settings.cron else None,
+                parameters={"story": settings.story},
             )
         )
-    if options.recalibration_cron is not None:
+    if settings.recalibration_cron is not None:
         made.append(
             _of(
                 recalibration_due,
                 RECALIBRATION_DUE,
                 "Looks through the registry of calibrations.",
-                schedule=Cron(options.recalibration_cron, timezone=options.timezone),
+                schedule=Cron(settings.recalibration_cron, timezone=settings.timezone),
             )
         )
-    if options.keep_days is not None:
+    if settings.keep_days is not None:
         made.append(
             _of(
                 clean_up,
                 CLEAN_UP,
                 "Every night.",
-                schedule=Cron(_DAILY, timezone=options.timezone),
-                parameters={"keep_days": options.keep_days},
+                schedule=Cron(_DAILY, timezone=settings.timezone),
+                parameters={"keep_days": settings.keep_days},
             )
         )
     return made
@@ -161,12 +162,16 @@ class _ClosedSchema(ParameterSchema):
     additionalProperties: bool  # noqa: N815
 
 
-def serve(options: RunnerOptions) -> None:
+def main() -> None:
     """Register the deployments, and carry out their runs until asked to end."""
-    if options.registers:
-        asyncio.run(_serve(options.limit, deployments(options)))
+    logging.getLogger("aerocal").setLevel(logging.INFO)
+    # Every two seconds as long as runs wait for their turn.
+    logging.getLogger("prefect.runner").addFilter(lambda said: "skipped (at capacity)" not in said.msg)
+    settings = settings_of_runner()
+    if settings.registers:
+        asyncio.run(_serve(settings.limit, deployments(settings)))
     else:
-        asyncio.run(_help(options.limit))
+        asyncio.run(_help(settings.limit))
 
 
 def _runner(limit: int) -> DrainingRunner:
@@ -221,3 +226,7 @@ async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequen
 
 def _ours() -> DeploymentFilter:
     return DeploymentFilter(tags=DeploymentFilterTags(all_=[TAG]))
+
+
+if __name__ == "__main__":
+    main()

@@ -16,9 +16,8 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from flows.serving.door import basic
-from flows.serving.secret import bring_words_to
 from flows.serving.server_process import CLIENT_WORDS
-from flows.serving.state_file import find_server, state_folder
+from flows.serving.state_file import bring_words_to, find_server, state_folder
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.storage.installation import InstallationError
 

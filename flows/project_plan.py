@@ -1,4 +1,4 @@
-"""A calibration plan of a project: what a flight can determine that is there, before it is adjusted."""
+"""A calibration plan: what a flight will determine, that nobody has flown or that is not adjusted yet."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from flows.block_preparation import prepare_block
 from tasks.planning.plan import CalibrationPlan, plan_calibration
 from tasks.planning.project_network import network_of_project
 from tasks.planning.request import PlanRequest
+from tasks.planning.simulated_plan import network_of_specification
 from tasks.registered_cameras import with_registered_cameras
-from tasks.settings.adjustment import FreeParameter
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
+from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.load import load_project
+from tasks.settings.load_simulation import load_simulation
 from tasks.storage.store import Store
 
 
@@ -53,3 +56,27 @@ def plan_of_project(
             free=request.estimated,
         )
     return plan_calibration(project.project.name, network, request, propose=propose)
+
+
+def plan_of_specification(
+    source: str,
+    overrides: tuple[str, ...] = (),
+    _data: Path | None = None,
+    *,
+    free: tuple[FreeParameter, ...] | None = None,
+    additional: str | None = None,
+    strip_bias_m: float | None = None,
+    propose: bool = True,
+) -> CalibrationPlan:
+    """Plan the flight of a preset or a SPEC.toml.
+
+    Raises
+    ------
+    InputError, NotComputableError
+        If the specification is wrong or its block determines nothing.
+    """
+    simulation = load_simulation(source, overrides)
+    calibration = simulation.calibration or CalibrationSettings()
+    request = PlanRequest.of(calibration, AdjustmentSettings(), free, additional, strip_bias_m)
+    network = network_of_specification(simulation)
+    return plan_calibration(simulation.project.name, network, request, propose=propose)

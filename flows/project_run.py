@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
 from tasks.object_storage.address import ObjectAddress, output_place
-from tasks.object_storage.place import local_folder
+from tasks.object_storage.connection import local_folder
 from tasks.registered_cameras import with_registered_cameras
 from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.load import load_project, load_variants

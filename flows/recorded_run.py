@@ -8,7 +8,6 @@ remarked on and stop no adjustment; what is missing in them is mended from the s
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -17,6 +16,7 @@ from flows.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.run_state import state_message, state_name
 from tasks.errors import AerocalError
 from tasks.notification.notice import notice_of_run
+from tasks.patience import Patience
 from tasks.production.records import Records, configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stage_states import stages_since
@@ -28,8 +28,8 @@ _log = logging.getLogger("aerocal")
 
 #: How long a database that does not answer is waited for, s: before an adjustment hardly, with its result
 #: until a server that was started again must be back.
-_PATIENCE_BEGINNING_S = 10.0
-_PATIENCE_END_S = 180.0
+_PATIENCE_BEGINNING = Patience(1.0, 15.0, 10.0)
+_PATIENCE_END = Patience(1.0, 15.0, 180.0)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         return carry_out(story, request)
     # As exact as the records of the stages are, none of which may seem older.
     begun = datetime.fromisoformat(utc_now())
-    _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING_S)
+    _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING)
     noted = _Noted(records, identity, request, begun)
     try:
         outcome = carry_out(story, request)
@@ -93,7 +93,7 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
         records.begin(run)
         records.end(identity.id, "InputError", message)
 
-    _noted(write, _PATIENCE_END_S)
+    _noted(write, _PATIENCE_END)
 
 
 def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
@@ -109,7 +109,7 @@ def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> N
             # Without a record nobody knows whether the run has been told before; so it is told once.
             write_notice(connection, replace(notice, id=f"{identity.id}:{state}"))
 
-    _noted(write, _PATIENCE_END_S)
+    _noted(write, _PATIENCE_END)
 
 
 def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
@@ -155,20 +155,13 @@ class _Noted:
                 failed_stage=failed_stage,
                 summary=summary,
             ),
-            _PATIENCE_END_S,
+            _PATIENCE_END,
         )
 
 
-def _noted(write: Callable[[], None], patience_s: float) -> None:
+def _noted(write: Callable[[], None], patience: Patience) -> None:
     """Write into the records; again and again while their database does not answer."""
-    until = time.monotonic() + patience_s
-    pause_s = 1.0
-    while True:
-        try:
-            return write()
-        except AerocalError as error:
-            if not isinstance(error, InstallationError) or time.monotonic() + pause_s > until:
-                _log.warning("the record of runs could not be written: %s", error)
-                return
-        time.sleep(pause_s)
-        pause_s = min(2 * pause_s, 15.0)
+    try:
+        patience.tried(write, lambda error: isinstance(error, InstallationError))
+    except AerocalError as error:
+        _log.warning("the record of runs could not be written: %s", error)

@@ -6,7 +6,7 @@ them when a deployment is served.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 from uuid import UUID
@@ -29,15 +29,11 @@ from flows.direct_georeferencing_check import (  # noqa: E402
 from flows.flight_check import flight_check as flight_check_story  # noqa: E402
 from flows.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
-from flows.run_artifacts import (  # noqa: E402
-    CONTRADICTS_TRUTH,
-    artifacts_beside_records,
-    artifacts_of_outcome,
-)
+from flows.run_artifacts import CONTRADICTS_TRUTH, text_of_outcome  # noqa: E402
 from flows.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
 from flows.scenario_sweep import sweep_of  # noqa: E402
 from flows.system_calibration import system_calibration as system_calibration_story  # noqa: E402
-from tasks.dashboard.artifacts import DashboardArtifact  # noqa: E402
+from tasks.dashboard.short_text import ShortText  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.object_storage.address import ObjectAddress  # noqa: E402
 from tasks.settings.load_simulation import load_simulation  # noqa: E402
@@ -65,123 +61,80 @@ def identity() -> FlowRunIdentity:
     return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
 
 
-def show(artifacts: Sequence[DashboardArtifact]) -> None:
-    """Store artifacts of the flow run that is active; what the server does not take is remarked on."""
-    run_id = UUID(str(flow_run.id))
+def show(text: ShortText) -> None:
+    """Store the text of the flow run that is active; what the server does not take is remarked on."""
     try:
+        artifact = ArtifactCreate(
+            key=f"{text.key}-verdict",
+            type="markdown",
+            description=text.line,
+            data=text.markdown,
+            flow_run_id=UUID(str(flow_run.id)),
+        )
         with get_client(sync_client=True) as client:
-            for one in artifacts:
-                created = ArtifactCreate(
-                    key=one.key,
-                    type=one.type,
-                    description=one.description,
-                    data=one.data,
-                    flow_run_id=run_id,
-                )
-                client.create_artifact(created)
+            client.create_artifact(artifact)
     # Whatever it is: the run is done, and its results are there.
     except Exception as error:
-        _log.warning("the artifacts of this run were not stored: %s: %s", type(error).__name__, error)
+        _log.warning("the text of this run was not stored: %s: %s", type(error).__name__, error)
 
 
-@flow(
-    name="aerial-triangulation",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+def _story_flow(
+    name: str, description: str, story_of: Callable[[RunRequest], Story], hours: int = 12
+) -> "Flow[..., State[None]]":
+    """The flow of a story on a project file."""
+
+    def run(
+        project_file: str,
+        out: str | None = None,
+        overrides: list[str] | None = None,
+        data: str | None = None,
+    ) -> State[None]:
+        """Run the story.
+
+        Parameters
+        ----------
+        project_file : the project's TOML file.
+        out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
+        overrides : values to replace, each as ``a.b.c=VALUE``.
+        data : a second folder for relative input paths.
+        """
+        folder = Path(data) if data is not None else None
+        request = RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
+        outcome = carry_out_recorded(story_of(request), request, identity())
+        show(text_of_outcome(outcome, request, identity()))
+        return state_of(outcome)
+
+    run.__name__ = name.replace("-", "_")
+    made: Flow[..., State[None]] = flow(
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=hours * _HOUR_S,
+        persist_result=False,
+        validate_parameters=True,
+    )(run)
+    return made
+
+
+aerial_triangulation = _story_flow(
+    "aerial-triangulation", "Adjust the block of a project file.", lambda _request: aerial_triangulation_story
 )
-def aerial_triangulation(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Adjust the block of a project file.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(aerial_triangulation_story, _request(project_file, out, overrides, data))
-
-
-def _run(story: Story, request: RunRequest) -> State[None]:
-    outcome = carry_out_recorded(story, request, identity())
-    show(artifacts_of_outcome(outcome, request, identity()))
-    return state_of(outcome)
-
-
-def _request(project_file: str, out: str | None, overrides: list[str] | None, data: str | None) -> RunRequest:
-    folder = Path(data) if data is not None else None
-    return RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
-
-
-@flow(
-    name="direct-georeferencing-check",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+direct_georeferencing_check = _story_flow(
+    "direct-georeferencing-check",
+    "Check what GNSS, INS and the calibration of a project file give without any control.",
+    lambda _request: direct_georeferencing_story,
 )
-def direct_georeferencing_check(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Check what GNSS, INS and the calibration of a project file give without any control.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [direct_georeferencing] says which calibration.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(direct_georeferencing_story, _request(project_file, out, overrides, data))
-
-
-@flow(
-    name="system-calibration",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+system_calibration = _story_flow(
+    "system-calibration",
+    "Calibrate camera, mounting and GNSS from the calibration flight of a project file.",
+    lambda _request: system_calibration_story,
 )
-def system_calibration(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Calibrate camera, mounting and GNSS from the calibration flight of a project file.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [calibration] says what is estimated.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    return _run(system_calibration_story, _request(project_file, out, overrides, data))
-
-
-@flow(
-    name="scenario-sweep",
-    flow_run_name=run_name,
-    timeout_seconds=24 * _HOUR_S,
-    persist_result=False,
-    validate_parameters=True,
+scenario_sweep = _story_flow(
+    "scenario-sweep",
+    "Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.",
+    sweep_of,
+    hours=24,
 )
-def scenario_sweep(
-    project_file: str, out: str | None = None, overrides: list[str] | None = None, data: str | None = None
-) -> State[None]:
-    """Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.
-
-    Parameters
-    ----------
-    project_file : the project's TOML file; its table [sweep] says which scenarios.
-    out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
-    overrides : values to replace, each as ``a.b.c=VALUE``.
-    data : a second folder for relative input paths.
-    """
-    request = _request(project_file, out, overrides, data)
-    return _run(sweep_of(request), request)
 
 
 def check_name() -> str:
@@ -220,7 +173,7 @@ def flight_check(
     check = flight_check_story(specification, Path(out), calibrates=calibrate)
     contradictions = () if check.comparison is None else check.comparison.contradictions()
     request = RunRequest(Path(out) / "project.toml")
-    show(artifacts_beside_records(check.outcome, request, identity(), contradictions))
+    show(text_of_outcome(check.outcome, request, identity(), contradictions, recorded=False))
     if contradictions:
         return Failed(name=CONTRADICTS_TRUTH, message=" ".join(contradictions))
     return state_of(check.outcome)

@@ -13,8 +13,14 @@ from typing import Any, TypeAlias
 
 import hypothesis
 import pytest
+import threadpoolctl
 
 from tests.postgresql_server import PostgresqlServer, running_server
+
+# The workers of pytest-xdist share the processors already; threads of the linear algebra beside them multiply
+# its processor time by up to ten. The variable is for what is loaded later and for programs that tests start.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+threadpoolctl.threadpool_limits(int(os.environ["OMP_NUM_THREADS"]))
 
 # Prefect reads its settings when it is imported, so they stand here, before any test module is loaded.
 _prefect_home = tempfile.TemporaryDirectory(prefix="aerocal-tests-prefect-")

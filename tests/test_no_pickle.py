@@ -97,9 +97,7 @@ def test_results_of_prefect_are_not_kept() -> None:
         source = Path(REPOSITORY / "flows" / name).read_text(encoding="utf-8")
         flows = [
             call
-            for node in ast.walk(ast.parse(source))
-            if isinstance(node, ast.FunctionDef)
-            for call in node.decorator_list
+            for call in ast.walk(ast.parse(source))
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "flow"
         ]
         assert flows

@@ -48,7 +48,7 @@ def _of_source(source: str) -> Callable[..., CalibrationPlan]:
         from flows.project_plan import plan_of_project
 
         return plan_of_project
-    from flows.specification_plan import plan_of_specification
+    from flows.project_plan import plan_of_specification
 
     return plan_of_specification
 

@@ -82,23 +82,13 @@ def runner(
 
     [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
     """
+    given = dict(locals())
 
     def carry_out() -> int:
-        from flows.serving.calibrations import registry_of_server
-        from flows.serving.further_runner import run_further_runner, serving
-        from flows.serving.options import RunnerOptions
-        from flows.serving.results import results_of_server
-        from flows.serving.roots import roots_of
-        from flows.serving.runner_process import RunnerPlace
-        from flows.serving.state_file import state_folder
+        from flows.serving.serve import run_further_runner, work_for
+        from flows.serving.settings import settings_of
 
-        folder = state_folder() if state is None else state.absolute()
-        work = serving(server, database, folder)
-        roots = roots_of(root or [Path.cwd()])
-        calibrations = registry_of_server(registry, roots)
-        remote = results_of_server(results, roots)
-        place = RunnerPlace(roots, work.records, None, calibrations, remote, folder, work.overview)
-        options = RunnerOptions(limit, registers=False)
-        return run_further_runner(work, options, place, folder, lambda sentence: typer.echo(sentence))
+        url, settings = work_for(given.pop("server"), settings_of(given))
+        return run_further_runner(url, settings, lambda sentence: typer.echo(sentence))
 
     end_with(carry_out)

@@ -162,33 +162,12 @@ def serve(
 
     [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
     """
-    from flows.serving.options import options_for
-    from flows.serving.serve import serve as run_server
+    given = dict(locals())
 
-    end_with(
-        lambda: run_server(
-            options_for(
-                notify_on=notify_on,
-                host=host,
-                port=port,
-                public_url=public_url,
-                public_overview_url=public_overview_url,
-                overview_port=overview_port,
-                database=database,
-                roots=root or [],
-                inbox=inbox,
-                story=story,
-                watch_s=watch,
-                cron=cron,
-                timezone=timezone,
-                registry=registry,
-                recalibration_cron=recalibration_cron,
-                keep_days=keep_days,
-                history_days=history_days,
-                results=results,
-                limit=limit,
-                state=state,
-            ),
-            lambda sentence: typer.echo(sentence),
-        )
-    )
+    def carry_out() -> int:
+        from flows.serving.serve import serve as run_server
+        from flows.serving.settings import settings_of
+
+        return run_server(settings_of(given), lambda sentence: typer.echo(sentence))
+
+    end_with(carry_out)

@@ -1,4 +1,7 @@
-"""Who may see the page, and what a browser may do with it."""
+"""Who may see the production page, what a browser may do with it, and the documents of runs.
+
+Documents are served at ``/results/RUN/NAME`` and checked before they are shown; there never is a listing.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,12 @@ from collections.abc import Sequence
 
 from dash.exceptions import DependencyException
 from flask import Flask, Request, Response, request
+from markupsafe import escape
 
+from flows.overview.sources import Sources
 from flows.serving.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
+from tasks.errors import AerocalError
+from tasks.production.documents import ChangedDocumentError, Document, NoDocumentError, read_document
 
 #: Answers above this size are compressed, bytes.
 _COMPRESSED_FROM = 10_000
@@ -86,7 +93,7 @@ def guard(server: Flask, door: Door, policy: str) -> None:
         response.headers["Referrer-Policy"] = "no-referrer"
         response.headers["X-Frame-Options"] = "DENY"
         response.headers["Cross-Origin-Opener-Policy"] = "same-origin"
-        response.headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
+        response.headers["Cross-Origin-Resource-Policy"] = "same-origin"
         if response.mimetype in ("application/json", "text/html"):
             response.headers.setdefault("Cache-Control", "no-store")
         return _compressed(response)
@@ -115,4 +122,55 @@ def _compressed(response: Response) -> Response:
     response.set_data(gzip.compress(content, 5))
     response.headers["Content-Encoding"] = "gzip"
     response.headers["Vary"] = "Accept-Encoding"
+    return response
+
+
+_REFUSAL = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>Not shown</title>
+<style>body{{font:16px/1.5 system-ui,sans-serif;max-width:44rem;margin:4rem auto;padding:0 1rem}}</style>
+<h1>Not shown</h1><p>{sentence}</p></html>"""
+
+
+def add_results(server: Flask, sources: Sources) -> None:
+    """Let a server hand out documents."""
+
+    @server.get("/results/<run>/<name>")
+    def _results(run: str, name: str) -> Response:
+        try:
+            document = read_document(sources.records, run, name, sources.roots.folders)
+        except ChangedDocumentError as error:
+            return _refused_document(error, 410)
+        except NoDocumentError as error:
+            return _refused_document(error, 404)
+        except AerocalError as error:
+            return _refused_document(error, 503)
+        return _shown(document)
+
+    # Everything else below would be answered with the page.
+    for path in ("/results", "/results/", "/results/<path:_rest>"):
+        server.add_url_rule(path, view_func=_no_listing)
+
+
+def _no_listing(_rest: str = "") -> Response:
+    return _refused_document(
+        NoDocumentError("There is nothing here.", "Follow the links of the overview."), 404
+    )
+
+
+def _shown(document: Document) -> Response:
+    response = Response(document.content, mimetype=document.media_type)
+    if document.media_type == "text/html":
+        response.headers["Content-Security-Policy"] = DOCUMENT_POLICY
+    else:
+        # The viewer of a PDF needs its own scripts; the file brings none into our pages.
+        response.headers["Content-Security-Policy"] = (
+            "default-src 'none'; style-src 'unsafe-inline'; object-src 'self'"
+        )
+        response.headers["Content-Disposition"] = f'inline; filename="{document.name}"'
+    response.headers["Cache-Control"] = "no-store"
+    return response
+
+
+def _refused_document(error: AerocalError, status: int) -> Response:
+    response = Response(_REFUSAL.format(sentence=escape(str(error))), status, mimetype="text/html")
+    response.headers["Content-Security-Policy"] = DOCUMENT_POLICY
     return response

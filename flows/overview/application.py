@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import waitress
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
 
-from flows.overview import calibration_figures, trend_figures
-from flows.overview.access import guard, page_policy
+from flows.overview import plots
+from flows.overview.access import add_results, guard, page_policy
 from flows.overview.layout import cards, no_projects, page, revision_data
 from flows.overview.project_grid import GRID, row_data
-from flows.overview.results import add_results
 from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
 from tasks.errors import AerocalError
 from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
 from tasks.production.documents import documents_of
-from tasks.production.trend import trend_of
+from tasks.production.project_row import trend_of
 
 _INDEX = """<!DOCTYPE html>
 <html lang="en">
@@ -60,6 +63,26 @@ def application(sources: Sources) -> Dash:
     add_results(app.server, sources)
     guard(app.server, sources.door, page_policy(app.csp_hashes()))
     return app
+
+
+@contextmanager
+def page_server(sources: Sources, host: str, port: int) -> Iterator[None]:
+    """Serve the page in threads of this process while the context lasts."""
+    # Its own name and version are nobody's business.
+    server = waitress.create_server(application(sources).server, host=host, port=port, threads=6, ident=None)
+    # Thousands of runs take some seconds, once; the first visitor need not wait for all of them.
+    for work in (server.run, lambda: _read_ahead(sources)):
+        threading.Thread(target=work, daemon=True).start()
+    try:
+        yield
+    finally:
+        server.close()
+
+
+def _read_ahead(sources: Sources) -> None:
+    # What is wrong with the records is said on the page.
+    with suppress(AerocalError):
+        sources.board.changes(None)
 
 
 def _health() -> str:
@@ -143,12 +166,12 @@ def _answer(app: Dash, sources: Sources) -> None:
         }
         return (
             _plot(
-                trend_figures.sigma0_figure(points),
+                plots.sigma0_figure(points),
                 "No project has been adjusted yet.",
                 {"trend": "sigma0"},
             ),
             _plot(
-                trend_figures.rmse_figure(points),
+                plots.rmse_figure(points),
                 "No project with check points has been adjusted yet.",
                 {"trend": "rmse"},
             ),
@@ -176,7 +199,7 @@ def _answer(app: Dash, sources: Sources) -> None:
         found = sources.calibrations()
         if found.watch is None:
             return [], None, _no_calibrations(found.trouble)
-        options = calibration_figures.cameras_of(found.watch)
+        options = plots.cameras_of(found.watch)
         keys = [option["value"] for option in options]
         value = chosen if chosen in keys else next(iter(keys), None)
         kind = "due" if found.watch.due else "fine"
@@ -190,7 +213,7 @@ def _answer(app: Dash, sources: Sources) -> None:
             return None
         shown = [series for series in watch.series if series.camera_key == chosen]
         return [
-            _plot(calibration_figures.series_figure(series, watch.today), "", {"series": str(number)})
+            _plot(plots.series_figure(series, watch.today), "", {"series": str(number)})
             for number, series in enumerate(shown)
         ]
 

@@ -11,10 +11,10 @@ from dash import html
 
 from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
-from flows.overview.server_queue import ServerView
-from flows.serving.inbox_news import InboxNews
+from flows.overview.sources import QueuedRun, ServerView
+from flows.serving.watch import InboxNews
+from tasks.dashboard.short_text import REMEDIES
 from tasks.production.project_row import gates_of, in_project, problems_of
-from tasks.production.queue import QueuedRun
 from tasks.production.run_record import RunRecord
 from tasks.quality_gates import GateResult
 
@@ -122,6 +122,8 @@ def detail_part(
         parts += [html.H3("Problems and remarks"), html.Ul([html.Li(text) for text in problems])]
     elif run.message:
         parts.append(html.P(run.message))
+    if run.state in REMEDIES:
+        parts += [html.H3("What to do"), html.P(REMEDIES[run.state])]
     if gates := gates_of(run.summary or {}):
         rows = [
             (gate.name, _figure(gate), _bound(gate), "passed" if gate.passed else "▲ not passed")

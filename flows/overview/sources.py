@@ -1,31 +1,129 @@
-"""What the page is made from: records, server, registry, inbox; asked no more often than they change."""
+"""What the production page is made from: records, server, registry, inbox."""
 
 from __future__ import annotations
 
-import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, date, datetime
-from pathlib import Path
-from typing import Generic, TypeVar
+from datetime import UTC, date, datetime, timedelta
+from typing import Any, Generic, TypeVar
 
-from flows.overview.server_queue import ServerView, server_view
-from flows.serving.api import Api, configured_api
-from flows.serving.door import DOOR_VARIABLE, Door, door_from
-from flows.serving.inbox_news import InboxNews, read_inbox_news
-from flows.serving.roots import Roots, configured_roots
-from flows.serving.server_process import SERVER_WORDS
-from flows.serving.state_file import state_folder
-from tasks.errors import AerocalError, InputError
+from flows.serving.api import Api
+from flows.serving.door import Door
+from flows.serving.roots import Roots
+from flows.serving.watch import InboxNews
+from tasks.errors import AerocalError
 from tasks.production.board import Board
-from tasks.production.queue import queue_of_records
-from tasks.production.records import Records, configured_records
+from tasks.production.records import Records
+from tasks.production.run_record import RunRecord
 from tasks.registry.due import DueLimits
 from tasks.registry.registry import Registry
 from tasks.registry.watch import RegistryWatch, watch_of
-from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
+from tasks.settings.registry import registry_address
+from tasks.storage.installation import InstallationError
+
+#: From when on a run that should have begun is late, as the server counts.
+LATE = timedelta(seconds=15)
+
+
+@dataclass(frozen=True)
+class QueuedRun:
+    """A run that waits, or is in work.
+
+    Attributes
+    ----------
+    run : its id.
+    name : project and story, or what the server calls it.
+    state : of the server (``Scheduled``, ``Late``, ``Pending``, ``Running``, ``AwaitingRetry`` …).
+    due : from when on it may begin, UTC.
+    begun : UTC; None: not yet.
+    """
+
+    run: str
+    name: str
+    state: str
+    due: datetime
+    begun: datetime | None
+
+    def waiting_since(self, now: datetime) -> datetime | None:
+        """Since when it could have begun; None: it has, or its time has not come."""
+        return None if self.begun is not None or self.due > now else self.due
+
+
+def queue_of_records(runs: Sequence[RunRecord]) -> tuple[QueuedRun, ...]:
+    """The queue as far as the records know it: without runs that were started in the dashboard and wait."""
+    return tuple(
+        QueuedRun(run.id, f"{run.project} · {run.story}", run.state, run.scheduled, run.begun)
+        for run in runs
+        if not run.has_ended
+    )
+
+
+def in_order(queue: Sequence[QueuedRun]) -> tuple[QueuedRun, ...]:
+    """Runs in work first, then what waits, in the order of their turn."""
+    return tuple(sorted(queue, key=lambda one: (one.begun is None, one.begun or one.due, one.run)))
+
+
+def times_from(text: str | None) -> datetime | None:
+    """A time as the server writes it."""
+    if not text:
+        return None
+    time = datetime.fromisoformat(text)
+    return time if time.tzinfo is not None else time.replace(tzinfo=UTC)
+
+
+_OPEN = ("SCHEDULED", "PENDING", "RUNNING", "PAUSED", "CANCELLING")
+#: As many as the server hands out at once.
+_MOST = 200
+
+
+@dataclass(frozen=True)
+class ServerView:
+    """What the server says.
+
+    Attributes
+    ----------
+    reachable : whether it answers.
+    queue : runs in work and runs whose time has come, in their order.
+    next : the scheduled run whose time comes next; None: there is none.
+    """
+
+    reachable: bool
+    queue: tuple[QueuedRun, ...]
+    next: QueuedRun | None
+
+
+def server_view(api: Api, now: datetime) -> ServerView:
+    """Ask the server."""
+    asked = {
+        "flow_runs": {"state": {"type": {"any_": list(_OPEN)}}},
+        "sort": "EXPECTED_START_TIME_ASC",
+        "limit": _MOST,
+    }
+    try:
+        found = [_queued(run) for run in api.post("/flow_runs/filter", asked)]
+    except InstallationError:
+        return ServerView(False, (), None)
+    ahead = [run for run in found if run.begun is None and run.due > now]
+    return ServerView(
+        True,
+        in_order([run for run in found if run not in ahead]),
+        min(ahead, key=lambda run: run.due, default=None),
+    )
+
+
+def _queued(run: Mapping[str, Any]) -> QueuedRun:
+    begun = times_from(run.get("start_time")) if run["state_type"] != "SCHEDULED" else None
+    due = times_from(run.get("next_scheduled_start_time") or run.get("expected_start_time")) or begun
+    return QueuedRun(
+        str(run["id"]),
+        str(run["name"]),
+        str(run["state_name"]),
+        due or times_from(run["created"]),  # type: ignore[arg-type]
+        begun,
+    )
+
 
 T = TypeVar("T")
 #: How long an answer of the server, and one of the registry, serves; s.
@@ -78,7 +176,7 @@ class Sources:
     api : of the server.
     door : who is let in.
     registry : address of the registry; None: there is none.
-    state : folder of what ``aerocal serve`` keeps.
+    inbox : what the last look into the inbox has found; None: there is no inbox.
     """
 
     records: Records
@@ -87,7 +185,7 @@ class Sources:
     api: Api
     door: Door
     registry: str | None
-    state: Path
+    inbox: Callable[[], InboxNews | None]
     board: Board = field(init=False)
     _server: Lasting[ServerView] = field(init=False)
     _calibrations: Lasting[Calibrations] = field(init=False)
@@ -105,10 +203,6 @@ class Sources:
         """What the registry says."""
         return self._calibrations.get()
 
-    def inbox(self) -> InboxNews | None:
-        """What the last look into the inbox has found; None: there is no inbox."""
-        return read_inbox_news(self.state)
-
     def _ask_server(self) -> ServerView:
         found = server_view(self.api, datetime.now(UTC))
         if found.reachable:
@@ -124,29 +218,3 @@ class Sources:
             return Calibrations(watch_of(contents, date.today(), DueLimits()), None, True)
         except AerocalError as error:
             return Calibrations(None, str(error), True)
-
-
-def configured_sources(dashboard: str, environment: Mapping[str, str] = os.environ) -> Sources:
-    """The sources that the server which started this process has named.
-
-    Parameters
-    ----------
-    dashboard : address of the server's own pages for browsers.
-
-    Raises
-    ------
-    InputError
-        If it has named none.
-    """
-    records = configured_records(environment)
-    if records is None or not all(environment.get(name) for name in ("PREFECT_API_URL", SERVER_WORDS)):
-        raise InputError("The page belongs to a server.", "Start it with `aerocal serve`.")
-    return Sources(
-        records,
-        dashboard,
-        configured_roots(environment),
-        configured_api(environment),
-        door_from(environment[SERVER_WORDS], environment.get(DOOR_VARIABLE)),
-        environment.get(REGISTRY_VARIABLE) or None,
-        state_folder(),
-    )

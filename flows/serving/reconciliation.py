@@ -11,13 +11,14 @@ delivery then gets another one.
 from __future__ import annotations
 
 import math
+import socket
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from flows.serving.api import Api
-from flows.serving.flow_runs import FlowRun, flow_runs, flow_runs_in, set_state
-from flows.serving.local_process import died_here, lives_here
+import psutil
+
+from flows.serving.api import Api, FlowRun, flow_runs, flow_runs_in, set_state
 from tasks.production.records import Records, project_name
 from tasks.production.run_record import DECIDED, RunRecord, State
 
@@ -130,3 +131,64 @@ def _tell_decisions(api: Api, records: Records) -> None:
 def _tell(api: Api, run: RunRecord) -> None:
     kind: Mapping[bool, str] = {True: "COMPLETED", False: "FAILED"}
     set_state(api, run.id, kind[run.state == "Completed"], run.state, run.message, force=True)
+
+
+_MESSAGE = "It was ended by the machine; finished stages are kept."
+
+
+def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
+    """Schedule the runs again that are due (`tasks.production.run_record`).
+
+    One that belongs to no deployment (it was started by a command, which has ended with it) cannot be begun
+    by a runner; it stays as it ended.
+
+    Returns
+    -------
+    begun : the runs that wait for a runner now.
+
+    Raises
+    ------
+    InstallationError
+        If server or records cannot be reached.
+    """
+    due = records.due(datetime.now(UTC))
+    if not due:
+        return ()
+    known = flow_runs(api, [run.id for run in due])
+    begun = []
+    for run in due:
+        found = known.get(run.id)
+        if found is None or not found.deployed:
+            records.give_up(run.id)
+        elif found.type in ("CRASHED", "FAILED") and records.begin_again(run, _MESSAGE):
+            # Whoever has got the record may tell the server: nobody else will.
+            set_state(api, run.id, "SCHEDULED", "AwaitingRetry", _MESSAGE, force=True)
+            begun.append(run.id)
+    return records.runs_with(begun)
+
+
+#: A process is older than the run it has begun; so much younger, it is another one with the same number.
+_YOUNGER = timedelta(seconds=60)
+
+
+def lives_here(run: RunRecord) -> bool:
+    """Whether the run was begun on this machine by a process that is still there."""
+    return run.host == socket.gethostname() and _lives(run)
+
+
+def died_here(run: RunRecord) -> bool:
+    """Whether the run was begun on this machine by a process that is no longer there."""
+    return run.host == socket.gethostname() and not _lives(run)
+
+
+def _lives(run: RunRecord) -> bool:
+    if run.process is None or run.begun is None:
+        return False
+    try:
+        process = psutil.Process(run.process)
+        started = datetime.fromtimestamp(process.create_time(), UTC)
+        return process.status() != psutil.STATUS_ZOMBIE and started < run.begun + _YOUNGER
+    except psutil.NoSuchProcess:
+        return False
+    except psutil.AccessDenied:
+        return True

@@ -1,16 +1,23 @@
-"""The folders that runs of a deployment may read and write, whatever their parameters say."""
+"""What a deployed run is confined to, whatever its parameters say: folders, object storage, registry.
+
+Prefect hands parameters to a run and confines it to nothing. Everything here is set when the server starts
+(``aerocal serve``), travels in the environment, and never comes from who starts a run.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.object_storage.address import ObjectAddress, address_of
 from tasks.plain_text import UNSEEN, quoted, trouble_in
+from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts: a JSON list of folders.
 ROOTS_VARIABLE = "AEROCAL_ROOTS"
@@ -144,3 +151,104 @@ def configured_roots(environment: Mapping[str, str] = os.environ) -> Roots:
 def as_variable(roots: Roots) -> str:
     """The value of ROOTS_VARIABLE that stands for these roots."""
     return json.dumps([str(folder) for folder in roots.folders])
+
+
+#: Set by ``aerocal serve`` for its runner and what the runner starts: the address; nothing: there is none.
+RESULTS_VARIABLE = "AEROCAL_RESULTS"
+
+
+def results_of_server(option: str | None, roots: Roots) -> ObjectAddress | None:
+    """The address that a server is told.
+
+    Raises
+    ------
+    InputError
+        If it is none, or two roots have one name, so that their projects would share places.
+    InstallationError
+        If the storage does not answer or refuses.
+    """
+    if option is None:
+        return None
+    address = address_of(option)
+    alike = [name for name, number in Counter(folder.name for folder in roots.folders).items() if number > 1]
+    if alike:
+        raise InputError(
+            f"Two folders are called '{alike[0]}': their projects would share places on object storage.",
+            "Rename one, or give another --root.",
+        )
+    # Loaded only for an address, as the client of the storage is.
+    from tasks.object_storage.storage import ObjectStorage
+
+    ObjectStorage(address).require_access()
+    return address
+
+
+def configured_results(
+    project_file: Path, output: str, roots: Roots, environment: Mapping[str, str] = os.environ
+) -> ObjectAddress | None:
+    """Where the results of a run of this process go on object storage; None: nowhere.
+
+    Parameters
+    ----------
+    project_file : under one of the roots, links resolved.
+    output : name of the output folder.
+
+    Raises
+    ------
+    InputError
+        If a name in the path cannot stand in an address.
+    """
+    text = environment.get(RESULTS_VARIABLE)
+    if not text:
+        return None
+    folder = project_file.parent
+    # The nearest one, should a root lie in another.
+    holding = (root for root in roots.folders if folder.is_relative_to(root))
+    root = max(holding, key=lambda path: len(path.parts))
+    return address_of(text).below(root.name, *folder.relative_to(root).parts, output)
+
+
+def registry_of_server(
+    option: str | None, roots: Roots, environment: Mapping[str, str] = os.environ
+) -> str | None:
+    """The registry that runs of a server use, as the value of REGISTRY_VARIABLE for its runner.
+
+    Parameters
+    ----------
+    option : value of ``--registry``.
+
+    Returns
+    -------
+    address : absolute if it is a file; None if neither the option nor the environment names one.
+
+    Raises
+    ------
+    InputError
+        If it is no address, or a file outside the folders of the server.
+    """
+    text = option or environment.get(REGISTRY_VARIABLE)
+    if not text:
+        return None
+    file = registry_address(text, environment).file
+    if file is None:
+        return text
+    if not roots.hold(file):
+        raise InputError(
+            f"The registry {file} lies outside the folders of this server.",
+            f"Move it under one of them, or add its folder with --root; or name none ({REGISTRY_VARIABLE}).",
+        )
+    return str(file)
+
+
+def registry_of_runner(roots: Roots, environment: Mapping[str, str] = os.environ) -> str:
+    """The registry this process was given by the server that started it.
+
+    Raises
+    ------
+    InputError
+        If it was given none, or one outside its folders.
+    """
+    address = registry_of_server(None, roots, environment)
+    if address is None:
+        raise InputError("This server has no registry of calibrations.", "Start it with --registry ADDRESS.")
+    return address

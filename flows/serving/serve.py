@@ -1,44 +1,61 @@
-"""``aerocal serve``: server and runner as children, the inbox watched, an end in the right order."""
+"""``aerocal serve`` and ``aerocal runner``: processes begun, looked after, and ended in the right order.
+
+Prefect starts a server and a runner with two commands and looks after neither. Here one command on one
+machine does both: server and runner as children, all else (inbox, notices, production page) in this
+process.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import os
 import sys
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from datetime import datetime
+from pathlib import Path
 
-from flows.prefect_settings import prepare_prefect
+from flows.prefect_settings import prepare_prefect, require_server, server_address
 from flows.serving.api import Api
-from flows.serving.child import Child, Lifeline
-from flows.serving.deliveries import MANUAL
-from flows.serving.door import DOOR_VARIABLE
-from flows.serving.notices import NoticeThread
-from flows.serving.options import ServeOptions
-from flows.serving.overview_process import OverviewProcess
-from flows.serving.runner_process import RunnerPlace, runner_environment, start_runner
-from flows.serving.secret import keep_link, words_of
+from flows.serving.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
+from flows.serving.inbox import MANUAL
 from flows.serving.server_process import (
-    SERVER_WORDS,
+    CLIENT_WORDS,
+    ServerAddress,
     is_well,
     server_environment,
     start_server,
     wait_until,
 )
-from flows.serving.state_file import RunningServer, make_private, the_only_server, write_state
-from flows.serving.supervision import Requests, Say, Supervised, requests_to_end
-from flows.serving.watch import Watch
+from flows.serving.settings import Settings
+from flows.serving.state_file import (
+    RunningServer,
+    bring_words_to,
+    find_server,
+    keep_link,
+    make_private,
+    the_only_server,
+    words_of,
+    write_state,
+)
+from flows.serving.watch import Repeated, Watch
+from tasks.errors import InputError
 from tasks.notification.addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
 from tasks.notification.notice import Links
+from tasks.notification.outbox import Courier, Outbox
 from tasks.production.records import Records
-from tasks.storage.installation import InstallationError
+from tasks.production.variable import OVERVIEW_VARIABLE
+from tasks.storage.installation import InstallationError, writing_into
 
 #: The first start makes the database, on a slow machine.
 _START_S = 240.0
+#: Seconds between two looks into the outbox.
+_NOTICES_S = 2.0
 
 
-def serve(options: ServeOptions, say: Say) -> int:
+def serve(settings: Settings, say: Say) -> int:
     """Run server and runner until asked to end; returns the exit code.
 
     Parameters
@@ -48,50 +65,68 @@ def serve(options: ServeOptions, say: Say) -> int:
     Raises
     ------
     InstallationError
-        If the port is taken, another server of this user runs, or a child does not start, or ends again and
+        If a port is taken, another server of this user runs, or a child does not start, or ends again and
         again.
     """
-    options.runner.require_valid()
-    options.address.require_free()
-    options.overview.require_free("--overview-port")
+    settings.address.require_free()
+    settings.overview.require_free("--overview-port")
     addresses = configured_addresses()
-    make_private(options.state)
-    records = Records.at(options.records)
-    records.prepare()
-    os.environ.setdefault("PREFECT_HOME", str(options.state / "prefect"))
-    prepare_prefect()
+    records = _prepared(settings)
     # Nobody but this process needs to know where notices go.
     for name in (ADDRESSES_VARIABLE, FILE_VARIABLE):
         os.environ.pop(name, None)
-    links = Links(options.address.dashboard, options.overview.dashboard)
-    notices = NoticeThread(records, addresses, options.notify_on, links, say)
-    with requests_to_end() as requests, the_only_server(options.state):
-        return _Serving(options, records, requests, say).carry_out(notices)
+    links = Links(settings.address.dashboard, settings.overview.dashboard)
+    courier = Courier(Outbox(records), addresses, settings.notify_on, links, say)
+    notices = Repeated(
+        courier.deliver,
+        _NOTICES_S,
+        say,
+        "Notices cannot be delivered at the moment",
+        grace_s=20.0,
+        once_more=True,
+    )
+    with requests_to_end() as requests, the_only_server(settings.state):
+        return _Serving(settings, records, requests, say).carry_out(notices)
+
+
+def _prepared(settings: Settings) -> Records:
+    make_private(settings.state)
+    records = Records.at(settings.records)
+    records.prepare()
+    os.environ.setdefault("PREFECT_HOME", str(settings.state / "prefect"))
+    prepare_prefect()
+    return records
+
+
+def _start_runner(
+    settings: Settings, api: Api, lifeline: Lifeline, holds: Sequence[Lifeline] = (), name: str = "runner"
+) -> Child:
+    """Start a runner; it does not ask for runs yet."""
+    environment = {
+        **os.environ,
+        **settings.variables(),
+        "PREFECT_API_URL": api.url,
+        "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
+        **({CLIENT_WORDS: api.words} if api.words else {}),
+    }
+    log = settings.state / "logs" / f"{name}.log"
+    return Child("flows.deployments", environment=environment, log=log, lifeline=lifeline, holds=holds)
 
 
 class _Serving:
     """One start of the server, from its first child to its last."""
 
-    def __init__(self, options: ServeOptions, records: Records, requests: Requests, say: Say) -> None:
-        self.options, self.records, self.requests, self.say = options, records, requests, say
-        self.door = options.door(words_of(options.address, options.state))
+    def __init__(self, settings: Settings, records: Records, requests: Requests, say: Say) -> None:
+        self.settings, self.records, self.requests, self.say = settings, records, requests, say
+        self.door = settings.door(words_of(settings.address, settings.state))
         self.environment = server_environment(
-            options.address, options.database, self.door, history_days=options.history_days
+            settings.address, settings.database, self.door, history_days=settings.history_days
         )
-        self.api = Api(options.address.api, self.door.words)
-        self.place = RunnerPlace(
-            options.roots,
-            options.records,
-            options.inbox,
-            options.registry,
-            options.results,
-            options.state,
-            options.overview.dashboard,
-        )
+        self.api = Api(settings.address.api, self.door.words)
         # The runner holds the server's, so that the server outlives it even if this process is killed.
         self.of_server, self.of_runner = Lifeline(), Lifeline()
 
-    def carry_out(self, notices: NoticeThread) -> int:
+    def carry_out(self, notices: Repeated) -> int:
         """Start server and runner, stay, and end them; the exit code."""
         with ExitStack() as at_end:
             at_end.callback(self.of_server.release)
@@ -102,39 +137,48 @@ class _Serving:
             if not self._wait("server", self._is_well, server):
                 return 0
             at_end.enter_context(notices)
-            overview = self._overview()
-            at_end.callback(overview.end)
             begun = time.time()
             runner = Supervised("runner", self._runner, self.say, self._is_well)
             at_end.callback(runner.end)
+            watch = Watch(self.settings, self.api, self.records, self.say)
+            at_end.enter_context(self._page(watch))
             if not self._wait("runner", lambda: self._polls(begun), runner):
                 return 0
             self._ready()
-            return self._stay(server, runner, overview)
+            return self._stay(server, runner, watch)
 
     def _server(self) -> Child:
-        log = self.options.state / "logs" / "server.log"
-        return start_server(self.options.address, self.environment, log, self.of_server)
+        log = self.settings.state / "logs" / "server.log"
+        return start_server(self.settings.address, self.environment, log, self.of_server)
 
     def _runner(self) -> Child:
-        return start_runner(self.api, self.options.runner, self.place, self.of_runner, [self.of_server])
+        return _start_runner(self.settings, self.api, self.of_runner, [self.of_server])
 
-    def _overview(self) -> OverviewProcess:
-        options, log = self.options, self.options.state / "logs" / "overview.log"
-        runner = runner_environment(self.api, self.place)
-        environment = {
-            **runner,
-            SERVER_WORDS: self.door.words,
-            DOOR_VARIABLE: self.door.as_variable(),
-        }
-        return OverviewProcess(options.overview, options.address.dashboard, environment, log, self.say)
+    @contextmanager
+    def _page(self, watch: Watch) -> Iterator[None]:
+        # Loads Dash, in seconds that the runner needs anyway.
+        from flows.overview.application import page_server
+        from flows.overview.sources import Sources
+
+        settings = self.settings
+        sources = Sources(
+            self.records,
+            settings.address.dashboard,
+            settings.roots,
+            self.api,
+            self.door,
+            settings.registry,
+            lambda: watch.inbox,
+        )
+        with page_server(sources, settings.overview.host, settings.overview.port):
+            yield
 
     def _server_has_ended(self, server: Supervised) -> None:
         server.end()
         self.say("The server has ended.")
 
     def _is_well(self) -> bool:
-        return is_well(self.options.address)
+        return is_well(self.settings.address)
 
     def _wait(self, what: str, is_so: Callable[[], bool], service: Supervised) -> bool:
         return wait_until(what, is_so, service.child, self.requests.come.is_set, _START_S)
@@ -142,7 +186,7 @@ class _Serving:
     def _polls(self, since: float) -> bool:
         """Whether our runner has registered its deployments since a time (s since 1970) and asks for runs."""
         try:
-            deployment = self.api.get(f"/deployments/name/{self.options.runner.story}/{MANUAL}")
+            deployment = self.api.get(f"/deployments/name/{self.settings.story}/{MANUAL}")
         except InstallationError:
             return False
         if deployment is None:
@@ -152,34 +196,139 @@ class _Serving:
         return all(time and datetime.fromisoformat(time).timestamp() > since for time in times)
 
     def _ready(self) -> None:
-        options = self.options
-        where = RunningServer(options.address.api, os.getpid(), options.records, options.overview.dashboard)
-        write_state(options.state, where)
-        self.say(f"Dashboard: {options.address.dashboard}")
-        self.say(f"Production page: {options.overview.dashboard}")
+        settings = self.settings
+        where = RunningServer(
+            settings.address.api, os.getpid(), settings.records, settings.overview.dashboard
+        )
+        write_state(settings.state, where)
+        self.say(f"Dashboard: {settings.address.dashboard}")
+        self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
-        self.say("Projects may lie under: " + ", ".join(map(str, options.roots.folders)))
+        self.say("Projects may lie under: " + ", ".join(map(str, settings.roots.folders)))
         self.say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
 
     def _tell_link(self) -> None:
         """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
-        link = f"{self.options.address.dashboard}{self.door.link}"
-        file = keep_link(self.options.state, link)
+        link = f"{self.settings.address.dashboard}{self.door.link}"
+        file = keep_link(self.settings.state, link)
         shown = link if sys.stdout.isatty() else f"it stands in {file}"
         self.say(f"A browser is let in by this link, to be opened once: {shown}")
 
-    def _stay(self, server: Supervised, runner: Supervised, overview: OverviewProcess) -> int:
+    def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
         """Look after children and inbox until a request to end has come; then let the runner finish."""
-        watch = Watch(self.options, self.api, self.records, self.say)
+        looks = Repeated(
+            watch.look,
+            self.settings.watch_s,
+            self.say,
+            "A look after inbox and runs broke off",
+            grace_s=5.0,
+        )
         try:
-            with watch:
-                while not self.requests.come.wait(1.0):
-                    server.look()
-                    runner.look()
-                    overview.look()
+            with looks:
+                _look_after([server, runner], self.requests)
         except InstallationError:
             runner.drain(self.requests)
             raise
         self.say("Ending when the runs that have begun are finished; a second request ends them now.")
         runner.drain(self.requests)
         return 0
+
+
+def _look_after(children: Sequence[Supervised], requests: Requests) -> None:
+    while not requests.come.wait(1.0):
+        for child in children:
+            child.look()
+
+
+def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
+    """The API address a further runner works for, and its settings completed by what that server says.
+
+    Parameters
+    ----------
+    server : value of ``--server``; None: the server of this user on this machine.
+
+    Raises
+    ------
+    InputError
+        If there is none, or one on another machine and no database that both reach.
+    """
+    found = find_server(settings.state)
+    local = found.server if found is not None and found.alive else None
+    url = server_address(server) or (None if local is None else local.url)
+    if url is None:
+        raise InputError(
+            "There is no server to work for.", "Start aerocal serve, or name one with --server URL."
+        )
+    local = local if local is not None and local.url == url else None
+    records = settings.database or (None if local is None else local.records)
+    if records is None:
+        raise InputError(
+            f"It is not known where the server {url} keeps the records of its runs.",
+            "Give the --database it was started with; from another machine it must be PostgreSQL.",
+        )
+    overview = os.environ.get(OVERVIEW_VARIABLE) or (None if local is None else local.overview)
+    page = ServerAddress("", 0, overview)
+    return url, replace(settings, database=records, overview=page, registers=False)
+
+
+def run_further_runner(url: str, settings: Settings, say: Say) -> int:
+    """Carry out runs of a server until asked to end; returns the exit code.
+
+    Raises
+    ------
+    InstallationError
+        If server or records cannot be reached, or the runner ends again and again.
+    """
+    _prepared(settings)
+    bring_words_to(url, settings.state)
+    require_server(url)
+    api, lifeline = Api(url, os.environ.get(CLIENT_WORDS)), Lifeline()
+    with requests_to_end() as requests, _own_name(settings.state) as name:
+
+        def start() -> Child:
+            return _start_runner(settings, api, lifeline, name=name)
+
+        runner = Supervised("runner", start, say, lambda: _answers(url))
+        try:
+            say(f"Working for {url}; log: {runner.child.log}")
+            say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
+            _look_after([runner], requests)
+            say("Ending when the runs that have begun are finished; a second request ends them now.")
+            runner.drain(requests)
+        finally:
+            runner.end()
+            lifeline.release()
+    return 0
+
+
+def _answers(url: str) -> bool:
+    try:
+        require_server(url)
+    except InstallationError:
+        return False
+    return True
+
+
+@contextmanager
+def _own_name(state: Path) -> Iterator[str]:
+    """The first of the names runner-2, runner-3, … that no other runner of this folder has."""
+    with writing_into(state):
+        number, handle = 2, -1
+        while handle < 0:
+            handle = _lock(state / f"runner-{number}.lock")
+            number += 1
+    try:
+        yield f"runner-{number - 1}"
+    finally:
+        os.close(handle)
+
+
+def _lock(file: Path) -> int:
+    """A handle that holds the lock of a file; -1 if somebody else does."""
+    handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        return -1
+    return handle

@@ -1,95 +1,135 @@
-"""What ``aerocal serve`` looks after while server and runners work: the inbox, and runs that need help."""
+"""What ``aerocal serve`` looks after in threads of its own: inbox, runs that need help, notices.
+
+Prefect ends runs by heartbeats and begins them by schedule; it knows neither deliveries nor the record of
+runs, and its notices are not kept while a receiver is away. None of this is ever in the way of runs.
+"""
 
 from __future__ import annotations
 
 import threading
-import time
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from flows.serving.api import Api
-from flows.serving.deliveries import schedule_deliveries
-from flows.serving.heartbeats import watch_heartbeats
-from flows.serving.inbox import CalledOffError
-from flows.serving.inbox_news import forget_inbox_news, keep_inbox_news
-from flows.serving.options import ServeOptions
-from flows.serving.reconciliation import reconcile
-from flows.serving.resumption import begin_again
-from flows.serving.supervision import Say
+from flows.serving.api import Api, watch_heartbeats
+from flows.serving.child import Say
+from flows.serving.inbox import CalledOffError, schedule_deliveries
+from flows.serving.reconciliation import begin_again, reconcile
+from flows.serving.settings import Settings
 from tasks.errors import AerocalError
 from tasks.production.records import Records
 
-#: What a look in work is given to end, s.
-_END_S = 5.0
+
+@dataclass(frozen=True)
+class InboxNews:
+    """What the last look into the inbox has found.
+
+    Attributes
+    ----------
+    waiting : folders that are not complete yet.
+    refused : sentences on marked folders that cannot be started.
+    """
+
+    waiting: tuple[str, ...]
+    refused: tuple[str, ...]
 
 
-class Watch:
-    """Looks into inbox and records every so often.
+class Repeated:
+    """Does something every so often while a context lasts, beside everything else, whatever becomes of it.
 
     Parameters
     ----------
-    options : of the server.
+    act : what is done; asks the function it is given whether it is called off.
+    every_s : seconds between two times.
     say : shows a sentence to the user.
+    trouble : what is said if it cannot be done, before the reason; the same reason once.
+    grace_s : what it is given to end, s.
+    once_more : whether it is done a last time at the end.
     """
 
-    def __init__(self, options: ServeOptions, api: Api, records: Records, say: Say) -> None:
-        self.options, self.api, self.records, self.say = options, api, records, say
-        self._verified: set[str] = set()
-        self._said: set[str] = set()
-        self._next = time.monotonic()
-        self._over = threading.Event()
-        # Not in the way of an end: what it has begun may take as long as a delivery is large.
-        self._thread = threading.Thread(target=self._look_again_and_again, daemon=True)
+    def __init__(
+        self,
+        act: Callable[[Callable[[], bool]], object],
+        every_s: float,
+        say: Say,
+        trouble: str,
+        *,
+        grace_s: float,
+        once_more: bool = False,
+    ) -> None:
+        self._act, self._every_s, self._say, self._trouble = act, every_s, say, trouble
+        self._grace_s, self._once_more, self._said = grace_s, once_more, ""
+        self._ending, self._over = threading.Event(), threading.Event()
+        # What hangs (a receiver, a large delivery) must not keep the server from ending.
+        self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> Watch:
-        """Look from now on, beside everything else."""
+    def __enter__(self) -> None:
         self._thread.start()
-        return self
 
     def __exit__(self, *_: object) -> None:
-        """Look no more."""
+        self._ending.set()
+        if not self._once_more:
+            self._over.set()
+        self._thread.join(self._grace_s)
         self._over.set()
-        self._thread.join(_END_S)
 
-    def _look_again_and_again(self) -> None:
-        while not self._over.wait(1.0):
-            try:
-                self.look()
-            except CalledOffError:
-                return
-            # One defect must not end all looks.
-            except Exception as error:
-                self.say(f"A look after inbox and runs broke off: {type(error).__name__}: {error}")
-                self._next = time.monotonic() + self.options.watch_s
+    def _run(self) -> None:
+        self._do()
+        while not self._ending.wait(self._every_s):
+            self._do()
+        if self._once_more:
+            self._do()
 
-    def look(self) -> None:
-        """Look if it is time; say what cannot be done, once."""
-        if time.monotonic() < self._next:
-            return
+    def _do(self) -> None:
         try:
-            news = self._look_after_all()
-        except AerocalError as error:
-            news = [str(error)]
-        for sentence in news:
-            if sentence not in self._said:
-                self.say(sentence)
-        self._said = set(news)
-        self._next = time.monotonic() + self.options.watch_s
+            self._act(self._over.is_set)
+            self._said = ""
+        except CalledOffError:
+            return
+        # One defect must not end all that follows.
+        except Exception as error:
+            known = isinstance(error, AerocalError)
+            reason = str(error) if known else f"{type(error).__name__}: {error}"
+            if reason != self._said:
+                self._say(f"{self._trouble}: {reason}")
+            self._said = reason
 
-    def _look_after_all(self) -> list[str]:
-        """Do what is to be done; sentences on what cannot be."""
+
+class Watch:
+    """Looks after inbox and records.
+
+    Attributes
+    ----------
+    inbox : what the last look into the inbox has found; None: there is no inbox, or nobody has looked yet.
+    """
+
+    def __init__(self, settings: Settings, api: Api, records: Records, say: Say) -> None:
+        self.settings, self.api, self.records, self.say = settings, api, records, say
+        self.inbox: InboxNews | None = None
+        self._verified: set[str] = set()
+
+    def look(self, is_over: Callable[[], bool] = lambda: False) -> None:
+        """Do what is to be done, and say it; what cannot be, once.
+
+        Raises
+        ------
+        InputError, InstallationError
+            If server, records or inbox cannot be asked.
+        """
         watch_heartbeats(self.api)
         for run in reconcile(self.api, self.records):
             self.say(f"Run of {run.project}: {run.state}. {run.message}")
         for run in begin_again(self.api, self.records):
             self.say(f"Run of {run.project} is begun again, for the {run.attempts - 1}. time.")
-        if self.options.inbox is None:
-            forget_inbox_news(self.options.state)
-            return []
-        roots, story = self.options.roots, self.options.runner.story
-        inbox = self.options.inbox
+        if self.settings.inbox is None:
+            return
+        roots, story = self.settings.roots, self.settings.story
         found = schedule_deliveries(
-            self.api, self.records, inbox, roots, story, self._verified, self._over.is_set
+            self.api, self.records, self.settings.inbox, roots, story, self._verified, is_over
         )
         for name in found.begun:
             self.say(f"Delivery {name}: a run is scheduled.")
-        keep_inbox_news(self.options.state, found.waiting, found.refused)
-        return list(found.refused)
+        before = () if self.inbox is None else self.inbox.refused
+        self.inbox = InboxNews(found.waiting, found.refused)
+        for sentence in found.refused:
+            if sentence not in before:
+                self.say(sentence)

@@ -1,1 +1,1 @@
-"""What the dashboard shows about a run: verdict, points, map and links, as artifacts of a Prefect server."""
+"""What Prefect's dashboard shows of a run: a short text that links to the production page."""

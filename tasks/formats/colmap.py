@@ -116,7 +116,7 @@ def read_colmap_cameras(path: Path) -> Mapping[str, PixelCamera]:
     """
     content = read_bytes(path, "document")
     rows = _camera_rows_text(path, content) if _is_text(content) else _camera_rows_binary(path, content)
-    found = {row[0]: _camera(path, *row) for row in rows}
+    found = {row[0]: camera_of_colmap(path, *row) for row in rows}
     if not found:
         raise InputError("There is no camera in the file.", "Check that it is the file of cameras.", path)
     return found
@@ -127,9 +127,21 @@ def _is_text(content: bytes) -> bool:
     return b"\0" not in content[:8]
 
 
-def _camera(
+def model_of_number(number: int) -> str:
+    """The name of a model; the number where it is not known."""
+    return _NUMBERS[number] if 0 <= number < len(_NUMBERS) else f"{number}"
+
+
+def camera_of_colmap(
     path: Path, number: str, model: str, columns: float, rows: float, parameters: list[float], line: int
 ) -> PixelCamera:
+    """A camera of its model and parameters.
+
+    Raises
+    ------
+    InputError
+        If the model is none that is read, or the values are none of a camera.
+    """
     names = _MODELS.get(model, "").split()
     if not names or len(parameters) < len(names) or not all(abs(value) < 1e9 for value in parameters):
         raise InputError(
@@ -171,7 +183,7 @@ def _camera_rows_binary(path: Path, content: bytes) -> Iterator[_CameraRow]:
     count, at = _unpacked(path, "<Q", content, 0)
     for entry in range(1, int(count) + 1):
         number, model, columns, rows, at = _unpacked(path, "<IiQQ", content, at)
-        name = _NUMBERS[model] if 0 <= model < len(_NUMBERS) else f"{model}"
+        name = model_of_number(model)
         # Of a model that is not read it is not known where it ends, and it is refused.
         *parameters, at = _unpacked(path, f"<{len(_MODELS.get(name, '').split())}d", content, at)
         yield str(number), name, float(columns), float(rows), list(parameters), entry

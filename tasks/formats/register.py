@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tasks.formats.applanix import read_applanix
+from tasks.formats.bal import read_bal_exposures, read_bal_image_points
 from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
 from tasks.formats.blocks_exchange import (
     read_blocks_cameras,
@@ -16,6 +17,11 @@ from tasks.formats.blocks_exchange import (
 )
 from tasks.formats.bundler import read_bundler_exposures, read_bundler_image_points
 from tasks.formats.colmap import read_colmap_cameras, read_colmap_exposures, read_colmap_image_points
+from tasks.formats.colmap_database import (
+    read_colmap_database_cameras,
+    read_colmap_database_exposures,
+    read_colmap_database_image_points,
+)
 from tasks.formats.ign_camera import read_ign_camera
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.inpho import (
@@ -32,11 +38,22 @@ from tasks.formats.metashape import (
     read_metashape_measurements,
 )
 from tasks.formats.metashape_text import read_metashape_opk
+from tasks.formats.micmac import (
+    read_micmac_cameras,
+    read_micmac_control,
+    read_micmac_exposures,
+    read_micmac_image_points,
+)
 from tasks.formats.native_csv import (
     read_csv_control,
     read_csv_distances,
     read_csv_exposures,
     read_csv_image_points,
+)
+from tasks.formats.openmvg import (
+    read_openmvg_cameras,
+    read_openmvg_exposures,
+    read_openmvg_image_points,
 )
 from tasks.formats.opensfm import (
     read_odm_control,
@@ -45,6 +62,12 @@ from tasks.formats.opensfm import (
     read_opensfm_cameras,
     read_opensfm_exposures,
     read_opensfm_tracks,
+)
+from tasks.formats.opf import (
+    read_opf_cameras,
+    read_opf_control,
+    read_opf_exposures,
+    read_opf_image_points,
 )
 from tasks.formats.patb import read_patb_control, read_patb_orientations
 from tasks.formats.photo_lists import read_photo_lists
@@ -82,6 +105,11 @@ IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
     "opensfm": read_opensfm_tracks,
     "odm-gcp": read_odm_measurements,
     "bundler": read_bundler_image_points,
+    "opf": read_opf_image_points,
+    "openmvg": read_openmvg_image_points,
+    "micmac": read_micmac_image_points,
+    "bal": read_bal_image_points,
+    "colmap-database": read_colmap_database_image_points,
 }
 EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     TABLE: read_csv_exposures,
@@ -100,6 +128,11 @@ EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "odm-geo": read_odm_geo,
     "bundler": read_bundler_exposures,
     "realityscan": read_realityscan_exposures,
+    "opf": read_opf_exposures,
+    "openmvg": read_openmvg_exposures,
+    "micmac": read_micmac_exposures,
+    "bal": read_bal_exposures,
+    "colmap-database": read_colmap_database_exposures,
 }
 CONTROL_FORMATS: dict[str, ControlReader] = {
     TABLE: read_csv_control,
@@ -111,6 +144,8 @@ CONTROL_FORMATS: dict[str, ControlReader] = {
     "metashape-markers": read_metashape_markers,
     "blocks-exchange": read_blocks_control,
     "odm-gcp": read_odm_control,
+    "opf": read_opf_control,
+    "micmac": read_micmac_control,
 }
 DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
 CAMERA_FORMATS: dict[str, CameraReader] = {
@@ -121,6 +156,10 @@ CAMERA_FORMATS: dict[str, CameraReader] = {
     "blocks-exchange": read_blocks_cameras,
     "colmap": read_colmap_cameras,
     "opensfm": read_opensfm_cameras,
+    "opf": read_opf_cameras,
+    "openmvg": read_openmvg_cameras,
+    "micmac": read_micmac_cameras,
+    "colmap-database": read_colmap_database_cameras,
 }
 
 

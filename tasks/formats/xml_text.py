@@ -17,7 +17,18 @@ def parsed_xml(path: Path) -> ElementTree.Element:
     InputError
         If the file is no well-formed XML, or declares document types or entities.
     """
-    text = _plain_text(path)
+    return parsed_xml_content(path, read_bytes(path, "document"))
+
+
+def parsed_xml_content(path: Path, content: bytes, entity: str | None = None) -> ElementTree.Element:
+    """The root element of the content of a file, or of a part of it that `entity` names.
+
+    Raises
+    ------
+    InputError
+        As `parsed_xml`.
+    """
+    text = _plain_text(path, content, entity)
     try:
         # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
         return ElementTree.fromstring(text)
@@ -27,15 +38,15 @@ def parsed_xml(path: Path) -> ElementTree.Element:
             "Deliver the file again.",
             file=path,
             line=error.position[0],
+            entity=entity,
         ) from error
 
 
-def _plain_text(path: Path) -> str:
+def _plain_text(path: Path, content: bytes, entity: str | None) -> str:
     """The text of the file, without declarations of types: entities could read files or fill the memory.
 
     No delivered file needs them, so they are refused before any parser sees them, whatever version it is of.
     """
-    content = read_bytes(path, "document")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = content.decode("utf-16", errors="replace")
     else:
@@ -48,5 +59,6 @@ def _plain_text(path: Path) -> str:
             "The file declares document types or entities (<!DOCTYPE>).",
             "Deliver it without them; it needs none.",
             file=path,
+            entity=entity,
         )
     return text.strip()

@@ -6,9 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
+import numpy as np
 import pandas as pd
 
+from adjust.arrays import Floats
 from adjust.handover.refit import Freed
+from tasks.handover.block_points import BlockPoints, no_points
+from tasks.handover.lens import Lenses
 from tasks.handover.receiver import HandedOver, World
 from tasks.handover.results import Results
 
@@ -33,16 +37,25 @@ class Delivery:
     results : as adjusted.
     handed : orientations for the kind of program.
     angles : wanted, where a format leaves the choice.
+    lenses : cameras of a format that takes distortion; else none.
+    points : of a format that takes points; else none.
     """
 
     results: Results
     handed: HandedOver
     angles: Angles = field(default_factory=Angles)
+    lenses: Lenses = field(default_factory=lambda: Lenses((), np.zeros(0)))
+    points: BlockPoints = field(default_factory=no_points)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the images."""
         return self.results.images.names
+
+    @property
+    def misfit_px(self) -> Floats:
+        """(n,) largest difference of an image between the program's model and ours, pixels."""
+        return self.handed.misfit_px + self.lenses.misfit_px if self.lenses.models else self.handed.misfit_px
 
     @property
     def camera_names(self) -> list[str]:
@@ -56,8 +69,8 @@ class Delivery:
         return table[[name for name in table.columns if name.startswith("sigma_")]]
 
 
-#: Files a writer makes: name → text.
-Files: TypeAlias = Mapping[str, str]
+#: Files a writer makes: name → text, or bytes of a binary one.
+Files: TypeAlias = Mapping[str, str | bytes]
 
 
 @dataclass(frozen=True)
@@ -75,6 +88,8 @@ class DeliveryFormat:
     read : orientations (positions, rotations world from camera) from the files, for the check of what was
         written; None: the format carries its own geometry.
     seen : whether files for it were checked against the software itself or real files of it.
+    lens : terms of the distortion it takes (see ``lens``); none: it takes no distortion.
+    points : whether it takes image points, object points, or surveyed points.
     """
 
     name: str
@@ -84,3 +99,5 @@ class DeliveryFormat:
     freed: Freed
     write: Callable[[Delivery], Files]
     seen: bool
+    lens: tuple[str, ...] = ()
+    points: bool = False

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
+from tasks.handover.block_points import read_points
 from tasks.handover.delivery import Angles, Delivery
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.register import REGISTER
+from tasks.handover.lens import lens_models
 from tasks.handover.receiver import REFUSED_PX, HandedOver, World, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
@@ -67,16 +69,21 @@ def export_results(
     found: World = form.world if world is None else _world(world, form.name, form.worlds)
     block = read_results(results)
     handed = hand_over(block, found, form.freed)
-    misfit = float(handed.misfit_px.max(initial=0.0))
+    delivery = Delivery(block, handed, angles or Angles())
+    if form.lens:
+        delivery = replace(delivery, lenses=lens_models(block, form.lens))
+    misfit = float(delivery.misfit_px.max(initial=0.0))
     if misfit >= REFUSED_PX and not force:
-        worst = block.images.names[int(np.argmax(handed.misfit_px))]
+        worst = block.images.names[int(np.argmax(delivery.misfit_px))]
+        what = "this camera" if form.lens else "these orientations"
         raise InputError(
-            f"A program of the kind '{found}' would be wrong by {misfit:.1f} pixels with these orientations.",
+            f"A program of the kind '{found}' would be wrong by {misfit:.1f} pixels with {what}.",
             "Write them for another kind (--world local, map or map-cartesian-curved; --to rpc), or "
             "insist with --force.",
             entity=f"image {worst}",
         )
-    delivery = Delivery(block, handed, angles or Angles())
+    if form.points:
+        delivery = replace(delivery, points=read_points(results, block))
     files = dict(form.write(delivery))
     if handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)
@@ -97,19 +104,19 @@ def _world(text: str, form: str, worlds: tuple[World, ...]) -> World:
     )
 
 
-def _rigorous(block: Results) -> str:
+def _rigorous(block: Results) -> str | bytes:
     true: HandedOver = hand_over(block, "map", Freed())
     return write_eo_csv(Delivery(block, true))["eo.csv"]
 
 
-def _write(folder: Path, files: dict[str, str]) -> None:
+def _write(folder: Path, files: dict[str, str | bytes]) -> None:
     """All files, each whole or not at all; the statement last."""
     if folder.is_file():
         raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / STATEMENT).unlink(missing_ok=True)
-        for name, text in files.items():
+        for name, content in files.items():
             part = folder / f".{name}.part"
-            part.write_text(text, encoding="utf-8", newline="")
+            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
             part.replace(folder / name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import cast
 
@@ -75,6 +76,7 @@ class Results:
     orientations : exterior_orientations.parquet, in the order of the images.
     strips : name of the strip of each image; empty without.
     ground : (n, 3) low, middle and high map height of the tie points below each image, metres.
+    name, flown : of the project; None: the date is not stated.
     """
 
     images: OrientedImages
@@ -82,6 +84,25 @@ class Results:
     orientations: pd.DataFrame
     strips: tuple[str, ...]
     ground: Floats
+    name: str
+    flown: date | None = None
+
+    @property
+    def needed_date(self) -> date:
+        """The date of the flight, for formats that cannot be without.
+
+        Raises
+        ------
+        InputError
+            If the project does not state it.
+        """
+        if self.flown is None:
+            raise InputError(
+                "This format needs the date of the flight, and the project does not state it.",
+                "Write it into the project file (flown = 2026-05-24) and run again; nothing is computed.",
+                entity="project.flown",
+            )
+        return self.flown
 
 
 def read_results(folder: Path) -> Results:
@@ -92,22 +113,22 @@ def read_results(folder: Path) -> Results:
     InputError
         If there are none, or a table is missing.
     """
-    place, refracted = _stated(folder)
-    orientations = _table(folder, schemas.EXTERIOR_ORIENTATIONS)
+    stated, place, refracted = _stated(folder)
+    orientations = read_result_table(folder, schemas.EXTERIOR_ORIENTATIONS)
     if orientations.empty:
         raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
     rows = _camera_rows(folder)
     names = [str(name) for name in orientations["image"]]
-    taken = _table(folder, schemas.IMAGES).set_index("image").loc[names]
+    taken = read_result_table(folder, schemas.IMAGES).set_index("image").loc[names]
     index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken["camera"]))
     cameras = tuple(_camera(row) for row in rows)
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
-    return Results(images, cameras, orientations, strips, _ground(folder, names))
+    return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
 
 
-def _stated(folder: Path) -> tuple[MapFrame, bool]:
-    """What the run was told: the CRS of its results, and whether refraction was corrected."""
+def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool]:
+    """What the run was told: its project, the CRS of its results, and whether refraction was corrected."""
     manifest = read_manifest(folder)
     if manifest is None:
         raise InputError("There are no results of a run.", _REMEDY, file=folder)
@@ -122,18 +143,28 @@ def _stated(folder: Path) -> tuple[MapFrame, bool]:
         raise InputError(
             "The manifest does not say how the block was adjusted.", _REMEDY, file=folder
         ) from error
-    return MapFrame.of(stated.crs, stated.heights), refracted
+    return stated, MapFrame.of(stated.crs, stated.heights), refracted
 
 
-def _table(folder: Path, schema: TableSchema) -> pd.DataFrame:
+def read_result_table(folder: Path, schema: TableSchema) -> pd.DataFrame:
+    """A table of the results in a folder.
+
+    Raises
+    ------
+    InputError
+        If it is missing, or is none.
+    """
     return read_foreign_table(folder / f"{schema.name}.parquet", schema, _REMEDY)[0]
 
 
 def _camera_rows(folder: Path) -> list[dict[object, object]]:
     """Rows of cameras.parquet with the adjusted values, for the cameras that have images."""
-    parameters, correlations = _table(folder, schemas.PARAMETERS), _table(folder, schemas.CORRELATIONS)
+    parameters, correlations = (
+        read_result_table(folder, schemas.PARAMETERS),
+        read_result_table(folder, schemas.CORRELATIONS),
+    )
     adjusted = calibration_of(parameters, correlations, SurveyedControl())
-    given = _table(folder, schemas.CAMERAS)
+    given = read_result_table(folder, schemas.CAMERAS)
     given = given[given["camera"].isin(adjusted.entities("focal_length"))]
     return [dict(row) for row in calibrated_cameras(given, adjusted).to_dict("records")]
 
@@ -169,8 +200,8 @@ def _oriented(
 
 def _ground(folder: Path, names: list[str]) -> Floats:
     """Heights (n, 3) of the tie points in each image; of all points where an image has none."""
-    points = _table(folder, schemas.OBJECT_POINTS).set_index("point")["z_m"]
-    seen = _table(folder, schemas.IMAGE_POINTS)[["image", "point"]]
+    points = read_result_table(folder, schemas.OBJECT_POINTS).set_index("point")["z_m"]
+    seen = read_result_table(folder, schemas.IMAGE_POINTS)[["image", "point"]]
     height = seen["point"].map(points).astype(np.float64)
     levels = height.groupby(seen["image"].astype(str)).quantile(np.array(_LEVELS)).unstack()
     of_all = np.nanquantile(points.to_numpy(np.float64), _LEVELS)

@@ -78,7 +78,7 @@ class OrientedImages:
         """Map coordinates (n, k, 3) where ideal image points (n, k, 2) see the ground at heights (n, k)."""
         axes = np.asarray(self.frame.local_from_enu(self.projection_centre))
         start = self._on_map(self.projection_centre)[:, 2:]
-        straight = self._straight(ideal, axes[:, :, 2], start, height) if self.refracted else ideal
+        straight = self.straight(ideal, height)
         c = np.broadcast_to(self.focal_length[self.camera][:, None, None], (*ideal.shape[:2], 1))
         ray = np.einsum("nij,nkj->nki", self.local_from_camera, np.concatenate([straight, -c], axis=-1))
         rise = np.einsum("ni,nki->nk", axes[:, :, 2], ray)
@@ -88,9 +88,13 @@ class OrientedImages:
             along = along + (height - reached[..., 2]) / rise
         return self._on_map(centre + along[..., None] * ray)
 
-    def _straight(self, ideal: Floats, up: Floats, above: Floats, height: Floats) -> Floats:
-        """Ideal image points (n, k, 2) of the straight rays from the ground, without refraction."""
+    def straight(self, ideal: Floats, height: Floats) -> Floats:
+        """Ideal image points (n, k, 2) of the straight rays from the ground at heights (n, k)."""
+        if not self.refracted:
+            return ideal
         k = ideal.shape[1]
+        up = np.asarray(self.frame.local_from_enu(self.projection_centre))[:, :, 2]
+        above = self._on_map(self.projection_centre)[:, 2:]
         interior = np.zeros((len(self.camera), 3))
         interior[:, 0] = self.focal_length[self.camera]
         coefficient = refraction_coefficient(np.repeat(above, k, axis=1), height)

@@ -8,6 +8,7 @@ import numpy as np
 
 from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Delivery, DeliveryFormat
+from tasks.handover.lens import LensModel
 from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX, World
 
 _WORLDS: dict[World, str] = {
@@ -26,6 +27,8 @@ _WORLDS: dict[World, str] = {
     "switch is needed.",
 }
 _LEAST_DISTORTION_UM = 0.05
+# Below this a misfit is rounding.
+_LEAST_MISFIT_PX = 1e-4
 _WIDTH = 78
 
 
@@ -63,6 +66,11 @@ def _coordinates(delivery: Delivery) -> str:
 def _about_refraction(delivery: Delivery) -> list[str]:
     if not delivery.results.images.refracted or delivery.handed.world == "rpc":
         return []
+    if delivery.lenses.models:
+        return [
+            "Refraction of the standard atmosphere, which the adjustment corrected, is contained in the "
+            "cameras: switch such a correction OFF."
+        ]
     if delivery.handed.refitted:
         return ["Refraction of the standard atmosphere is contained in the orientations."]
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
@@ -71,6 +79,8 @@ def _about_refraction(delivery: Delivery) -> list[str]:
 def _about_lens(delivery: Delivery) -> list[str]:
     if delivery.handed.world == "rpc":
         return []
+    if delivery.lenses.models:
+        return [_about_model(model) for model in delivery.lenses.models] + _about_lens_fit(delivery)
     found = []
     for camera in delivery.results.cameras:
         frame = camera.frame
@@ -89,9 +99,38 @@ def _about_lens(delivery: Delivery) -> list[str]:
     return found
 
 
+def _about_model(model: LensModel) -> str:
+    """The camera as it stands in the files."""
+    (fx, fy), (column, row) = model.focal, model.principal_point
+    lens = ", ".join(f"{name} {value:.6g}" for name, value in model.distortion.items() if value)
+    return (
+        f"Camera {model.name}: focal length {fx:.4f}, {fy:.4f} pixels, principal point "
+        f"{column:.4f}, {row:.4f} pixels from the corner of the first one; distortion from the ideal to the "
+        f"measured point: {lens or 'none'}."
+    )
+
+
+def _about_lens_fit(delivery: Delivery) -> list[str]:
+    misfit = delivery.lenses.misfit_px
+    worst = int(np.argmax(misfit))
+    model = delivery.lenses.models[delivery.results.images.camera[worst]]
+    if misfit[worst] < _LEAST_MISFIT_PX:
+        return []
+    text = (
+        "Distortion and refraction were fitted to the program's model; misfit at most "
+        f"{misfit[worst]:.4f} pixels ({misfit[worst] * model.pixel_size * 1e6:.2f} µm), in image "
+        f"{delivery.names[worst]}."
+    )
+    if misfit[worst] >= WARNED_PX:
+        text += " That is much: use corrected images, or rational polynomials (--to rpc)."
+    return [text]
+
+
 def _about_fit(delivery: Delivery) -> list[str]:
     handed, images = delivery.handed, delivery.results.images
     if handed.world in ("local", "map"):
+        if delivery.lenses.misfit_px.max(initial=0.0) >= _LEAST_MISFIT_PX:
+            return ["Nothing else is approximated."]
         return ["Nothing is approximated."]
     worst = int(np.argmax(handed.misfit_px))
     text = (

@@ -10,10 +10,13 @@ import hashlib
 import logging
 import os
 import re
+import socket
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
+from uuid import uuid4
 
 import apprise
 from apprise.plugins.custom_json import NotifyJSON
@@ -149,3 +152,20 @@ def _heard() -> Iterator[list[str]]:
     finally:
         logger.removeHandler(handler)
         logger.propagate = propagated
+
+
+def send_test_message(environment: Mapping[str, str] = os.environ) -> dict[NoticeAddress, Sent]:
+    """Send a message to every address; what became of each.
+
+    Raises
+    ------
+    InputError
+        If there is no address, or one is not understood.
+    """
+    addresses = configured_addresses(environment)
+    if not addresses:
+        raise InputError("There is no address for notices.", f"Set {ADDRESSES_VARIABLE}.")
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    words = f"Notices of aerocal on {socket.gethostname()} arrive here."
+    test = Notice(f"test:{uuid4()}", "success", "", "test", "notify", "Test", words, "", now)
+    return {address: address.send(test, Links()) for address in addresses}

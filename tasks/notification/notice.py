@@ -102,7 +102,7 @@ class Notice:
         found = {}
         run = quote(self.run, safe="")
         if links.overview is not None and self.kind in ("gate", "success") and self.directory:
-            found["report"] = f"{links.overview}/results/{run}/{_PAGES.get(self.story, 'report.html')}"
+            found["report"] = report_address(links.overview, self.run, self.story)
         if links.dashboard is not None:
             found["run"] = f"{links.dashboard}/v2/runs/flow-run/{run}"
         return found
@@ -117,6 +117,11 @@ class Notice:
 
     def _content(self) -> dict[str, JSON]:
         return cast(dict[str, JSON], finite(from_json(json.dumps(asdict(self)))))
+
+
+def report_address(overview: str, run: str, story: str) -> str:
+    """Where the production page at an address serves the page about a run."""
+    return f"{overview}/results/{quote(run, safe='')}/{_PAGES.get(story, 'report.html')}"
 
 
 def notice_from(text: str) -> Notice:

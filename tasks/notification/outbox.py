@@ -1,13 +1,13 @@
 """The outbox: notices wait in the database of production until every address has taken them.
 
-A notice is written in the same transaction as the end of its run. It is sent at least once: whoever is killed
-between the answer of a receiver and the note about it sends it again, with the same number. Once noted, it is
-never sent again.
+Neither Prefect's notifications nor apprise keep what a receiver did not take. A notice is written in the
+same transaction as the end of its run. It is sent at least once: whoever is killed between the answer of a
+receiver and the note about it sends it again, with the same number. Once noted, it is never sent again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Literal, TypeAlias
@@ -15,11 +15,14 @@ from typing import Literal, TypeAlias
 from sqlalchemy import insert, select, update
 
 from tasks.notification.addresses import NoticeAddress, Sent
-from tasks.notification.notice import Notice, notice_from
+from tasks.notification.notice import Links, Notice, NoticeKind, notice_from
+from tasks.patience import Patience
 from tasks.production.records import Records
 from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
 
 DeliveryState: TypeAlias = Literal["waiting", "delivered", "given_up"]
+#: With a receiver that does not take a notice; its age counts.
+PATIENCE = Patience(10.0, 3600.0, 3 * 86_400.0)
 #: Notices that are looked at in one pass.
 _BATCH = 200
 
@@ -40,25 +43,6 @@ class Delivery:
     attempts: int
     due: datetime
     said: str
-
-
-@dataclass(frozen=True)
-class Patience:
-    """How long is waited.
-
-    Attributes
-    ----------
-    first_s, longest_s : pause after the first failure, doubled each time, and its limit.
-    give_up_s : age of a notice at which it is given up.
-    """
-
-    first_s: float = 10.0
-    longest_s: float = 3600.0
-    give_up_s: float = 3 * 86_400.0
-
-    def pause_s(self, attempts: int) -> float:
-        """The pause after so many failures."""
-        return float(min(self.first_s * 2.0 ** min(attempts - 1, 30), self.longest_s))
 
 
 @dataclass(frozen=True)
@@ -88,7 +72,7 @@ class Outbox:
         attempts = 1 if before is None else before.attempts + 1
         age = (now - datetime.fromisoformat(notice.ended)).total_seconds()
         state: DeliveryState = "delivered" if sent.accepted else "waiting"
-        if not sent.accepted and age > patience.give_up_s:
+        if not sent.accepted and age > patience.total_s:
             state = "given_up"
         due = now + timedelta(seconds=patience.pause_s(attempts))
         values = {"state": state, "attempts": attempts, "due": due.isoformat(), "said": sent.said}
@@ -106,3 +90,77 @@ class Outbox:
         with self.records.writing() as connection:
             for notice in notices:
                 connection.execute(update(NOTICES).where(NOTICES.c.id == notice.id).values(closed=now))
+
+
+#: An address that has failed is left alone for so long, whatever else waits for it.
+_RESTED = timedelta(seconds=5)
+
+
+class Courier:
+    """Delivers notices.
+
+    Parameters
+    ----------
+    outbox : where they wait.
+    addresses : where they go.
+    wanted : kinds that are told; others are done with at once.
+    links : where readers find more.
+    say : is told about failures, a sentence.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        addresses: Sequence[NoticeAddress],
+        wanted: Collection[NoticeKind],
+        links: Links,
+        say: Callable[[str], None],
+        patience: Patience | None = None,
+    ) -> None:
+        self.outbox, self.addresses, self.wanted, self.links = outbox, addresses, wanted, links
+        self.say, self.patience = say, patience or PATIENCE
+        self._rests: dict[str, datetime] = {}
+
+    def deliver(self, is_over: Callable[[], bool] = lambda: False) -> int:
+        """Send what is due; how many notices are still waiting.
+
+        Parameters
+        ----------
+        is_over : asked between two messages; the rest then waits for the next time.
+
+        Raises
+        ------
+        InputError, InstallationError
+            As of `Outbox`.
+        """
+        waiting = self.outbox.waiting()
+        done: list[Notice] = []
+        for notice in waiting:
+            if is_over():
+                break
+            addresses = self.addresses if notice.kind in self.wanted else ()
+            # Every address gets its turn, whatever the others say.
+            brought = [self._bring(notice, address) for address in addresses]
+            if all(brought):
+                done.append(notice)
+        if done:
+            self.outbox.close(done)
+        return len(waiting) - len(done)
+
+    def _bring(self, notice: Notice, address: NoticeAddress) -> bool:
+        """Send a notice to an address if it is due; whether nothing more is to be done there."""
+        before, now = self.outbox.delivery(notice, address), datetime.now(UTC)
+        if before is not None and before.state != "waiting":
+            return True
+        if (before is not None and now < before.due) or now < self._rests.get(address.key, now):
+            return False
+        sent = address.send(notice, self.links)
+        now = datetime.now(UTC)
+        after = self.outbox.note(notice, address, sent, now, self.patience)
+        if not sent.accepted:
+            self._rests[address.key] = now + min(after.due - now, _RESTED)
+        if after.state == "given_up":
+            self.say(f"The notice '{notice.subject}' is given up: {address} is {sent.said}.")
+        elif not sent.accepted and after.attempts == 1:
+            self.say(f"The notice '{notice.subject}' is sent again later: {address} is {sent.said}.")
+        return after.state != "waiting"

@@ -1,18 +1,30 @@
-"""The connection to object storage: endpoint, region and credentials, from the environment and nowhere else.
+"""The connection to object storage, and requests that outlast an outage of it.
 
-Nothing of it stands in project files, addresses, logs or manifests. Files of the user's profile and the
-metadata service of a cloud are not consulted: a run never waits for an address nobody has named.
+pyarrow's client reads profiles and asks metadata services, repeats some requests in silence, and tells
+errors apart in its messages only (``AWS Error NAME during …``; a request without a body in its answer has
+the status in place of the name). Here endpoint, region and credentials come from the environment and
+nowhere else, a request is repeated for as long as this installation has patience, people are told
+meanwhile, and what waiting does not help against is said at once, with a remedy.
 """
 
 from __future__ import annotations
 
+import hashlib
+import logging
 import os
-from collections.abc import Mapping
+import re
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlsplit
 
+import platformdirs
+
+from tasks.object_storage.address import ObjectAddress
+from tasks.patience import Patience
 from tasks.storage.installation import InstallationError
 
 if TYPE_CHECKING:
@@ -133,3 +145,173 @@ def _seconds(environment: Mapping[str, str], name: str, default: float, least: f
             f"{name} is '{text}', not a number of seconds.", f"Set it to e.g. {default:g}."
         )
     return value
+
+
+_NAME = re.compile(r"AWS Error ([A-Z_]+)(?: \(HTTP status (\d+)\))?")
+_UNPARSED = re.compile(r"Unable to parse ExceptionName: (\w+)")
+_CURL = re.compile(r"curlCode: (\d+), ([^;]+)")
+
+_CREDENTIALS = {
+    "ACCESS_DENIED",
+    "INVALID_ACCESS_KEY_ID",
+    "SIGNATURE_DOES_NOT_MATCH",
+    "INVALID_CLIENT_TOKEN_ID",
+    "UNRECOGNIZED_CLIENT",
+    "MISSING_AUTHENTICATION_TOKEN",
+    "INVALID_SIGNATURE",
+    "ACCOUNT_PROBLEM",
+    "ExpiredToken",
+    "InvalidToken",
+}
+_OF_REGION = {"PermanentRedirect", "AuthorizationHeaderMalformed", "IllegalLocationConstraintException"}
+#: The peer's certificate is not trusted, or the file of certificates cannot be read.
+_CURL_CERTIFICATES = {"60", "77"}
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a request failed.
+
+    Attributes
+    ----------
+    reason : a few words, nothing secret in them.
+    remedy : what to do where waiting does not help; None: waiting may.
+    """
+
+    reason: str
+    remedy: str | None = None
+
+
+def failure_of(error: Exception, address: ObjectAddress) -> Failure:
+    """Tell what the client's error means."""
+    message = str(error)
+    named = _NAME.search(message)
+    if named is None:
+        return Failure(getattr(error, "strerror", None) or type(error).__name__)
+    unparsed = _UNPARSED.search(message)
+    name, status = (unparsed[1] if unparsed else named[1]), named[2]
+    if name == "NETWORK_CONNECTION":
+        return _of_network(message)
+    if name == "NO_SUCH_BUCKET":
+        return Failure(
+            f"there is no bucket '{address.bucket}'",
+            "Make the bucket, or correct the address; buckets are never made by aerocal.",
+        )
+    if name in _CREDENTIALS or status in ("401", "403"):
+        return Failure(
+            f"access is denied ({_in_words(name, status)})",
+            "Set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY to credentials that may list, read and write "
+            "there, and AWS_ENDPOINT_URL to their server.",
+        )
+    if name in _OF_REGION or status == "301":
+        return Failure(
+            f"the bucket is not in this region ({_in_words(name, status)})",
+            "Set AWS_REGION to the region of the bucket.",
+        )
+    if status in ("400", "404", "405", "411", "501"):
+        return Failure(
+            f"the server refuses the request ({_in_words(name, status)})",
+            "Check that AWS_ENDPOINT_URL and AWS_REGION are those of an S3-compatible storage.",
+        )
+    return Failure(_in_words(name, status))
+
+
+def _of_network(message: str) -> Failure:
+    curl = _CURL.search(message)
+    if curl is None:
+        return Failure("no connection")
+    if curl[1] in _CURL_CERTIFICATES:
+        return Failure(
+            f"its certificate is not trusted ({curl[2]})",
+            "Set AWS_CA_BUNDLE to the file of the certificates it is to be checked against.",
+        )
+    return Failure(curl[2][0].lower() + curl[2][1:])
+
+
+def _in_words(name: str, status: str | None) -> str:
+    if name == "UNKNOWN":
+        return f"HTTP status {status}"
+    return name.replace("_", " ").lower() if name.isupper() else name
+
+
+R = TypeVar("R")
+
+_log = logging.getLogger("aerocal")
+
+
+def patiently(
+    request: Callable[[], R],
+    address: ObjectAddress,
+    patience_s: float,
+    *,
+    pause: Callable[[float], None] = time.sleep,
+    now: Callable[[], float] = time.monotonic,
+) -> R:
+    """Carry out a request, again and again while the storage does not answer.
+
+    Parameters
+    ----------
+    request : may be repeated from its beginning. That an object does not exist (FileNotFoundError) is an
+        answer, and passes, as what is wrong on this machine does.
+    patience_s : time after which it is given up.
+    pause, now : the clock.
+
+    Raises
+    ------
+    InstallationError
+        If the storage does not answer for so long, or refuses in a way that waiting does not change.
+    """
+    began, failures = now(), 0
+
+    def say(error: Exception, pause_s: float, waited_s: float) -> None:
+        nonlocal failures
+        failures += 1
+        _log.warning(
+            "%s does not answer (%s); trying again in %.0f s, for up to %s",
+            address, failure_of(error, address).reason, pause_s, _duration(patience_s - waited_s),
+        )  # fmt: skip
+
+    def may_pass(error: Exception) -> bool:
+        return _is_of_storage(error) and failure_of(error, address).remedy is None
+
+    try:
+        answer = Patience(1.0, 30.0, patience_s).tried(request, may_pass, say, pause=pause, now=now)
+    except OSError as error:
+        if not _is_of_storage(error):
+            raise
+        failure = failure_of(error, address)
+        if failure.remedy is not None:
+            raise InstallationError(f"{address}: {failure.reason}.", failure.remedy) from error
+        raise _given_up(address, failure.reason, now() - began) from error
+    if failures:
+        _log.info("%s answers again after %s", address, _duration(now() - began))
+    return answer
+
+
+def _is_of_storage(error: Exception) -> bool:
+    """Whether the storage failed: what is of a file here (a full disk), or "no such object", has a number."""
+    return isinstance(error, OSError) and error.errno is None
+
+
+def _given_up(address: ObjectAddress, reason: str, waited_s: float) -> InstallationError:
+    return InstallationError(
+        f"{address} has not answered for {_duration(waited_s)} ({reason}).",
+        "Run again when it does; what is done already is kept on this machine.",
+    )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+
+
+#: Names another folder for them.
+WORKSPACES_VARIABLE = "AEROCAL_WORKSPACES"
+
+
+def local_folder(address: ObjectAddress, environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder of this user that stands for an address."""
+    named = environment.get(WORKSPACES_VARIABLE)
+    parent = Path(named).absolute() if named else Path(platformdirs.user_cache_dir("aerocal")) / "workspaces"
+    digest = hashlib.sha256(f"{endpoint_from(environment)} {address}".encode()).hexdigest()[:12]
+    shown = re.sub(r"[^\w.-]+", "-", address.prefix)[-40:].strip("-.")
+    return parent / f"{shown}-{digest}"

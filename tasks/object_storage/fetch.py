@@ -9,8 +9,7 @@ from pathlib import Path
 
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
-from tasks.object_storage.published_manifest import PublishedEntry
-from tasks.object_storage.workspace import ObjectWorkspace
+from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
 from tasks.publish import remove_outdated
 from tasks.storage.artifact import digest_of_file
 from tasks.storage.installation import InstallationError, writing_into

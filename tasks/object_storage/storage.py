@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from tasks.object_storage.address import ObjectAddress
-from tasks.object_storage.connection import connection_from
-from tasks.object_storage.patience import patiently
+from tasks.object_storage.connection import connection_from, patiently
 
 if TYPE_CHECKING:
     from pyarrow.fs import S3FileSystem
@@ -47,7 +46,7 @@ class StoredObject:
 class ObjectStorage:
     """The objects below an address; names are relative to it.
 
-    Every method tries again while the storage does not answer (`tasks.object_storage.patience`), and raises
+    Every method tries again while the storage does not answer (`tasks.object_storage.connection`), and raises
     InstallationError when it has not answered for too long, or refuses.
     """
 

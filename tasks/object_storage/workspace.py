@@ -1,5 +1,7 @@
 """A workspace on object storage: what lies where below its prefix, and in which order it is put there.
 
+pyarrow puts and reads single objects; which of them belong together is said here.
+
 ``.store/STAGE/KEY/SHA256/FILE``
     the files of a stage output, named by their digest: whoever puts there the same name puts the same bytes.
 ``.store/STAGE/KEY/stage.json``
@@ -7,7 +9,8 @@
 ``summary.json``
     how the last run ended, whatever its end was.
 ``manifest.json``
-    put last: the results (`tasks.object_storage.published_manifest`).
+    put last, the only pointer to results: the manifest of an output folder, with the name of the object of
+    each file and the whole summary. One PUT replaces everything a reader goes by.
 """
 
 from __future__ import annotations
@@ -16,22 +19,136 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Annotated, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, computed_field
 
 from tasks.object_storage.address import ObjectAddress
-from tasks.object_storage.published_manifest import PublishedManifest, published_manifest_from
-from tasks.object_storage.stage_listing import (
-    STAGE_FILE,
-    ListedFile,
-    StageListing,
-    folder_of,
-    stage_listing_from,
-)
-from tasks.object_storage.storage import ObjectStorage
+from tasks.object_storage.storage import ObjectStorage, StoredObject
 from tasks.storage.json_text import JSON, from_json, json_text
-from tasks.storage.manifest import MANIFEST
+from tasks.storage.manifest import MANIFEST, Manifest, ManifestEntry
 from tasks.storage.stage_key import StageKey
-from tasks.summary import SUMMARY
+from tasks.summary import SUMMARY, Summary
+
+STORE = ".store"
+STAGE_FILE = "stage.json"
+
+
+def _plain(name: str) -> str:
+    """A name that leads nowhere but into the folder it is put into."""
+    if name in ("", ".", "..") or PurePosixPath(name).name != name or "\\" in name or "\0" in name:
+        raise ValueError("not the plain name of a file")
+    return name
+
+
+#: What was read from the storage is checked like any delivery: a name there must not lead elsewhere here.
+PlainName: TypeAlias = Annotated[str, AfterValidator(_plain), Field(max_length=200)]
+Digest: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+def folder_of(stage: str, key: str) -> str:
+    """Where the output of a stage lies."""
+    return f"{STORE}/{stage}/{key}"
+
+
+def object_of(stage: str, key: str, sha256: str, file: str) -> str:
+    """Name of the object of a file: with its digest, so that whoever puts it there puts the same bytes."""
+    return f"{folder_of(stage, key)}/{sha256}/{file}"
+
+
+class ListedFile(BaseModel):
+    """A file of a stage output: name, digest and size."""
+
+    model_config = ConfigDict(frozen=True)
+
+    file: PlainName
+    sha256: Digest
+    bytes: Annotated[int, Field(ge=0)]
+
+
+class StageListing(BaseModel):
+    """A finished stage output: which files, and the seconds it once took to compute them."""
+
+    model_config = ConfigDict(frozen=True)
+
+    stage: PlainName
+    key: Digest
+    files: tuple[ListedFile, ...]
+    seconds: float
+
+    def object_of(self, file: ListedFile) -> str:
+        """Name of the object of one of the files."""
+        return object_of(self.stage, self.key, file.sha256, file.file)
+
+    def to_be_put(self, there: Mapping[str, StoredObject]) -> tuple[ListedFile, ...]:
+        """The files whose objects are missing, or not as they were put there.
+
+        stage.json is put last, so an object of another size or a later time was changed by somebody.
+
+        Parameters
+        ----------
+        there : the objects in the folder of the output.
+        """
+        completed = there.get(STAGE_FILE)
+        if completed is None:
+            return self.files
+        found = {file: there.get(f"{file.sha256}/{file.file}") for file in self.files}
+        return tuple(file for file in self.files if not _intact(file, found[file], completed))
+
+
+def stage_listing_from(content: bytes, key: StageKey) -> StageListing | None:
+    """Read the list of files of a stage output; None if it is none, or that of another one."""
+    try:
+        listing = StageListing.model_validate(from_json(content))
+    except ValueError:
+        return None
+    return listing if (listing.stage, listing.key) == (key.stage, key.digest) else None
+
+
+def _intact(file: ListedFile, found: StoredObject | None, completed: StoredObject) -> bool:
+    return found is not None and found.size == file.bytes and found.changed_ns <= completed.changed_ns
+
+
+class PublishedEntry(ManifestEntry):
+    """A file of the results, and below the prefix the object it is."""
+
+    file: PlainName
+    sha256: Digest
+    stage: PlainName
+    key: Digest
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def object(self) -> str:
+        """Name of its object, relative to the prefix."""
+        return object_of(self.stage, self.key, self.sha256, self.file)
+
+
+class PublishedManifest(Manifest):
+    """The content of manifest.json on object storage.
+
+    Attributes
+    ----------
+    artifacts : by name, the files of the results with their objects.
+    summary : what stands in summary.json of the same run.
+    """
+
+    artifacts: Mapping[str, PublishedEntry]
+    summary: Summary
+
+    def of_folder(self) -> Manifest:
+        """The manifest that the same results have in an output folder."""
+        return Manifest.model_validate(self.model_dump())
+
+
+def published_manifest_from(content: bytes) -> PublishedManifest | None:
+    """Read a manifest; None if it is none."""
+    try:
+        return PublishedManifest.model_validate(from_json(content))
+    except ValueError:
+        return None
+
 
 _log = logging.getLogger("aerocal")
 

@@ -22,8 +22,18 @@ from tasks.database.engine import connected_for_reading, connected_for_writing, 
 from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.notification.notice import Notice, notice_of_run
-from tasks.production.attempts import PAUSES_S, next_beginning, with_prospect
-from tasks.production.run_record import DECIDED, ENDED, PUBLISHING, SWEEP, RunRecord, StageTime, State
+from tasks.production.run_record import (
+    DECIDED,
+    ENDED,
+    PAUSES_S,
+    PUBLISHING,
+    SWEEP,
+    RunRecord,
+    StageTime,
+    State,
+    next_beginning,
+    with_prospect,
+)
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
 from tasks.storage.installation import writing_into
@@ -170,7 +180,7 @@ class Records:
 
         Parameters
         ----------
-        may_pass : as of `end`; of the states, only some are begun again (`tasks.production.attempts`).
+        may_pass : as of `end`; of the states, only some are begun again (`tasks.production.run_record`).
         """
         with self.writing() as connection:
             known = _row_of(connection, run_id)

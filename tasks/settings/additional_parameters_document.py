@@ -29,26 +29,26 @@ _OPENING = """\
 *Written by `python -m tasks.settings.additional_parameters_document` from the register in
 `adjust/camera/additional/register.py`; edit the descriptions in the files of the sets.*
 
-What a camera does beside the perspective of focal length and principal point is described by additional
-parameters a_k, which the adjustment estimates along with everything else (self-calibration):
+Additional parameters a_k describe the deviations of a camera from the central perspective defined by focal
+length and principal point. The adjustment estimates them together with all other unknowns (self-calibration):
 
     x_ideal = x̄ + Σ f_k(x̄, ȳ) a_k,      x̄ = x_measured − x0,  ȳ = y_measured − y0.
 
-The sum is the correction Δ of the measurement; **the systematic image error is −Δ**. Forms of the literature
-that read x' = x − f · P have the sign turned here: values are those of the literature, f_k is −f. Axes and
+The sum is the correction Δ of the measurement; **the systematic image error is −Δ**. Where the literature
+writes x' = x − f · P, the sign is reversed here: the values are those of the literature, f_k is −f. Axes and
 signs: [conventions](conventions.md).
 
-Sets with *forward* in their name go the other way, as OpenCV, COLMAP, Metashape, OpenSfM and Pix4D do: a
-distortion d of the ideal direction u = (x_ideal, y_ideal)/c,
+Sets with *forward* in their name work in the opposite direction, as in OpenCV, COLMAP, Metashape, OpenSfM and
+Pix4D. They describe a distortion d of the ideal direction u = (x_ideal, y_ideal)/c,
 
     x̄ + Δ = c (u + d(u)).
 
-Both kinds can be used at once: what is measured is corrected first. Their values have nothing to do with each
-other; [converting](#converting-between-directions) says how to get one from the other.
+Both types can be combined: the measurement is corrected first. Their values are not interchangeable;
+[converting](#converting-between-directions) explains how to derive one from the other.
 
 ## Selecting parameters
 
-`[adjustment.self_calibration]` of the [project file](project-file.md) takes a text in `parameters`:
+`[adjustment.self_calibration]` of the [project file](project-file.md) has a key `parameters` with a text:
 
 | text | selects |
 |---|---|
@@ -58,11 +58,11 @@ other; [converting](#converting-between-directions) says how to get one from the
 | `bluh:1-12` | a range, by the order of the set |
 | `bluh:1-12+42-73+81-88` | several ranges of one set |
 | `brown:K1,K2+legendre(3)` | parameters of several sets; some sets have a degree |
-| `bluh12+uc` | what other texts stand for, see the table |
+| `bluh12+uc` | short forms, see the table below |
 | `none` | nothing |
 
-A parameter is reported as `SET:NAME`, such as `bluh:7`. A name that does not exist, one that is selected
-twice, and parameters of a set that are combinations of each other are errors.
+A parameter is reported as `SET:NAME`, such as `bluh:7`. Unknown names, names selected twice, and linearly
+dependent parameters of a set are errors.
 
 | short form | stands for |
 |---|---|
@@ -70,10 +70,10 @@ twice, and parameters of a set that are combinations of each other are errors.
 
 _AFTER_PRESETS = """\
 
-Sets are defined in *calibration axes*. Where it matters, x points along the flight; the image axes of the
-camera are turned into them by a multiple of 90°, and the corrections back.
+Sets are defined in *calibration axes*. Where the direction matters, x points along the flight. Image
+coordinates are rotated into these axes by a multiple of 90°, and the corrections are rotated back.
 
-In Python, and with the effect of each parameter over the image:
+In Python, with the effect of each parameter over the image:
 
 ```python
 >>> from adjust.camera.additional.base import ImageFormat
@@ -97,35 +97,34 @@ _CONVERTING = """\
 
 | from | to `brown-forward` |
 |---|---|
-| OpenCV, COLMAP `OPENCV`, OpenSfM `brown`, OPF | k1, k2, k3, p1, p2 as they stand |
-| COLMAP `FULL_OPENCV`, OpenCV rational | likewise if k4, k5, k6 are zero; others cannot be given |
-| Metashape | k1 to k4 as they stand; p1 = P2, p2 = P1; b1 = B1/f, b2 = B2/f, f in pixels |
+| OpenCV, COLMAP `OPENCV`, OpenSfM `brown`, OPF | k1, k2, k3, p1, p2 unchanged |
+| COLMAP `FULL_OPENCV`, OpenCV rational | likewise if k4, k5, k6 are zero; otherwise not possible |
+| Metashape | k1 to k4 unchanged; p1 = P2, p2 = P1; b1 = B1/f, b2 = B2/f, f in pixels |
 | fx, fy in pixels | c = fy times the pixel size, b1 = fx/fy − 1 |
 | cx, cy in pixels from the corner | x0, y0 = (cx − columns/2, rows/2 − cy) times the pixel size |
-| Australis, PhotoModeler, laboratories | no: these are corrections, `brown` or `brown_mm` |
+| Australis, PhotoModeler, laboratories | not applicable: these are corrections, use `brown` or `brown_mm` |
 
-`aerocal convert-distortion PROJECT.toml --to brown_mm:K1-K3,P1,P2` converts what a camera of the project
-brings along (`cameras.NAME.additional_parameters`) into any other selection: measured points over the format
-are made ideal, the other values found by least squares, and what is left is shown (largest and RMS, µm; a
-remark above 0.1 µm). c, x0 and y0 stay. A lens with 0.5 mm of distortion at c = 80 mm converts to 0.06 µm,
-one with 1.3 mm and decentring of 20 µm to 0.6 µm.
+`aerocal convert-distortion PROJECT.toml --to brown_mm:K1-K3,P1,P2` converts the given values of a camera in
+the project (`cameras.NAME.additional_parameters`) into any other selection. Ideal points are computed from
+measured points over the format, and the other values are found by least squares. The remaining differences
+are shown (largest and RMS, µm; a warning above 0.1 µm). c, x0 and y0 are unchanged. A lens with 0.5 mm of
+distortion at c = 80 mm is converted to 0.06 µm, one with 1.3 mm and decentring of 20 µm to 0.6 µm.
 
-The residuals of a correction are those of the ideal point, those of a distortion stand in the measured image.
-The stated σ of image points therefore weigh a little differently: with 0.5 mm of distortion σ0 differs by
-0.4 %.
+With corrections, residuals refer to the ideal point; with distortions, to the measured image. The stated σ of
+image points therefore have slightly different weights: with 0.5 mm of distortion, σ0 differs by 0.4 %.
 
-Where given values are held, the [tests of the model](theory/adjustment.md#alternatives-of-the-model) ask
-whether the other direction or the other sign would fit better, and name it.
+If given values are held fixed, the [tests of the model](theory/adjustment.md#alternatives-of-the-model) check
+whether the other direction or the opposite sign fits better, and report it.
 """
 
 _AFTER_SETS = """
-*Published* is a parameter whose formula stands in the source. *Reconstructed* is one of which the source
-gives a name, a number or a description only, or whose formula is quoted from memory: it does what its name
-says, and need not equal what the program of its author computes.
+A parameter is *published* if its formula is printed in the source. It is *reconstructed* if the source gives
+only a name, a number or a description, or if its formula is quoted from memory. A reconstructed parameter has
+the effect stated by its name, but may differ from the one in the program of its author.
 
-Below, *1 µm* is the value whose largest effect |Δ| in the image of an UltraCam Eagle (68.016 mm along ×
-104.052 mm across flight) is 1 µm, and *RMS* the root mean square of its effect over that image. Values scale:
-three times as much displaces by 3 µm.
+In the tables below, *1 µm* is the value whose largest effect |Δ| in the image of an UltraCam Eagle (68.016
+mm along × 104.052 mm across flight) is 1 µm, and *RMS* the root mean square of its effect over that image.
+Effects are proportional: three times the value displaces by 3 µm.
 """
 
 
@@ -184,7 +183,7 @@ def _section(heading: str, item: ParameterSet, alike: str | None) -> Iterator[st
         yield ""
         yield _filled(
             f"{combination.term} is a linear combination of {', '.join(combination.of)}: it can be selected "
-            "in place of one of them, not beside them all."
+            "instead of one of them, but not together with all of them."
         )
     yield ""
     if alike is None:

@@ -31,29 +31,28 @@ class Rejection(Settings):
     critical_value: Annotated[Real, Field(gt=1.0, allow_inf_nan=False)] | None = Field(
         default=4.13,
         description="Observations whose standardized residual exceeds it are rejected. Written as "
-        '`rejection = { critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: one false alarm '
-        "in 20 "
-        "blocks of 1,500 observations; 3.29 means one in 1,000 observations. Too small a value makes the "
-        "results look better than they are.",
+        '`rejection = { critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: '
+        "one false alarm in 20 blocks of 1,500 observations; 3.29 means one in 1,000 "
+        "observations. If the value is too small, the results look better than they are.",
     )
     test: Literal["components", "observations"] = Field(
         default="components",
-        description="What is compared with it: `components` (the largest standardized residual of an "
-        "observation) or `observations` (both coordinates of an image point, all three of a control point "
-        "together, by the value of a normal variable that is exceeded as rarely). With `observations` the "
-        "false alarms are as many as the critical value says; with `components` up to twice or three times "
-        "as many.",
+        description="Test statistic: `components` (the largest standardized residual of an "
+        "observation) or `observations` (both coordinates of an image point, or all "
+        "three of a control point, together, converted to a normal variable of the same "
+        "probability). With `observations`, the rate of false alarms corresponds to the "
+        "critical value; with `components`, it is up to two or three times as high.",
     )
     reference_variance: Literal["a_priori", "a_posteriori"] = Field(
         default="a_priori",
-        description="The σ0 of the tests: `a_priori` (1) or `a_posteriori` (from the residuals; the τ-test), "
-        "for deliveries whose σ are not to be trusted.",
+        description="The σ0 of the tests: `a_priori` (1) or `a_posteriori` (from the residuals; the "
+        "τ-test), for deliveries whose σ are not reliable.",
     )
     robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = Field(
         default=None,
-        description="Weight function of a robust estimation that looks for gross errors before the tests; "
-        "for blocks in which very many observations are wrong. It only finds; nothing is weighted down "
-        "in the results.",
+        description="Weight function of a robust estimation that searches for gross errors before "
+        "the tests; for blocks with very many wrong observations. It is used only for "
+        "detection; no observation is down-weighted in the results.",
     )
 
     @model_validator(mode="before")
@@ -67,7 +66,7 @@ class Rejection(Settings):
 
 
 class Priors(Settings):
-    """Standard deviations of directly observed parameters; a parameter without one is free of it."""
+    """Standard deviations of directly observed parameters; a parameter without one is not observed."""
 
     boresight_deg: PositiveTriple | None = Field(
         default=None,
@@ -81,8 +80,9 @@ class Priors(Settings):
     )
     gnss_strip_bias_m: PositiveTriple = Field(
         default=(0.03, 0.03, 0.03),
-        description="GNSS bias of a strip about the shift of its flight, m; one number or three. Default "
-        "0.03 m: what GNSS errors that change slowly leave in a strip.",
+        description="GNSS bias of a strip about the shift of its flight, m; one number or three. "
+        "Default 0.03 m: the part of slowly changing GNSS errors that is common to a "
+        "strip.",
     )
     gnss_drift_m_s: PositiveTriple | None = Field(
         default=None, description="GNSS drift of a strip about zero, m/s; one number or three."
@@ -103,40 +103,41 @@ class AdjustmentSettings(Settings):
 
     free: tuple[FreeParameter, ...] = Field(
         default=(),
-        description='System parameters to estimate, e.g. `["boresight", "lever_arm"]`; everything else '
-        "stays at its "
-        "given value.",
+        description='System parameters to estimate, e.g. `["boresight", "lever_arm"]`; all others '
+        "are held fixed at their given values.",
     )
     observe: tuple[ObservedGroup, ...] = Field(
         default=("gnss", "ins", "control"),
-        description="Observations besides the image points that enter the adjustment. Without `gnss` or "
-        "`ins` the exposures still give approximate values; without `control` the control points become "
-        "check points.",
+        description="Observations used in the adjustment in addition to the image points. Without "
+        "`gnss` or `ins`, the exposures still give approximate values; without "
+        "`control`, the control points become check points.",
     )
     self_calibration: SelfCalibrationSettings = Field(
         default_factory=SelfCalibrationSettings, description="Additional parameters of the cameras."
     )
     datum: Literal["observations", "free_network"] = Field(
         default="observations",
-        description="What fixes the block in space: `observations` (what they leave open is an error), or "
-        "`free_network`: what they leave open (of three shifts, three rotations, scale) is fixed by inner "
-        "constraints on approximate values. For blocks without GNSS and control, and for height control "
-        "only.",
+        description="What fixes the datum of the block. `observations`: a datum defect is an error. "
+        "`free_network`: the undetermined part (of three shifts, three rotations, scale) "
+        "is fixed by inner constraints on approximate values; for blocks without GNSS "
+        "and control, and for blocks with height control only.",
     )
     inner_constraints: Literal["object_points", "projection_centres", "both"] = Field(
         default="object_points",
-        description="The unknowns of a free network whose corrections to their approximate values get the "
-        "least norm: `object_points` (from intersection with the exposures as given), `projection_centres` "
-        "(as given) or `both`. Standard deviations are those of this datum.",
+        description="The unknowns of a free network whose corrections to their approximate values "
+        "have minimum norm: `object_points` (from intersection with the exposures as "
+        "given), `projection_centres` (as given) or `both`. The standard deviations "
+        "refer to this datum.",
     )
     residual_grid: ResidualGridSettings = Field(
         default_factory=ResidualGridSettings,
-        description="Mean residuals in sub-areas of the image, and their use as corrections.",
+        description="Mean residuals in sub-areas of the image, and corrections derived from them.",
     )
     refraction: Literal["standard", "none"] = Field(
         default="standard",
-        description="Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or `none`, for "
-        "image points it has been taken from already. 1 to 4 µm in the corner of a large format.",
+        description="Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or "
+        "`none`, for image points that are already corrected. The effect is 1 to 4 µm in "
+        "the corner of a large format.",
     )
     rejection: Rejection = Field(default_factory=Rejection, description="Rejection of gross errors.")
     sigma0: Literal["a_posteriori", "a_priori"] = Field(
@@ -147,48 +148,54 @@ class AdjustmentSettings(Settings):
     )
     variance_components: bool = Field(
         default=False,
-        description="Whether the σ of the groups are estimated from the residuals: one factor each for image "
-        "points, control in plan and in height, GNSS in plan and in height, INS roll and pitch, INS yaw, and "
-        "the priors of each kind of parameter; what has a redundancy below 10 keeps its stated σ. Systematic "
-        "errors that are not modelled end up in these factors.",
+        description="Whether the σ of the groups are estimated from the residuals: one factor each "
+        "for image points, control in plan and in height, GNSS in plan and in height, "
+        "INS roll and pitch, INS yaw, and the priors of each kind of parameter. Parts "
+        "with a redundancy below 10 keep their stated σ. Unmodelled systematic errors "
+        "increase these factors.",
     )
     variance_components_by: tuple[VarianceDivision, ...] = Field(
         default=(),
-        description="Where variance components are estimated, for which parts of the groups separately: "
-        "image points by `file` (manual and automatic ones are delivered apart) and by `camera`; GNSS and "
-        "INS by `flight`.",
+        description="Divisions of the groups for the estimation of variance components: image points "
+        "by `file` (for manual and automatic measurements delivered separately) and by "
+        "`camera`; GNSS and INS by `flight`.",
     )
     control_folds: Annotated[Whole, Field(ge=2)] | None = Field(
         default=None,
-        description="Number of folds the control points are dealt into, each over the whole area, to be "
-        "predicted by the adjustment without their fold (`k_fold` in summary.json). Leaving out one at a "
-        "time is always done; both cost no further adjustment.",
+        description="Number of folds into which the control points are divided, each over the whole "
+        "area. The points of a fold are predicted by the adjustment without this fold "
+        "(`k_fold` in summary.json). Leaving out one point at a time is always computed. "
+        "Neither requires another adjustment.",
     )
     gnss_correlation_s: Positive | None = Field(
         default=None,
-        description="Correlation time τ of the errors of GNSS positions, s: those of two exposures of a "
-        "strip Δt apart are correlated by exp(−Δt/τ) (first-order Gauss–Markov). Left out: they count as "
-        "independent; if they are not, shifts, lever arm and principal point look better than they are. "
-        "Needs strips and times.",
+        description="Correlation time τ of the errors of GNSS positions, s: the errors of two "
+        "exposures of a strip at an interval Δt are correlated by exp(−Δt/τ) "
+        "(first-order Gauss–Markov). Default: independent errors. If they are in fact "
+        "correlated, the σ of shifts, lever arm and principal point come out too small. "
+        "Requires strips and times.",
     )
     ins_correlation_s: Positive | None = Field(
         default=None,
-        description="The same for roll, pitch and yaw of INS attitudes, s; matters for the boresight.",
+        description="The same for roll, pitch and yaw of INS attitudes, s; important for the boresight.",
     )
     estimate_correlation: bool = Field(
         default=False,
-        description="Whether the stated correlation times are only a start and are estimated from the "
-        "residuals. Best with `variance_components = true`: wrong σ and wrong correlation times look alike.",
+        description="Whether the stated correlation times are only initial values and are estimated "
+        "from the residuals. Best combined with `variance_components = true`, because "
+        "wrong σ and wrong correlation times have similar effects.",
     )
     max_iterations: Annotated[Whole, Field(ge=1)] = Field(
         default=20,
-        description="Iterations after which the adjustment counts as divergent; good starts need 2 to 5.",
+        description="Number of iterations after which the adjustment is regarded as divergent; with "
+        "good approximate values, 2 to 5 are needed.",
     )
     confidence: Annotated[Real, Field(gt=0.5, lt=1.0)] = Field(
         default=0.95, description="Confidence level of tests and of statements about significance."
     )
     priors: Priors = Field(
-        default_factory=Priors, description="Standard deviations of the initial values of free parameters."
+        default_factory=Priors,
+        description="Standard deviations of the initial values of estimated parameters.",
     )
 
     @property

@@ -13,7 +13,7 @@ from tasks.settings.inputs import ExposuresInput
 
 
 class AcceptanceLimits(Settings):
-    """What a calibration flight must reach, standard deviations computed with the stochastic model given."""
+    """Limits for a calibration flight; standard deviations are computed with the given stochastic model."""
 
     focal_length_um: Positive = Field(default=2.0, description="σ of the focal length, µm.")
     principal_point_um: Positive = Field(default=1.0, description="σ of the principal point x, y, µm.")
@@ -23,34 +23,36 @@ class AcceptanceLimits(Settings):
     lever_arm_m: Positive = Field(default=0.03, description="σ of a lever arm x, y, z, m.")
     sigma_over_prior: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=0.3,
-        description="σ over the σ of the initial value; near 1 the flight has added nothing to what was "
-        "known before, however small the correlations are.",
+        description="σ divided by the σ of the initial value; near 1, the flight has added no "
+        "information, however small the correlations are.",
     )
     weak_up_to: Annotated[Real, Field(ge=1.0)] = Field(
         default=3.0,
-        description="Multiple of a limit up to which a parameter is called weak; beyond it is not "
-        "determinable.",
+        description="Multiple of a limit up to which a parameter is rated weak; above it, not determinable.",
     )
     headings: Annotated[Whole, Field(ge=1)] = Field(
         default=2,
-        description="Flight directions (opposite or crossing), where a principal point, a shift or a lever "
-        "arm is calibrated.",
+        description="Required number of flight directions (opposite or crossing) if a principal "
+        "point, a shift or a lever arm is calibrated.",
     )
     height_ratio: Annotated[Real, Field(ge=1.0)] = Field(
         default=2.0,
-        description="Highest over lowest flying height above ground, where a focal length, or a principal "
-        "point together with a lever arm, is calibrated; 1: one height may do, if the σ are reached.",
+        description="Required ratio of the highest to the lowest flying height above ground if a "
+        "focal length, or a principal point together with a lever arm, is calibrated; 1: "
+        "one height is sufficient if the σ are met.",
     )
     correlation: Annotated[Real, Field(gt=0.0, lt=1.0)] = Field(
         default=0.95,
-        description="Correlation of two calibrated parameters that is remarked on. Never a reason to "
-        "refuse: c and the shift in height are correlated by 0.9 and more in good flights.",
+        description="Correlation of two calibrated parameters above which a warning is given. It is "
+        "never a reason to refuse: c and the vertical shift are correlated by 0.9 and "
+        "more in good flights.",
     )
 
     moved_sigmas: Positive = Field(
         default=1.0,
-        description="A significant error of the model (see model_alternatives) that moves a calibrated "
-        "parameter by more of its σ refuses the calibration; a smaller one restricts it.",
+        description="If a significant error of the model (see model_alternatives) changes a "
+        "calibrated parameter by more than this multiple of its σ, the calibration is "
+        "refused; if by less, restricted.",
     )
     error_probability: Annotated[Real, Field(gt=0.0, lt=0.1)] = Field(
         default=0.001,
@@ -58,16 +60,17 @@ class AcceptanceLimits(Settings):
     )
     sigma0_factor: Annotated[Real, Field(gt=1.0)] = Field(
         default=1.5,
-        description="σ0 of image points, control, GNSS and INS, each by itself, lies between this and its "
-        "inverse; else their stated σ, and all that follow from them, are wrong.",
+        description="Required range of the σ0 of image points, control, GNSS and INS, each "
+        "separately: between this factor and its inverse. Otherwise their stated σ, and "
+        "all derived σ, are wrong.",
     )
     rejected_part: Annotated[Real, Field(gt=0.0, lt=1.0)] = Field(
-        default=0.05, description="Part of the image points, control, GNSS or INS that may be rejected."
+        default=0.05, description="Fraction of the image points, control, GNSS or INS that may be rejected."
     )
 
 
 class MountingSettings(Settings):
-    """When strips count as flown with another mounting; they are reported and left out of the means.
+    """Test for strips flown with another mounting; they are reported and excluded from the means.
 
     Flights differ if they do so significantly and by more than `calibration.limits` allows σ to be
     (boresight, lever arm); strips of one flight if by more than errors of GNSS and INS make strips differ, of
@@ -76,25 +79,27 @@ class MountingSettings(Settings):
 
     error_probability: Annotated[Real, Field(gt=0.0, lt=0.5)] = Field(
         default=0.01,
-        description="Probability of finding any other mounting when all strips have one; flights, parts of "
-        "flights and single strips share it.",
+        description="Probability of reporting another mounting although all strips have the same; "
+        "divided among flights, parts of flights and single strips.",
     )
 
 
 class HeldSigmas(Settings):
-    """How well is known what is held: part of every σ of the certificate."""
+    """Standard deviations of the parameters held fixed; included in every σ of the certificate."""
 
-    lever_arm_m: NotNegative = Field(default=0.01, description="σ of a lever arm that is held, each axis, m.")
+    lever_arm_m: NotNegative = Field(
+        default=0.01, description="σ of a lever arm that is held fixed, each axis, m."
+    )
     time_offset_s: NotNegative = Field(
-        default=0.0002, description="σ of the times of the exposures against the positions, s."
+        default=0.0002, description="σ of the exposure times relative to the positions, s."
     )
     refraction: NotNegative = Field(
-        default=0.05, description="σ of the refraction that was corrected, part of it."
+        default=0.05, description="σ of the corrected refraction, as a fraction of it."
     )
     control_m: NotNegativeTriple | None = Field(
         default=None,
-        description="σ of the datum of the control: what is common to all points, x, y, z, m; left out: as "
-        "much as their own σ.",
+        description="σ of the datum of the control, common to all points, x, y, z, m; default: equal "
+        "to their own σ.",
     )
 
 
@@ -103,35 +108,39 @@ class CalibrationSettings(Settings):
 
     free: tuple[FreeParameter, ...] = Field(
         default=("boresight", "gnss_shift", "gnss_strip_bias", "focal_length", "principal_point"),
-        description="What `aerocal calibrate` estimates, in the place of `adjustment.free`; additional "
-        "parameters are those of `adjustment.self_calibration`. First mounting and GNSS are released, then "
-        "the interior orientation, then additional parameters; what the flight does not determine is held. "
-        "Strip biases of GNSS belong to it: taken for white noise, they make everything look better than "
-        "it is.",
+        description="System parameters estimated by `aerocal calibrate`, instead of "
+        "`adjustment.free`; additional parameters are those of "
+        "`adjustment.self_calibration`. Mounting and GNSS are estimated first, then the "
+        "interior orientation, then additional parameters. Parameters that the flight "
+        "does not determine are held fixed. Include the GNSS strip biases: if they are "
+        "treated as white noise, all σ come out too small.",
     )
     variance_components: bool = Field(
         default=True,
-        description="Whether, where the stated σ hide no error of the model, the last adjustment estimates "
-        "the σ of every group (adjustment.variance_components): the σ of the certificate then rest on what "
-        "each group shows, not on one σ0 for all of them.",
+        description="Whether the last adjustment estimates the σ of every group "
+        "(adjustment.variance_components), provided that the tests find no error of the "
+        "model. The σ of the certificate are then based on the residuals of each group, "
+        "not on a single σ0.",
     )
     two_step: bool = Field(
         default=True,
-        description="Whether the block is also adjusted on control alone and the differences to GNSS and INS "
-        "are averaged (two-step calibration), beside the one-step calibration in the adjustment.",
+        description="Whether, in addition to the one-step calibration, the block is adjusted on "
+        "control alone and the differences to GNSS and INS are averaged (two-step "
+        "calibration).",
     )
     adjusted: ExposuresInput | None = Field(
         default=None,
-        description="Orientations of another program's adjustment for the second step, in the place of an "
-        "adjustment on control alone; written like `[inputs.exposures]`.",
+        description="Orientations of another program's adjustment for the second step, instead of an "
+        "adjustment on control alone; same keys as `[inputs.exposures]`.",
     )
     mounting: MountingSettings = Field(
-        default_factory=MountingSettings, description="When strips belong to another mounting."
+        default_factory=MountingSettings, description="Test whether strips have another mounting."
     )
 
     held: HeldSigmas = Field(
-        default_factory=HeldSigmas, description="How well is known what the calibration holds."
+        default_factory=HeldSigmas,
+        description="Standard deviations of the parameters held fixed in the calibration.",
     )
     limits: AcceptanceLimits = Field(
-        default_factory=AcceptanceLimits, description="What the flight must reach to be accepted."
+        default_factory=AcceptanceLimits, description="Limits for acceptance of the flight."
     )

@@ -22,19 +22,21 @@ _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm
 
 
 class CcdTiles(Settings):
-    """The CCD images a composed image consists of; 3 × 3 of them have two seams each way."""
+    """The CCD images that form a composed image; 3 × 3 of them have two seams in each direction."""
 
     seams_x_mm: tuple[Finite, ...] = Field(
-        description="Where CCD images meet along x of the calibration axes, ascending, mm."
+        description="Borders between CCD images along x of the calibration axes, ascending, mm."
     )
     seams_y_mm: tuple[Finite, ...] = Field(description="The same along y, mm.")
     blend_mm: Annotated[Real, Field(ge=0.0, allow_inf_nan=False)] = Field(
-        default=0.0, description="Width over which neighbours are mixed linearly; 0: a hard switch, mm."
+        default=0.0,
+        description="Width over which neighbouring images are blended linearly, mm; 0: a sharp border.",
     )
     perspective: Literal["master4", "outer8", "rotation8"] = Field(
         default="master4",
-        description="Form of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs "
-        "(`master4`), one for each of the eight outer CCDs (`outer8`), or their rotations (`rotation8`).",
+        description="Type of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs "
+        "(`master4`), one for each of the eight outer CCDs (`outer8`), or their "
+        "rotations (`rotation8`).",
     )
 
     @model_validator(mode="after")
@@ -47,20 +49,24 @@ class CcdTiles(Settings):
 
 
 class CameraIdentity(Settings):
-    """What was calibrated, by the numbers on it: what a calibration may be applied to follows from them."""
+    """Serial numbers of the calibrated camera; they decide where a calibration may be applied."""
 
-    manufacturer: str | None = Field(default=None, description="Who made the camera, for the certificate.")
+    manufacturer: str | None = Field(
+        default=None, description="Manufacturer of the camera, for the certificate."
+    )
     type: str | None = Field(default=None, description="Type of the camera, for the certificate.")
     body: str | None = Field(default=None, description="Serial number of the camera body.")
     lens: str | None = Field(default=None, description="Serial number of the lens or lens cone.")
     imu: str | None = Field(default=None, description="Serial number of the inertial measurement unit.")
     mount: str | None = Field(
-        default=None, description="Name of the installation in the aircraft: a new one is a new boresight."
+        default=None,
+        description="Name of the installation in the aircraft; a new installation has a new boresight.",
     )
     product: Literal["virtual_image", "camera_head"] = Field(
         default="virtual_image",
-        description="What the image is: the composed `virtual_image` of a multi-head camera (or the image of "
-        "a single-head one), or one `camera_head`. The calibration of one is never applied to the other.",
+        description="Type of image: the composed `virtual_image` of a multi-head camera (or the "
+        "image of a single-head one), or one `camera_head`. The calibration of one is "
+        "never applied to the other.",
     )
 
 
@@ -86,72 +92,78 @@ class CameraInput(Settings):
         default=None, description=f"Format of `file`: {', '.join(f'`{name}`' for name in camera_formats())}."
     )
     name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="Name (or number) of the camera in `file`, if that has several."
+        default=None, description="Name (or number) of the camera in `file`, if the file contains several."
     )
     columns: Pixels | None = Field(default=None, description="Width of the image, px.")
     rows: Pixels | None = Field(default=None, description="Height of the image, px.")
     pixel_um: Positive | None = Field(
         default=None,
-        description="Side of a (square) pixel, µm; also beside a `file` that knows pixels only.",
+        description="Side of a (square) pixel, µm; also together with a `file` that contains only "
+        "pixel units.",
     )
     focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
     principal_point_mm: tuple[Finite, Finite] | None = Field(
         default=None, description="Principal point x, y in the image system (from the format centre), mm."
     )
     pixel_origin: Literal["corner", "centre"] = Field(
-        description="Which point of the top-left pixel has the pixel coordinates (0, 0). Half a pixel: as "
-        "much as a principal point may change in a calibration."
+        description="Which point of the top-left pixel has the pixel coordinates (0, 0). The "
+        "difference is half a pixel, as much as a principal point may change in a "
+        "calibration."
     )
     mount_deg: Literal[0, 90, 180, 270] = Field(
-        description="κ_mount: the nominal turn of the camera in the aircraft, T = diag(1, −1, −1) "
-        "R_z(κ_mount); 0: image x (columns) points forward, 90: forward is −y (down the rows)."
+        description="κ_mount: the nominal rotation of the camera in the aircraft, T = diag(1, −1, "
+        "−1) R_z(κ_mount); 0: image x (columns) points forward, 90: forward is −y (down "
+        "the rows)."
     )
     calibration_axes_deg: Literal[0, 90, 180, 270] = Field(
         default=0,
-        description="Turn from the image axes to the axes in which additional parameters are defined, "
-        "counter-clockwise, degrees. BLUH and UltraCam sets have x along flight: 0 if the columns run along "
-        "flight, 90 or 270 if they run across.",
+        description="Rotation from the image axes to the axes in which additional parameters are "
+        "defined, counter-clockwise, degrees. In BLUH and UltraCam sets, x is along "
+        "flight: 0 if the columns run along flight, 90 or 270 if they run across.",
     )
     tiles: CcdTiles | None = Field(
-        default=None, description="Layout of the CCD images; without it that of the parameter set holds."
+        default=None, description="Layout of the CCD images; default: that of the parameter set."
     )
     additional_parameters: dict[str, Finite] = Field(
         default_factory=dict,
-        description='Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published units: '
-        "the initial value if the parameter is free, else fixed. Values of OpenCV, COLMAP or Metashape are "
-        '`"brown-forward:k1"` and so on.',
+        description='Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published '
+        "units: the initial value if the parameter is estimated, otherwise fixed. Values "
+        'of OpenCV, COLMAP or Metashape are `"brown-forward:k1"` and so on.',
     )
     lever_arm_m: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Known lever arm from the projection centre to the point the positions are of, body "
-        "axes (forward, right, down), m: the initial value if it is free, else fixed.",
+        description="Known lever arm from the projection centre to the point to which the positions "
+        "refer, body axes (forward, right, down), m: the initial value if it is "
+        "estimated, otherwise fixed.",
     )
     reduced_by_m: Triple | None = Field(
         default=None,
-        description="Lever arm by which positions of the projection centre were reduced, m. Left out: "
-        "`lever_arm_m` as it stands here, also where the registry gives another one.",
+        description="Lever arm that was used to reduce the positions to the projection centre, m. "
+        "Default: `lever_arm_m` as given here, even if the registry contains another one.",
     )
     boresight_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial "
-        "value if it is free, else fixed.",
+        description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the "
+        "initial value if it is estimated, otherwise fixed.",
     )
 
     calibration: Annotated[str, AfterValidator(one_of(lambda: CALIBRATIONS, "calibration of a camera"))] = (
         Field(
             default=GIVEN,
-            description="`given`: the values of this table or its file. `registry`: focal length, principal "
-            "point, additional parameters, boresight and lever arm are those of the calibration that the "
-            "registry has approved for this camera and `project.flown`.",
+            description="`given`: the values of this table or its file. `registry`: focal length, "
+            "principal point, additional parameters, boresight and lever arm are taken "
+            "from the calibration in the registry that is approved for this camera and "
+            "`project.flown`.",
         )
     )
     calibration_use: Literal["consider", "prior", "held"] = Field(
         default="consider",
-        description="What becomes of the covariance of a calibration of the registry. `consider`: its values "
-        "hold, and their errors are part of every σ and test. `prior`: they are observed with their full "
-        "covariance, and the block improves them. `held`: they count as exact, to reproduce other programs "
-        "or to begin with. With `consider` nothing of it may be free. A calibration flight only begins "
-        "with them.",
+        description="How the covariance of a calibration from the registry is used. `consider`: the "
+        "values are held fixed, and their errors are included in every σ and test. "
+        "`prior`: they are observed with their full covariance, and the block improves "
+        "them. `held`: they are treated as exact, to reproduce other programs or as "
+        "initial values. With `consider`, none of these parameters may be estimated. A "
+        "calibration flight uses them only as initial values.",
     )
     identity: CameraIdentity = Field(
         default=CameraIdentity(),

@@ -22,14 +22,14 @@ Line: TypeAlias = Annotated[
 
 
 class Laboratory(Settings):
-    """The laboratory that calibrates."""
+    """The calibration laboratory."""
 
     name: Line | None = Field(default=None, description="Name of the laboratory.")
     address: tuple[Line, ...] = Field(
         default=(), description='Lines of its address, e.g. `["Main Street 1", "12345 Town"]`.'
     )
     accreditation: Line | None = Field(
-        default=None, description="Number under which it is accredited or registered, with by whom."
+        default=None, description="Accreditation or registration number, with the accreditation body."
     )
 
 
@@ -45,8 +45,8 @@ class CertificateSettings(Settings):
 
     numbers: dict[str, Line] = Field(
         default_factory=dict,
-        description='Number of the certificate of each camera, e.g. `{ "CAM-1" = "2026-017" }`; no two have '
-        "the same.",
+        description='Number of the certificate of each camera, e.g. `{ "CAM-1" = "2026-017" }`; '
+        "numbers must be unique.",
     )
     calibrated: date | None = Field(
         default=None, description="Date of the calibration, e.g. 2026-09-21; not before `project.flown`."
@@ -54,9 +54,9 @@ class CertificateSettings(Settings):
     issued: date | None = Field(
         default=None, description="Date of issue of the certificate; not before `calibrated`."
     )
-    laboratory: Laboratory = Field(default_factory=Laboratory, description="Who calibrates.")
+    laboratory: Laboratory = Field(default_factory=Laboratory, description="The laboratory.")
     signatories: tuple[Signatory, ...] = Field(
-        default=(), max_length=4, description="Who signs, in the order of the places for signatures."
+        default=(), max_length=4, description="The signatories, in the order of the signatures."
     )
 
     @model_validator(mode="after")

@@ -39,7 +39,7 @@ LOCAL = "local"
 
 
 class LinearAlteration(Settings):
-    """IGN's "linear alteration" of altitudes: the height above ground is scaled like the map.
+    """IGN's "linear alteration" of altitudes: the height above ground is multiplied by the map scale.
 
     Altitude in the file = Zg + k (H − Zg) with the point scale k of the projection, the ground height Zg
     and the true altitude H.
@@ -53,14 +53,16 @@ class Heights(Settings):
 
     geoid: InputPath | None = Field(
         default=None,
-        description="GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as PROJ "
-        'publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = "ellipsoidal"` '
-        "otherwise. A grid is always named: no undulation is ever taken as zero.",
+        description="GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as "
+        'PROJ publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = '
+        '"ellipsoidal"` otherwise. The grid must be named: an undulation is never '
+        "assumed to be zero.",
     )
     linear_alteration: LinearAlteration | None = Field(
         default=None,
         description="Undo IGN's linear alteration of the flying height (exposures in Lambert-93): "
-        "`linear_alteration = { ground_m = 205.0 }`. 100 m of error in `ground_m` are about 7 cm.",
+        "`linear_alteration = { ground_m = 205.0 }`. An error of 100 m in `ground_m` "
+        "causes about 7 cm.",
     )
 
     @model_validator(mode="before")
@@ -87,25 +89,25 @@ class PlacedSettings(Settings):
 
 
 class Angles(Settings):
-    """Which angles an exposure input holds."""
+    """Definition of the angles in an exposure input."""
 
     order: Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"] = Field(
         description="`omega-phi-kappa`: R = R_x(ω) R_y(φ) R_z(κ); `phi-omega-kappa`: R = R_y(φ) R_x(ω) "
         "R_z(κ), both ground from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705)."
     )
     unit: Literal["deg", "gon", "rad"] = Field(
-        description="Unit of the angles and of their sigmas in the file."
+        description="Unit of the angles and of their standard deviations in the file."
     )
     reference: Literal["grid", "true-north", "local"] = Field(
-        description="What the angles are counted from. `grid`: the axes of the input's map projection (the "
-        "meridian convergence is applied exactly); `true-north` and `local`: east, north, up at each "
-        'exposure. With crs = "local" it is the axes of the project itself.'
+        description="Reference of the angles. `grid`: the axes of the input's map projection (the "
+        "meridian convergence is applied exactly); `true-north` and `local`: east, "
+        'north, up at each exposure. With crs = "local", the axes of the project itself.'
     )
     rate_axes: Literal["forward-right-down", "forward-left-up"] | None = Field(
         default=None,
-        description="Axes of the body about which the columns rate_roll, rate_pitch, rate_yaw say how fast "
-        "it turned, in `unit` per second, as a trajectory processor writes them (SBET: "
-        "`forward-right-down`). With rates a time offset turns attitudes, too.",
+        description="Body axes of the angular velocities in the columns rate_roll, rate_pitch, "
+        "rate_yaw, in `unit` per second, as written by a trajectory processor (SBET: "
+        "`forward-right-down`). With rates, a time offset also affects the attitudes.",
     )
 
 

@@ -48,7 +48,11 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         'A height system, wherever `heights` stands: `"ellipsoidal"`, or a table with these keys.',
     ),
     ("heights.linear_alteration", LinearAlteration, ""),
-    ("[cameras.NAME]", CameraInput, "Either `file` and `format`, or the five values of the image."),
+    (
+        "[cameras.NAME]",
+        CameraInput,
+        "Either `file` and `format`, or the five values that describe the image.",
+    ),
     ("cameras.NAME.tiles", CcdTiles, ""),
     ("cameras.NAME.identity", CameraIdentity, ""),
     ("[inputs]", Inputs, "`[inputs.KIND]` for one file, `[[inputs.KIND]]` for each of several."),
@@ -68,7 +72,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     (
         "[adjustment.priors]",
         Priors,
-        "A free parameter without a prior is determined by the other observations alone.",
+        "An estimated parameter without a prior is determined by the other observations alone.",
     ),
     ("[calibration]", CalibrationSettings, ""),
     ("[calibration.mounting]", MountingSettings, ""),
@@ -78,19 +82,19 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     (
         "direct_georeferencing.calibration",
         CalibrationInput,
-        'One text: `"cameras"`, `"adjustment"` or the folder of results; it stands for these keys.',
+        'Usually a text: `"cameras"`, `"adjustment"` or a result folder; it is short for these keys.',
     ),
     ("[checks]", ChecksSettings, ""),
-    ("[gates]", Gates, "A gate that is not given is not tested."),
+    ("[gates]", Gates, "Only the given gates are tested."),
     ("gates.sigma0, gates of y-parallaxes", Gate, ""),
     ("the other gates", AxisGate, ""),
     (
         "[certificate]",
         CertificateSettings,
-        "For `aerocal calibrate`. What is left out is a blank line, to be filled in by hand.",
+        "For `aerocal calibrate`. Missing entries appear as blank lines, to be filled in by hand.",
     ),
     ("[certificate.laboratory]", Laboratory, ""),
-    ("[[certificate.signatories]]", Signatory, "Each of those who sign."),
+    ("[[certificate.signatories]]", Signatory, "One table for each signatory."),
     ("[sweep]", SweepSettings, ""),
     ("[sweep.blocks.NAME]", BlockSelection, ""),
     ("[sweep.control.NAME]", ControlScenario, ""),
@@ -102,23 +106,24 @@ _OPENING = """\
 *Written by `python -m tasks.settings.document` from the settings themselves; edit the descriptions
 there.*
 
-A project is one TOML file. It says which files are read, what their numbers mean, what is to be estimated
-and when the result is good enough. Every key is checked, and a key that does not exist is an error which
-names the nearest one that does.
+A project is described by one TOML file. It states which files are read, what their numbers mean, what is to
+be estimated, and which limits the results must meet. Every key is checked. An unknown key is an error; the
+message names the most similar known key.
 
-- **Paths** are relative to the project file. `${NAME}` takes the value of an environment variable. A path
-  that is not found beside the project file is also looked up in the folder given by `--data`.
-- **Coordinates** are x = east, y = north, z = up in every input, whatever the axis order of the CRS.
-- **CRS, heights, angles and the meaning of the position** belong to each input, because deliveries mix
-  them. They have no default. A wrong guess would be metres in the result, and nothing would tell.
-- **Standard deviations** are in the unit of their quantity. A row's own beats the input's, that beats the
-  default.
-- A unit that is not named by the key stands at its end (`_m`, `_mm`, `_um`, `_deg`, `_px`).
-- On the command line, `--set a.b.c=VALUE` replaces one value. VALUE is read as TOML, else as text; tables
-  in an array go by their number (`inputs.image_points.0.sigma=0.3`).
+- **Paths** are relative to the project file. `${NAME}` is replaced by the value of an environment variable. A
+  path that does not exist there is also looked up in the folder given by `--data`.
+- **Coordinates** are x = east, y = north, z = up in every input, regardless of the axis order of the CRS.
+- **CRS, heights, angles and position reference** are declared for each input, because deliveries mix them.
+  They have no default: a wrong guess would cause errors of metres that no message reveals.
+- **Standard deviations** are in the unit of their quantity. The value of a row takes precedence over that of
+  the input, and this over the default.
+- Names of keys end with the unit (`_m`, `_mm`, `_um`, `_deg`, `_px`), unless another key declares it.
+- On the command line, `--set a.b.c=VALUE` replaces one value. VALUE is read as TOML, otherwise as text.
+  Tables in an array are addressed by their number (`inputs.image_points.0.sigma=0.3`).
 
-What changes when a key changes: stages read only their own tables, so a new gate repeats nothing, a new
-`adjustment` repeats the adjustment, and a file that was moved but not changed repeats nothing at all.
+If a key changes, only the affected stages are repeated, because each stage reads only its own tables. A new
+gate repeats nothing, a new `adjustment` repeats the adjustment, and a file that was moved but not changed
+repeats nothing.
 
 A complete example is
 [examples/ign_ultracam_eagle/project.toml](../examples/ign_ultracam_eagle/project.toml).

@@ -38,30 +38,31 @@ class ImagePointsInput(TableSettings):
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(image_point_formats, "format of image points"))] = Field(
-        description="`csv` (image, point, x, y [, sx, sy]; headings of others can be declared) or another of "
+        description="`csv` (image, point, x, y [, sx, sy]; other headings can be declared) or another of "
         f"[the formats that are read](import.md): {_listed(image_point_formats())}."
     )
     unit: Literal["px", "mm", "um", "centred-px", "longer-side"] = Field(
         description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
-        "(origin at the format centre, x along columns, y against rows), and so are `centred-px`, pixels, "
-        "and `longer-side`, parts of the longer side of the image. Not guessed, because a wrong unit can "
-        "look right."
+        "(origin at the format centre, x along columns, y against rows), and so are "
+        "`centred-px`, pixels, and `longer-side`, fractions of the longer side of the "
+        "image. The unit is not guessed, because a wrong unit can look right."
     )
     image_names: InputPath | None = Field(
         default=None,
-        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
-        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
-        "export.",
+        description="Table (CSV with a header line) of the name of each image in this file and its "
+        "name in the project, for formats that number images or truncate their names, "
+        "e.g. the `patb_images.csv` of an export.",
     )
     sigma: PositivePair | None = Field(
         default=None,
-        description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: automatic "
-        "tie points reach 1/4 to 1/3 px, manual measurements 0.3 to 0.5 px. A row's sx, sy beat it.",
+        description="Standard deviation of x and y in `unit`, one number or two. Default 0.3 px: "
+        "automatic tie points reach 1/4 to 1/3 px, manual measurements 0.3 to 0.5 px. "
+        "The sx, sy of a row take precedence.",
     )
 
 
 class ExposureSigma(Settings):
-    """Standard deviations of exposures that give none in their rows."""
+    """Standard deviations of exposures without their own in the row."""
 
     position_m: PositiveTriple = Field(
         default=(0.05, 0.05, 0.05),
@@ -76,19 +77,19 @@ class ExposureSigma(Settings):
 
 
 class DeliveredFlight(Settings):
-    """What is known of a flight besides what its exposures say."""
+    """Additional information about a flight."""
 
     part_of: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="Flight it is a part of, such as one height of it: parts of one flight have one GNSS "
-        "solution, and so one GNSS shift and time offset. With a shift of its own for each height no flight "
-        "determines a focal length.",
+        description="Flight to which it belongs, for example as one of several heights. Parts of one "
+        "flight have one GNSS solution, and so one GNSS shift and time offset. With a "
+        "separate shift for each height, no flight determines a focal length.",
     )
     camera: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="Camera its exposures are of, in the place of the delivered one. After a remount or "
-        "another focus: one more camera of the project file, with an interior orientation, boresight and "
-        "lever arm of its own.",
+        description="Camera of its exposures, instead of the delivered one. After a remount or "
+        "refocusing, declare another camera in the project file, with its own interior "
+        "orientation, boresight and lever arm.",
     )
 
 
@@ -99,44 +100,45 @@ class ExposuresInput(PlacedSettings, TableSettings):
     format: Annotated[str, AfterValidator(one_of(exposure_formats, "format of exposures"))] = Field(
         description="`csv` (image, camera, strip, x, y, z, omega, phi, kappa or heading, pitch, roll [, "
         "time, flight, sx, sy, sz, somega, sphi, skappa or sheading, spitch, sroll, rate_roll, rate_pitch, "
-        "rate_yaw]; headings of others can be declared) or another of [the formats that are "
+        "rate_yaw]; other headings can be declared) or another of [the formats that are "
         f"read](import.md): {_listed(exposure_formats())}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(description='Height system of z; not needed with crs = "local".')
     position: Literal["projection_centre", "antenna", "imu"] = Field(
-        description="What the position is of: `antenna`, or `imu`, the point to which `lever_arm_m` of the "
-        "camera leads (one of both in a project); or `projection_centre`, if the delivery was reduced with "
-        "that lever arm and its attitudes already, which is undone: a lever arm estimated is that of the "
-        "antenna for both, and without `lever_arm_m` what the reduction left over."
+        description="Point to which the positions refer. `antenna` or `imu`: the end point of the "
+        "camera's `lever_arm_m` (only one of the two in a project). `projection_centre`: "
+        "the delivery was already reduced with that lever arm and its attitudes; this is "
+        "undone. An estimated lever arm is therefore that of the antenna in all cases; "
+        "without `lever_arm_m`, it is the remaining error of the reduction."
     )
-    angles: Angles = Field(description="What the three angles are.")
+    angles: Angles = Field(description="Definition of the three angles.")
     sigma: ExposureSigma = Field(
-        default_factory=ExposureSigma, description="Standard deviations; those of a row beat them."
+        default_factory=ExposureSigma, description="Standard deviations; those of a row take precedence."
     )
     image_names: InputPath | None = Field(
         default=None,
-        description="Table (CSV with a line of headings) of the name of each image in this file and its name "
-        "in the project, for formats that number images or cut their names: the `patb_images.csv` of an "
-        "export.",
+        description="Table (CSV with a header line) of the name of each image in this file and its "
+        "name in the project, for formats that number images or truncate their names, "
+        "e.g. the `patb_images.csv` of an export.",
     )
     camera: Name | None = Field(
         default=None,
-        description="Camera of all exposures of this file, whatever the file says; for files that name none, "
-        "or call it otherwise than the project.",
+        description="Camera of all exposures of this file, regardless of the file; for files that "
+        "name no camera, or use another name than the project.",
     )
     flight: Name | None = Field(
-        default=None, description="Flight of all exposures of this file, whatever the file says."
+        default=None, description="Flight of all exposures of this file, regardless of the file."
     )
     strip: StripRule | None = Field(
         default=None,
-        description='How strips are found, in the place of those of the file: `strip = "time-gaps"` or '
-        '`strip = { pattern = "{strip}_*" }`.',
+        description="How strips are identified, instead of using those of the file: `strip = "
+        '"time-gaps"` or `strip = { pattern = "{strip}_*" }`.',
     )
     flights: dict[str, DeliveredFlight] = Field(
         default_factory=dict,
-        description='Single flights by their delivered names, e.g. `high = { part_of = "1" }` or '
-        '`"day 2" = { camera = "UCE-80 remounted" }`.',
+        description="Settings of single flights, by their delivered names, e.g. `high = { part_of = "
+        '"1" }` or `"day 2" = { camera = "UCE-80 remounted" }`.',
     )
 
     def _given_in_another_way(self) -> tuple[str, ...]:
@@ -148,28 +150,28 @@ class ControlInput(PlacedSettings, TableSettings):
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(control_formats, "format of control points"))] = Field(
-        description="`csv` (point, x, y, z [, sx, sy, sz, role]; headings of others can be declared) or "
+        description="`csv` (point, x, y, z [, sx, sy, sz, role]; other headings can be declared) or "
         f"another of [the formats that are read](import.md): {_listed(control_formats())}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(
-        description="Height system of z; often another one than that of the exposures. Not needed with "
+        description="Height system of z; often different from that of the exposures. Not needed with "
         'crs = "local".'
     )
     sigma_m: NotNegativeTriple = Field(
         default=(0.05, 0.05, 0.05),
-        description="Standard deviation along east, north, up, m; one number or three. Default 0.05 m, "
-        "surveyed by differential GNSS (a network solution reaches 0.02 m); 0 is fixed, to 0.1 mm. A row's "
-        "sx, sy, sz beat it.",
+        description="Standard deviation along east, north, up, m; one number or three. Default 0.05 "
+        "m, surveyed by differential GNSS (a network solution reaches 0.02 m); 0 means "
+        "fixed, to 0.1 mm. The sx, sy, sz of a row take precedence.",
     )
     role: Literal["control", "check"] = Field(
         default="control",
-        description="Role of the points whose row gives none: a `check` point's coordinates never enter an "
-        "adjustment.",
+        description="Role of points without a role in their row. The coordinates of a `check` point "
+        "are never used in an adjustment.",
     )
     check_points: tuple[str, ...] = Field(
         default=(),
-        description="Names of the points of this file that are check points, whatever their row says.",
+        description="Names of the points of this file that are check points, regardless of their row.",
     )
 
 
@@ -181,18 +183,19 @@ class DistancesInput(Settings):
         default="csv", description="`csv` (point, other_point, distance [, sigma, role])."
     )
     unit: Literal["m", "mm"] = Field(
-        description="Unit of distances and σ. They are straight distances in space, neither horizontal nor "
-        "reduced to a map."
+        description="Unit of distances and σ. They are slope distances, reduced neither to the "
+        "horizontal nor to a map."
     )
     sigma: Positive | None = Field(
         default=None,
-        description="Standard deviation of a distance in `unit`; a row's sigma beats it. One of both is "
-        "needed: scale bars are known to some 0.01 mm, taped distances to millimetres.",
+        description="Standard deviation of a distance in `unit`; the sigma of a row takes "
+        "precedence. One of the two is required. Scale bars are known to about 0.01 mm, "
+        "taped distances to millimetres.",
     )
     role: Literal["control", "check"] = Field(
         default="control",
-        description="Role of the distances whose row gives none: a `check` distance never enters an "
-        "adjustment.",
+        description="Role of distances without a role in their row. A `check` distance is never used "
+        "in an adjustment.",
     )
 
 
@@ -208,26 +211,27 @@ class Inputs(Settings):
 
     image_points: ImagePointsInputs = Field(
         default=(),
-        description="Files of image points; may be left out where `calibration.adjusted` gives orientations "
-        "to calibrate with in two steps.",
+        description="Files of image points; optional if `calibration.adjusted` gives orientations "
+        "for a two-step calibration.",
     )
     exposures: ExposuresInputs = Field(
         default=(),
-        description="Files of exposures. Positions and angles may be left empty, and all of it left out: "
-        "approximate values of what is not given are then taken from the image points.",
+        description="Files of exposures. Positions and angles may be empty, and the files may be "
+        "left out; missing approximate values are then computed from the image points.",
     )
     images_without_exposure: Literal["refuse", "orient"] = Field(
         default="refuse",
-        description="What image points of an image are that no file of exposures names: a slip "
-        "(`refuse`), or to be oriented by the image points alone (`orient`; always so without `exposures`).",
+        description="Treatment of images that have image points but no exposure: refused as a "
+        "mistake (`refuse`), or oriented by their image points alone (`orient`; always "
+        "so without `exposures`).",
     )
     control: ControlInputs = Field(
-        default=(), description="Files of control and check points; none is allowed (GNSS fixes the datum)."
+        default=(), description="Files of control and check points; optional (GNSS can fix the datum)."
     )
     distances: DistancesInputs = Field(
         default=(),
-        description="Files of distances between object points, control and check. They give a block its "
-        "scale that has neither control points nor positions.",
+        description="Files of distances between object points, control and check. They define the "
+        "scale of a block without control points and positions.",
     )
 
     @model_validator(mode="after")

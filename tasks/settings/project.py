@@ -26,10 +26,11 @@ class ProjectSettings(PlacedSettings):
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"name", "flown"})
 
-    name: str = Field(min_length=1, max_length=LONGEST_NAME, description="Name of the project, for people.")
+    name: str = Field(min_length=1, max_length=LONGEST_NAME, description="Name of the project, for display.")
     flown: date | None = Field(
         default=None,
-        description="Date of the flight, e.g. 2012-05-24; decides which calibration of the registry holds.",
+        description="Date of the flight, e.g. 2012-05-24; determines which calibration of the "
+        "registry is valid.",
     )
     crs: str = Field(
         description='CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric '
@@ -59,9 +60,9 @@ class Project(Settings):
     outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate"})
 
     version: Literal[1] = Field(description="Version of the project file, 1.")
-    project: ProjectSettings = Field(description="Name and coordinate system of the results.")
+    project: ProjectSettings = Field(description="Name of the project and coordinate system of the results.")
     cameras: dict[str, CameraInput] = Field(
-        min_length=1, description="One table for each camera; its name is the one the exposures use."
+        min_length=1, description="One table for each camera; its name is the one used in the exposures."
     )
     inputs: Inputs = Field(description="The files.")
     adjustment: AdjustmentSettings = Field(
@@ -74,16 +75,17 @@ class Project(Settings):
         default_factory=DirectGeoreferencingSettings, description="The direct-georeferencing check."
     )
     checks: ChecksSettings = Field(
-        default_factory=ChecksSettings, description="When something looks wrong before the adjustment."
+        default_factory=ChecksSettings, description="Limits of the plausibility checks before the adjustment."
     )
-    gates: Gates = Field(default_factory=Gates, description="What the result must keep.")
+    gates: Gates = Field(
+        default_factory=Gates, description="Quality gates: limits that the results must meet."
+    )
     certificate: CertificateSettings = Field(
         default_factory=CertificateSettings,
-        description="Who calibrates and signs; acts on no number, and repeats nothing but the certificate.",
+        description="Laboratory and signatories; affects no number, and a change repeats only the "
+        "certificate.",
     )
-    sweep: SweepSettings | None = Field(
-        default=None, description="Scenarios that `aerocal sweep` computes side by side."
-    )
+    sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
 
     _source: ProjectSource = PrivateAttr(default=ProjectSource())
 

@@ -14,34 +14,35 @@ OUTSIDE_FORMAT_SHARE = 0.001
 
 
 class ChecksSettings(Settings):
-    """When something looks wrong before the adjustment."""
+    """Limits of the plausibility checks before the adjustment."""
 
     outside_format_share: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
         default=OUTSIDE_FORMAT_SHARE,
-        description="Part of the image points of a file that may lie outside the format of their image: they "
-        "are left out, and that is said. More are an error, 0 allows none. Default 0.001: a wrong unit, "
-        "camera or pixel size puts far more outside.",
+        description="Fraction of the image points of a file that may lie outside the format of their "
+        "image. They are excluded and reported; more are an error, 0 allows none. "
+        "Default 0.001: with a wrong unit, camera or pixel size, far more points lie "
+        "outside.",
     )
 
     min_intersection_angle_deg: Positive = Field(
         default=1.0,
-        description="Object points whose rays meet under a smaller angle are not used: their distance is "
-        "not determined, degrees.",
+        description="Minimum intersection angle of the rays of an object point, degrees; points "
+        "below it are not used, because their distance is not determined.",
     )
     tie_residual_px: Positive = Field(
         default=50.0,
-        description="Median residual of tie points with the given orientations above which the "
-        "orientations, their angle convention or the mounting are called wrong, px.",
+        description="Median residual of tie points with the given orientations, px, above which the "
+        "orientations, their angle convention or the mounting are reported as wrong.",
     )
     control_distance_m: Positive = Field(
         default=50.0,
-        description="Distance between a control point and its intersection from the given orientations "
-        "above which the point is called wrong, m.",
+        description="Distance between a control point and its intersection from the given "
+        "orientations, m, above which the point is reported as wrong.",
     )
 
 
 class Gate(Settings):
-    """Limits of one figure; a limit that is not given is not tested."""
+    """Limits of one figure; only the given limits are tested."""
 
     min: Finite | None = Field(default=None, description="Smallest value that passes.")
     max: Positive | None = Field(default=None, description="Largest value that passes.")
@@ -65,17 +66,18 @@ class Gates(Settings):
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
     check_over_limit: Gate | None = Field(
         default=None,
-        description="RMS and mean at check points over the limits that their σ let expect "
-        "(`adjustment.confidence`), the largest of all: `{ max = 1.0 }` lets none of them miss its limit.",
+        description="RMS and mean at check points divided by their limits expected from the σ "
+        "(`adjustment.confidence`), the largest ratio of all. With `{ max = 1.0 }`, none "
+        "may exceed its limit.",
     )
     registered_calibration: Gate | None = Field(
         default=None,
-        description="How often chance alone exceeds the test T whether the block contradicts a calibration "
-        "of the registry; the worst camera counts. E.g. `{ min = 0.001 }`.",
+        description="Probability of the test T whether the block contradicts a calibration of the "
+        "registry; that of the worst camera. E.g. `{ min = 0.001 }`.",
     )
     direct_georeferencing_rmse_m: AxisGate | None = Field(
         default=None,
-        description="RMS of the differences at independent check points, georeferenced directly.",
+        description="RMS of the differences at independent check points in direct georeferencing.",
     )
     direct_georeferencing_max_m: AxisGate | None = Field(
         default=None, description="Largest of these differences."

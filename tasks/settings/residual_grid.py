@@ -22,9 +22,9 @@ class ResidualGridSettings(Settings):
 
     cells: Annotated[Whole, Field(ge=1, le=100)] | None = Field(
         default=None,
-        description="Sub-areas along each side of the image. Default 25, or as many as leave 25 image points "
-        "in a sub-area on average if that is fewer. With `file` those of the file. Seams between CCD images "
-        "(`tiles` of the camera) are always borders.",
+        description="Sub-areas along each side of the image. Default 25, or fewer, so that a "
+        "sub-area has 25 image points on average. With `file`, those of the file. Seams "
+        "between CCD images (`tiles` of the camera) are always borders.",
     )
     file: InputPaths = Field(
         default=(),
@@ -34,27 +34,30 @@ class ResidualGridSettings(Settings):
     )
     iterations: Annotated[Whole, Field(ge=0, le=50)] = Field(
         default=0,
-        description="How often at most the mean residuals are added to the image coordinates and the block "
-        "is adjusted again; 0: they are only computed. 3 to 5 recover most of what a single pass leaves.",
+        description="Maximum number of times that the mean residuals are added to the image "
+        "coordinates and the block is adjusted again; 0: they are only computed. 3 to 5 "
+        "iterations correct most of the error that remains after one.",
     )
     cross_validation: bool = Field(
         default=True,
-        description="Whether every iteration is first tried on halves of the images, and left out where it "
-        "does not make the mean residuals of those images smaller that took no part in it.",
+        description="Whether every iteration is first tested with halves of the images. It is "
+        "omitted if it does not reduce the mean residuals of the images that were not "
+        "used for it.",
     )
     smoothing: Literal["none", "gaussian", "counts", "collocation"] = Field(
         default="counts",
-        description="Smoothing of the means before they are added: `none`; `gaussian`; `counts`, a Gaussian "
-        "in which a mean counts with its number of image points; `collocation` (least squares, finds its own "
-        "width). None reaches across a seam.",
+        description="Smoothing of the means before they are added: `none`; `gaussian`; `counts`, a "
+        "Gaussian in which each mean is weighted with its number of image points; "
+        "`collocation` (least squares, determines its own width). No smoothing extends "
+        "across a seam.",
     )
     smoothing_width: Positive = Field(
         default=0.04,
-        description="Standard deviation of the Gaussian in parts of the sides of the image; 0.04 is one of "
-        "25 sub-areas.",
+        description="Standard deviation of the Gaussian as a fraction of the side of the image; 0.04 "
+        "is one of 25 sub-areas.",
     )
     interpolation: Literal["bilinear", "cell"] = Field(
         default="bilinear",
-        description="Correction of an image point: `bilinear` between the middles of the sub-areas, or that "
-        "of its `cell`.",
+        description="Correction of an image point: `bilinear` between the centres of the sub-areas, "
+        "or constant in each `cell`.",
     )

@@ -33,23 +33,25 @@ class SelfCalibrationSettings(Settings):
 
     parameters: Selection = Field(
         default=NOTHING,
-        description='Additional parameters to estimate, e.g. `"bluh:1-12"`, `"bluh:1-12+42-73+81-88"`, '
-        '`"brown:K1,K2"`, `"brown-forward:k1-k3,p1,p2"`, `"legendre(5)"`; `"none"` for none. Focal length '
-        "and principal point are named in `free`.",
+        description='Additional parameters to estimate, e.g. `"bluh:1-12"`, '
+        '`"bluh:1-12+42-73+81-88"`, `"brown:K1,K2"`, `"brown-forward:k1-k3,p1,p2"`, '
+        '`"legendre(5)"`; `"none"` for none. Focal length and principal point are listed '
+        "in `free`.",
     )
     per: Literal["camera", "flight"] = Field(
         default="camera",
-        description="What has a set of its own: every `camera`, or every camera in every `flight`. With "
-        "`flight` it is tested whether the sets differ.",
+        description="Whether each `camera` has its own set, or each camera in each `flight`. With "
+        "`flight`, a test shows whether the sets differ.",
     )
     sigma_um: Positive | None = Field(
         default=None,
-        description="Standard deviation of each parameter about its given value, as the largest effect it "
-        "has in the image, µm. Without it the parameters are free.",
+        description="Standard deviation of each parameter about its given value, expressed as its "
+        "largest effect in the image, µm. Default: no prior.",
     )
     elimination: Literal["default", "bluh", "dmc_certificate", "none"] = Field(
         default="default",
-        description="Rule by which parameters that are not significant, or not separable from others, are "
-        "taken out one after the other: `default` (correlation 0.90, total correlation 0.95, t of 99 %), "
-        "`bluh` (t below 1, correlations above 0.85), `dmc_certificate` (t below 1.96), or `none`.",
+        description="Rule by which parameters that are not significant, or not separable from "
+        "others, are eliminated one after another: `default` (correlation 0.90, total "
+        "correlation 0.95, t of 99 %), `bluh` (t below 1, correlations above 0.85), "
+        "`dmc_certificate` (t below 1.96), or `none`.",
     )

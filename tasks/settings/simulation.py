@@ -40,13 +40,14 @@ def _one_or_several(value: object) -> object:
 
 
 class SimulatedProject(Settings):
-    """The project that is written."""
+    """The project to be written."""
 
     name: str = Field(min_length=1, description="Name of the project.")
     crs: str = Field(
         default=LOCAL,
         description='CRS of the files: "local" (metric Cartesian), or a projected CRS such as '
-        '"EPSG:25832"; then `latitude_deg` and `longitude_deg` say where the block lies.',
+        '"EPSG:25832"; then `latitude_deg` and `longitude_deg` give the position of the '
+        "block.",
     )
     latitude_deg: Annotated[Real, Field(gt=-90.0, lt=90.0)] | None = Field(
         default=None, description="Latitude of the block's centre, degrees."
@@ -59,12 +60,12 @@ class SimulatedProject(Settings):
     )
     free: tuple[FreeParameter, ...] | None = Field(
         default=None,
-        description="System parameters the project estimates. Left out: those whose truth differs from "
-        "what the project states.",
+        description="System parameters estimated by the project. Default: those whose true values "
+        "differ from the stated ones.",
     )
     observe: tuple[ObservedGroup, ...] | None = Field(
         default=None,
-        description="Observations besides the image points that the project uses; left out: all of them.",
+        description="Observations used by the project in addition to the image points; default: all.",
     )
 
     @model_validator(mode="after")
@@ -84,7 +85,7 @@ class SimulatedProject(Settings):
 
 
 class SimulatedCamera(Settings):
-    """The camera as its certificate has it."""
+    """The camera according to its certificate."""
 
     name: str = Field(min_length=1, description="Name of the camera.")
     columns: Pixels = Field(description="Width of the image, px.")
@@ -98,30 +99,28 @@ class SimulatedCamera(Settings):
 
 
 class FlightLines(Settings):
-    """Parallel lines flown alike; `[flight]` for one group, `[[flight]]` for each of several."""
+    """Parallel lines with the same settings; `[flight]` for one group, `[[flight]]` for each of several."""
 
     name: str = Field(
-        min_length=1, pattern=r"^[A-Za-z0-9.-]+$", description="Before the line's number in strip names."
+        min_length=1, pattern=r"^[A-Za-z0-9.-]+$", description="Prefix of the line number in strip names."
     )
-    flight: str = Field(default="1", min_length=1, description="Flight the lines belong to.")
+    flight: str = Field(default="1", min_length=1, description="Flight to which the lines belong.")
     height_m: Positive = Field(description="Flying height above the mean terrain, m.")
     heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
     lines: Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)] | None = Field(
-        default=None, description="Number of lines; left out: as many as `exposures` lists."
+        default=None, description="Number of lines; default: the length of `exposures`."
     )
     exposures: Annotated[
         tuple[Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)], ...], BeforeValidator(_one_or_several)
-    ] = Field(description="Exposures of every line, or a list with one number for each.")
+    ] = Field(description="Number of exposures of every line, or a list with one number for each line.")
     end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
     side_lap: Part = Field(default=0.6, description="Side lap, 0 to 1.")
     base_m: Positive | None = Field(default=None, description="Base, m; instead of `end_lap`.")
-    spacing_m: Positive | None = Field(
-        default=None, description="Distance of the lines, m; instead of `side_lap`."
-    )
+    spacing_m: Positive | None = Field(default=None, description="Line spacing, m; instead of `side_lap`.")
     directions: Literal["single", "alternating", "both"] = Field(
         default="alternating",
-        description="`single`: all lines alike; `alternating`: every second one back; `both`: every line "
-        "forward and reverse.",
+        description="`single`: all lines in the same direction; `alternating`: every second one "
+        "reversed; `both`: every line forward and reverse.",
     )
     centre_m: Pair = Field(default=(0.0, 0.0), description="Centre of the group: east, north, m.")
     start_m: Pair | None = Field(
@@ -153,7 +152,7 @@ class FlightLines(Settings):
 
 
 class SimulatedTrajectory(Settings):
-    """How the flight differs from its plan."""
+    """Deviations of the flight from its plan."""
 
     position_m: NotNegativeTriple = Field(
         default=(3.0, 3.0, 5.0), description="σ of the flight about its plan: along, across, height, m."
@@ -164,8 +163,9 @@ class SimulatedTrajectory(Settings):
     crab_deg: NotNegative = Field(default=3.0, description="σ of the crab angle of a strip, degrees.")
     rate_deg_s: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0),
-        description="σ of how fast the body turns at an exposure about its axes forward, right, down, "
-        "degrees per second. Where it turns, the exposures are delivered with rates.",
+        description="σ of the angular velocity of the body at an exposure about its axes forward, "
+        "right, down, degrees per second. If not zero, the exposures are delivered with "
+        "rates.",
     )
 
 
@@ -185,18 +185,18 @@ class SimulatedPoints(Settings):
         description="Expected number of tie points."
     )
     detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="Probability that a point is found in an image that shows it."
+        default=1.0, description="Probability that a point is measured in an image in which it is visible."
     )
     min_rays: Annotated[Whole, Field(ge=2, le=_MOST_EXPOSURES)] = Field(
-        default=2, description="Points with fewer rays are lost."
+        default=2, description="Points with fewer rays are dropped."
     )
     margin: Part = Field(
-        default=0.02, description="Part of the half format along the borders where nothing is measured."
+        default=0.02, description="Fraction of the half format along the borders without measurements."
     )
 
 
 class SimulatedControl(Settings):
-    """Control and check points laid out alike; `[control]` for one set, `[[control]]` for several."""
+    """Control and check points with the same layout; `[control]` for one set, `[[control]]` for several."""
 
     layout: Literal["grid", "perimeter", "spread", "list"] = Field(
         description="`grid`: columns × rows; `perimeter`: evenly along the border of the covered area; "
@@ -211,19 +211,19 @@ class SimulatedControl(Settings):
     places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
     control: Annotated[Whole, Field(ge=0)] | None = Field(
         default=None,
-        description="How many are control points, those spread best; the rest are check points. Left out: "
-        "all, less `check_fraction`.",
+        description="Number of control points, chosen for the best distribution; the others are "
+        "check points. Default: all, except `check_fraction`.",
     )
     check_fraction: Annotated[Real, Field(ge=0.0, le=1.0)] = Field(
-        default=0.0, description="Part of the points that are check points; instead of `control`."
+        default=0.0, description="Fraction of the points that are check points; instead of `control`."
     )
     margin: Part = Field(
-        default=0.03, description="Part of the sides of the covered area left free along its borders."
+        default=0.03, description="Fraction of the sides of the covered area left free along its borders."
     )
     extent_m: tuple[Positive, Positive] | None = Field(
         default=None,
-        description="Sides east, north of a rectangle about the origin in which the points lie, m; left out: "
-        "the covered area.",
+        description="Sides east, north of a rectangle about the origin in which the points lie, m; "
+        "default: the covered area.",
     )
 
     @model_validator(mode="after")
@@ -251,17 +251,17 @@ class SimulatedControl(Settings):
 class SimulatedGrossErrors(Settings):
     """Gross errors; all of them are listed in truth/gross_errors.parquet."""
 
-    image_rate: Part = Field(default=0.0, description="Part of the image points that are wrong.")
+    image_rate: Part = Field(default=0.0, description="Fraction of wrong image points.")
     image_um: Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)] = Field(
-        default=(20.0, 200.0), description="Smallest and largest error of them, µm."
+        default=(20.0, 200.0), description="Minimum and maximum size of these errors, µm."
     )
     control_swaps: Annotated[Whole, Field(ge=0, le=_MOST_SURVEYED)] = Field(
-        default=0, description="Pairs of control points whose coordinates are exchanged."
+        default=0, description="Number of pairs of control points whose coordinates are exchanged."
     )
     wrong_time_strips: Annotated[Whole, Field(ge=0, le=_MOST_EXPOSURES)] = Field(
-        default=0, description="Strips whose positions belong to another moment."
+        default=0, description="Number of strips whose positions have a wrong time."
     )
-    time_error_s: Finite = Field(default=1.0, description="By how much, s.")
+    time_error_s: Finite = Field(default=1.0, description="Size of this time error, s.")
 
 
 class SimulatedNoise(Settings):
@@ -275,9 +275,9 @@ class SimulatedNoise(Settings):
     )
     gnss_markov_m: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0),
-        description="σ of the part of the positions' noise that is correlated over time within a strip "
-        "(first-order Gauss–Markov), m. The project states the σ of both parts together; if `gnss_m` is 0 it "
-        "states the correlation time, too.",
+        description="σ of the part of the positions' noise that is correlated over time within a "
+        "strip (first-order Gauss–Markov), m. The project states the σ of both parts "
+        "together; if `gnss_m` is 0, it also states the correlation time.",
     )
     gnss_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
     ins_markov_deg: NotNegativeTriple = Field(
@@ -286,10 +286,10 @@ class SimulatedNoise(Settings):
     )
     ins_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
     level: NotNegative = Field(
-        default=1.0, description="Factor of all noise that is added; 0: free of noise, stated σ unchanged."
+        default=1.0, description="Factor applied to all noise; 0: free of noise, stated σ unchanged."
     )
     silent: tuple[SilentSource, ...] = Field(
-        default=(), description='Sources whose noise is left out, e.g. `["gnss", "ins"]`.'
+        default=(), description='Sources whose noise is omitted, e.g. `["gnss", "ins"]`.'
     )
     gross_errors: SimulatedGrossErrors = Field(
         default_factory=SimulatedGrossErrors, description="Gross errors."
@@ -318,30 +318,30 @@ class SimulatedImageErrors(Settings):
     )
     corner_um: NotNegative = Field(default=0.0, description="RMS of the displacements of the corners, µm.")
     seams_mm: tuple[Positive, Positive] | None = Field(
-        default=None, description="Seams from the centre along image x, y, mm; left out: equal thirds."
+        default=None, description="Seams from the centre along image x, y, mm; default: equal thirds."
     )
     additional_um: dict[Selection, Finite] = Field(
         default={},
-        description='Errors of the form of additional parameters, e.g. `{ "bluh:10" = 0.8 }`: the largest '
-        "error of each in the format, µm; a negative number turns it round.",
+        description='Errors of the form of additional parameters, e.g. `{ "bluh:10" = 0.8 }`: the '
+        "largest error of each in the format, µm; a negative number reverses the sign.",
     )
 
 
 class PublishedCheck(Settings):
-    """What was published for the flight that is simulated, shown beside what the simulation gives."""
+    """Published results for the simulated flight, shown beside those of the simulation."""
 
     rmse_m: PositiveTriple | None = Field(
         default=None, description="RMS at check points by direct georeferencing, east, north, up, m."
     )
     y_parallax_max_um: Positive | None = Field(default=None, description="Largest y-parallax, µm.")
-    remark: str = Field(default="", description="What must be known to compare, a sentence.")
+    remark: str = Field(default="", description="A sentence with information needed for the comparison.")
 
 
 class SimulatedTruth(Settings):
-    """The true camera system; the project states zero, and the certified interior orientation."""
+    """True camera system; the project states zero, and the certified interior orientation."""
 
     source: str | None = Field(
-        default=None, description="Where these values come from, for people; shown beside the estimates."
+        default=None, description="Source of these values, as a text shown beside the estimates."
     )
     published: PublishedCheck | None = Field(
         default=None, description="Published results of a check with these values."
@@ -357,7 +357,7 @@ class SimulatedTruth(Settings):
     )
     gnss_shift_m: Triple = Field(default=(0.0, 0.0, 0.0), description="GNSS shift of every flight, m.")
     gnss_shift_of_flight_m: dict[str, Triple] = Field(
-        default_factory=dict, description="GNSS shift of single flights, instead; keys are flights."
+        default_factory=dict, description="GNSS shift of single flights instead; keys are flight names."
     )
     strip_bias_m: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0), description="σ of the random GNSS bias of a strip, m."
@@ -365,7 +365,9 @@ class SimulatedTruth(Settings):
     strip_drift_m_s: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0), description="σ of the random GNSS drift of a strip, m/s."
     )
-    time_offset_s: Finite = Field(default=0.0, description="Positions are taken so much too late, s.")
+    time_offset_s: Finite = Field(
+        default=0.0, description="Positions refer to times later than the exposures by this, s."
+    )
     refraction: bool = Field(default=False, description="Whether the image rays are refracted.")
     image_errors: SimulatedImageErrors = Field(
         default_factory=SimulatedImageErrors, description="Systematic image errors."
@@ -378,15 +380,17 @@ _AsTuple = BeforeValidator(one_table_or_several)
 class Simulation(Settings):
     """A simulation: SPEC.toml, its preset filled in."""
 
-    preset: str | None = Field(default=None, description="The preset everything not written here comes from.")
+    preset: str | None = Field(
+        default=None, description="The preset that supplies all values not given here."
+    )
     seed: Annotated[Whole, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
-    project: SimulatedProject = Field(description="The project that is written.")
+    project: SimulatedProject = Field(description="The project to be written.")
     camera: SimulatedCamera = Field(description="The camera.")
     flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(
         description="Groups of parallel lines."
     )
     trajectory: SimulatedTrajectory = Field(
-        default_factory=SimulatedTrajectory, description="How the flight differs from its plan."
+        default_factory=SimulatedTrajectory, description="Deviations of the flight from its plan."
     )
     terrain: SimulatedTerrain = Field(default_factory=SimulatedTerrain, description="The terrain.")
     points: SimulatedPoints = Field(description="Tie points.")

@@ -50,20 +50,20 @@ _OPENING = """\
 *Written by `python -m tasks.settings.simulation_document` from the settings themselves; edit the
 descriptions there.*
 
-`aerocal simulate PRESET --out DIR` writes an ordinary project whose truth is known: `project.toml` with its
-three text files as a client would deliver them, and the truth in `DIR/truth/`. Nothing but comparisons
-reads the truth.
+`aerocal simulate PRESET --out DIR` writes a complete project with known true values: `project.toml` with its three
+text files as a client would deliver them, and the true values in `DIR/truth/`. The true values are used only for
+comparison.
 
-| file in `truth/` | what it holds |
+| file in `truth/` | content |
 |---|---|
 | `exterior_orientations.parquet` | true orientations, in the frame and angles of the results |
 | `object_points.parquet`, `control_points.parquet` | true points; which coordinates of a surveyed point are delivered |
-| `parameters.parquet` | true values of all system parameters, beside what the project states |
-| `gross_errors.parquet` | every gross error that was put in |
+| `parameters.parquet` | true values of all system parameters, and the values stated in the project |
+| `gross_errors.parquet` | all gross errors that were introduced |
 | `image_errors.parquet` | the systematic image errors on a grid over the format |
 | `spec.toml` | the complete specification; `aerocal simulate DIR/truth/spec.toml` writes the same bytes again |
 
-A SPEC.toml names a preset and what it changes:
+A SPEC.toml names a preset and the changes to it:
 
 ```toml
 preset = "uce-low"
@@ -76,15 +76,15 @@ control = 10            # ten control points, the rest are check points
 level = 0               # free of noise
 ```
 
-- Every source of chance has its own stream of random numbers. Switching one source off leaves the numbers
-  of all others as they were, and the truth never depends on the noise.
-- The stated standard deviations are those the noise is drawn with, so an adjustment with the right model
-  has a σ0 of 1.
-- Numbers carry enough digits (1e-9 mm, 1e-12 degrees, 1e-9 m) that a project without noise gives the truth
-  back.
-- Where a preset has several groups (`[[flight]]`, `[[control]]`), a single table in SPEC.toml changes each
-  of them, and double brackets replace them all.
-- x is east, y is north; the block's centre is the origin of a local frame.
+- Each random source has its own stream of random numbers. If one source is switched off, the numbers of all
+  others remain the same. The true values never depend on the noise.
+- The stated standard deviations are those used to generate the noise. An adjustment with the correct model
+  therefore has a σ0 of 1.
+- Numbers are written with enough digits (1e-9 mm, 1e-12 degrees, 1e-9 m) to recover the true values from a
+  project without noise.
+- If a preset has several groups (`[[flight]]`, `[[control]]`), a single table in SPEC.toml changes all of
+  them; tables in double brackets replace them all.
+- x is east, y is north; the centre of the block is the origin of a local frame.
 
 ## Presets
 """  # noqa: E501

@@ -24,17 +24,17 @@ UNCHANGED = "as in the project"
 
 
 class BlockSelection(Settings):
-    """Images of a sub-block: those that meet every condition given; `["low"]` is short for these flights."""
+    """Images of a sub-block: those that meet all given conditions; `["low"]` is short for these flights."""
 
-    flights: tuple[str, ...] | None = Field(default=None, description="Names of the flights; left out: all.")
+    flights: tuple[str, ...] | None = Field(default=None, description="Names of the flights; default: all.")
     strips: tuple[str, ...] | None = Field(
         default=None,
-        description='Names of the strips, with `*` and `?` for any letters: `["E*"]` leaves out crossing '
-        'strips, `["E01", "E03", "E05"]` makes single coverage of double. Left out: all.',
+        description='Names of the strips, with `*` and `?` as wildcards: `["E*"]` excludes crossing '
+        'strips, `["E01", "E03", "E05"]` reduces double coverage to single. Default: all.',
     )
     height_m: NotNegativePair | None = Field(
         default=None,
-        description="Smallest and largest flying height above the object points, m; left out: any.",
+        description="Minimum and maximum flying height above the object points, m; default: any.",
     )
 
     @model_validator(mode="before")
@@ -50,17 +50,20 @@ class ControlScenario(Settings):
 
     roles: Literal["delivered", "all"] | None = Field(
         default=None,
-        description='`"delivered"`: as the files of control say; `"all"`: every point. Written as this word '
-        "alone.",
+        description='`"delivered"`: as in the control files; `"all"`: every point. Written as this '
+        "word alone.",
     )
     count: Annotated[Whole, Field(ge=0)] | None = Field(
-        default=None, description="That many of the points that are fully surveyed and measured."
+        default=None,
+        description="Number of control points, chosen from those that are surveyed in "
+        "all coordinates and measured.",
     )
     layout: Literal["even", "border"] = Field(
         default="even",
-        description="How `count` points are chosen. `even`: each as far as possible from those before it, so "
-        "that the first four lie in the corners and fewer points are a part of more; `border`: evenly along "
-        "the border of the area.",
+        description="How `count` points are chosen. `even`: each as far as possible from the "
+        "preceding ones, so that the first four lie in the corners and smaller "
+        "selections are subsets of larger ones; `border`: evenly along the border of the "
+        "area.",
     )
     points: tuple[str, ...] | None = Field(
         default=None, description="Exactly these points; a list alone is short for it."
@@ -84,41 +87,42 @@ class ControlScenario(Settings):
 
 
 class SweepSettings(Settings):
-    """Scenarios to compute side by side; `aerocal sweep` computes every combination."""
+    """Scenarios for comparison; `aerocal sweep` computes every combination."""
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"workers"})
 
     blocks: dict[Name, BlockSelection] = Field(
         default={"all": BlockSelection()},
         min_length=1,
-        description='Sub-blocks by name, e.g. `both = ["low", "high"]` (flights) or a table. Left out: the '
-        "whole block.",
+        description='Sub-blocks by name, e.g. `both = ["low", "high"]` (flights) or a table. '
+        "Default: the whole block.",
     )
     control: dict[Name, ControlScenario] = Field(
         default={"delivered": ControlScenario(roles="delivered")},
         min_length=1,
-        description='Choices of control points by name, e.g. `"44/40" = { count = 44 }`. Left out: the roles '
-        "as delivered.",
+        description='Choices of control points by name, e.g. `"44/40" = { count = 44 }`. Default: '
+        "the roles as delivered.",
     )
     parameters: tuple[Name, ...] = Field(
         default=(),
-        description="Sets of additional parameters, each a variant of this name: short for variants that "
-        f'change `{SELECTION}`, e.g. `["none", "bluh:1-12"]`.',
+        description="Sets of additional parameters, each giving a variant of this name; short for variants "
+        f'that change `{SELECTION}`, e.g. `["none", "bluh:1-12"]`.',
     )
     variants: dict[Name, dict[str, JsonValue]] = Field(
         default={},
-        description="Variants of the settings by name; each says which settings of this file it changes: "
-        '`loose = { "inputs.control.sigma_m" = 0.1 }`. An empty table changes nothing.',
+        description="Variants of the settings by name; each lists the settings of this file that it "
+        'changes: `loose = { "inputs.control.sigma_m" = 0.1 }`. An empty table changes '
+        "nothing.",
     )
     compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = Field(
         default=None,
-        description="Published table that is shown beside the results where block, control and variant have "
-        "its names (docs/sweep.md).",
+        description="Published table shown beside the results where block, control and variant have "
+        "the same names (docs/sweep.md).",
     )
     workers: Annotated[Whole, Field(ge=1)] | None = Field(
         default=None,
-        description="Processes that adjust beside each other; it changes no result. Left out: one for each "
-        "processor.",
+        description="Number of parallel processes; it does not affect the results. Default: one for "
+        "each processor.",
     )
 
     @model_validator(mode="after")

@@ -25,35 +25,37 @@ ColumnNumber: TypeAlias = Annotated[Whole, Field(ge=1, le=_MOST_COLUMNS)]
 
 
 class TableSettings(Settings):
-    """Layout of a table with `format = "csv"`; what is left out is as in our own tables.
+    """Layout of a table with `format = "csv"`; the defaults are those of aerocal's own tables.
 
     The keys stand in `[inputs.image_points]`, `[inputs.exposures]` and `[inputs.control]` themselves.
     """
 
     separator: Separator = Field(
-        default="comma", description="What stands between two columns; `blank` is any run of blanks or tabs."
+        default="comma", description="Separator between columns; `blank` is any sequence of blanks or tabs."
     )
     decimal: Literal[".", ","] = Field(default=".", description="Decimal mark of numbers.")
     columns: dict[str, Name | ColumnNumber] = Field(
         default_factory=dict,
-        description="Our name of a column → its heading in the file, or its number from 1: "
-        '`columns = { point = "Name", x = "Easting" }`. Columns that are headed as ours need none. All that '
-        "are read stand at `format`.",
+        description="aerocal's name of a column → its heading in the file, or its number from 1: "
+        '`columns = { point = "Name", x = "Easting" }`. Columns with aerocal\'s headings '
+        "need not be listed. The columns that are read are listed at `format`.",
     )
     unused: tuple[Name, ...] = Field(
-        default=(), description="Headings of the file that are not to be read though they are like ours."
+        default=(),
+        description="Columns of the file that are not to be read although they have aerocal's headings.",
     )
     header: bool = Field(
-        default=True, description="Whether headings stand above the rows; without, `columns` are numbers."
+        default=True,
+        description="Whether the rows are preceded by a header line; if not, `columns` are numbers.",
     )
     skip_lines: Annotated[Whole, Field(ge=0, le=_MOST_LINES)] = Field(
-        default=0, description="Lines at the top of the file that are neither headings nor rows."
+        default=0, description="Number of lines at the top of the file that are neither header nor rows."
     )
     comment: Name | None = Field(
-        default=None, description='Beginning of lines that are left out, e.g. `"#"` or `"//"`.'
+        default=None, description='Start of lines that are ignored, e.g. `"#"` or `"//"`.'
     )
     quote: Literal['"', "'"] = Field(
-        default='"', description="Mark around names in which a separator stands."
+        default='"', description="Quotation mark around names that contain a separator."
     )
     encoding: Literal["utf-8", "latin-1"] = Field(default="utf-8", description="Encoding of the text.")
 
@@ -90,18 +92,19 @@ class TableSettings(Settings):
 
 
 class StripRule(Settings):
-    """How strips are told apart; `strip = "time-gaps"` stands for `{ gap_factor = 3.0 }`."""
+    """How strips are separated; `strip = "time-gaps"` is short for `{ gap_factor = 3.0 }`."""
 
     gap_factor: Positive | None = Field(
         default=None,
-        description="A strip ends where no image follows for more than so many median intervals of the "
-        "file. Strips are numbered in the order of time, in each flight.",
+        description="A strip ends where the next image follows after more than this many median "
+        "intervals of the file. In each flight, strips are numbered in order of time.",
     )
     pattern: Name | None = Field(
         default=None,
-        description="Where strip (and flight) stand in the image's name: `{strip}`, `{flight}`, `*` for "
-        "anything, `?` for one character, all else as it is. `{strip}` and `*` end where the character "
-        'that follows them stands first: `"*_{strip}_*"` finds 05 in `2015_05_0182`.',
+        description="Position of strip (and flight) in the image name: `{strip}`, `{flight}`, `*` "
+        "for any text, `?` for one character, all other characters literally. `{strip}` "
+        "and `*` end at the first occurrence of the character that follows them: "
+        '`"*_{strip}_*"` finds 05 in `2015_05_0182`.',
     )
 
     @model_validator(mode="before")

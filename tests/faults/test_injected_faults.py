@@ -89,7 +89,7 @@ def test_a_killed_engine(running: Production, figures: dict[str, dict[str, objec
 
 def test_a_killed_runner(running: Production, figures: dict[str, dict[str, object]]) -> None:
     def kill(running: Production, _run: RunRecord) -> None:
-        os.kill(running.server.group_of("flows.serving.runner"), signal.SIGKILL)
+        os.kill(running.server.group_of("flows.deployments"), signal.SIGKILL)
 
     _outlasted(running, figures, "runner killed", kill)
 

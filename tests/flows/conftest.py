@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from flows.aerial_triangulation import aerial_triangulation
+from flows.project_run import RunRequest, carry_out
 
 COLUMNS, ROWS, PIXEL_UM, FOCAL_LENGTH_MM = 10_000, 8_000, 5.0, 50.0
 HEIGHT_M, BASE_M, STRIP_DISTANCE_M = 1000.0, 400.0, 450.0
@@ -110,3 +114,18 @@ def write_block(folder: Path) -> Path:
 def block(tmp_path: Path) -> Path:
     """Project file of the synthetic block, alone in its folder."""
     return write_block(tmp_path / "block")
+
+
+@pytest.fixture(scope="session")
+def run_before(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the synthetic block with the results of a run."""
+    project = write_block(tmp_path_factory.mktemp("run_before") / "block")
+    outcome = carry_out(aerial_triangulation, RunRequest(project))
+    assert outcome.error is None, outcome.error
+    return project.parent
+
+
+@pytest.fixture
+def warm_block(run_before: Path, tmp_path: Path) -> Path:
+    """Project file of a copy of the block after a run: a test's own run computes what it changes."""
+    return Path(shutil.copytree(run_before, tmp_path / "block")) / "project.toml"

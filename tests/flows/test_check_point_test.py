@@ -19,6 +19,11 @@ AXES = ("dx", "dy", "dz")
 GATE = "gates.check_over_limit={max=1.0}"
 
 
+@pytest.fixture
+def block(warm_block: Path) -> Path:
+    return warm_block
+
+
 def as_check_points(project: Path, *, raised_m: float = 0.0, sigma_m: float = 0.02) -> None:
     """Make all surveyed points but the first of the file check points, and raise them."""
     table = pd.read_csv(project.with_name("control.csv"), dtype={"point": str})

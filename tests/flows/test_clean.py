@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from flows.project_run import RunRequest, carry_out
 from tasks.storage.run_lock import run_lock
 from tasks.storage.stage_record import read_records
 from tasks.storage.store import Store
+from tests.flows.conftest import write_block
 
 DAY = 86_400
 
@@ -41,11 +43,24 @@ def published(results: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in results.iterdir() if path.is_file()}
 
 
-@pytest.fixture
-def results(block: Path) -> Path:
-    """Results of three runs with other settings, the last of which is published, a hundred days ago."""
+@pytest.fixture(scope="module")
+def three_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a block with the results of three runs with other settings."""
+    block = write_block(tmp_path_factory.mktemp("runs") / "block")
     for critical in (3.5, 3.8, 4.13):
         run(block, f"adjustment.rejection.critical_value={critical}")
+    return block.parent
+
+
+@pytest.fixture
+def block(three_runs: Path, tmp_path: Path) -> Path:
+    """The project file of a copy."""
+    return Path(shutil.copytree(three_runs, tmp_path / "block")) / "project.toml"
+
+
+@pytest.fixture
+def results(block: Path) -> Path:
+    """Results of the three runs, the last of which is published, a hundred days ago."""
     folder = block.parent / "results"
     age(folder, 100)
     return folder

@@ -50,18 +50,18 @@ def test_a_block_is_adjusted_shown_and_published(block: Path) -> None:
     assert content["counts"]["images"] == 8  # type: ignore[index]
 
 
-def test_json_is_the_summary_and_nothing_else_on_standard_output(block: Path) -> None:
-    done = aerocal("adjust", block, "--json")
+def test_json_is_the_summary_and_nothing_else_on_standard_output(warm_block: Path) -> None:
+    done = aerocal("adjust", warm_block, "--json")
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == summary(block.parent / "results")
+    assert json.loads(done.stdout) == summary(warm_block.parent / "results")
 
 
-def test_a_failed_gate_ends_with_4_and_keeps_the_outputs(block: Path) -> None:
-    done = aerocal("run", block, "--set", "gates.sigma0.max=0.71")
+def test_a_failed_gate_ends_with_4_and_keeps_the_outputs(warm_block: Path) -> None:
+    done = aerocal("run", warm_block, "--set", "gates.sigma0.max=0.71")
     assert done.returncode == 4, done.stderr
     assert "failed" in done.stdout
-    assert summary(block.parent / "results")["status"] == "gate_failed"
-    assert (block.parent / "results" / "object_points.parquet").is_file()
+    assert summary(warm_block.parent / "results")["status"] == "gate_failed"
+    assert (warm_block.parent / "results" / "object_points.parquet").is_file()
 
 
 def test_an_unknown_key_ends_with_2_and_names_the_nearest(block: Path) -> None:
@@ -103,8 +103,8 @@ def test_a_server_that_does_not_answer_ends_with_1_and_the_remedy(block: Path, a
     assert "--server none" in one_line_error(done)
 
 
-def test_server_none_runs_in_process_whatever_is_set(block: Path) -> None:
-    done = aerocal("run", block, "--server", "none", PREFECT_API_URL="http://127.0.0.1:9/api")
+def test_server_none_runs_in_process_whatever_is_set(warm_block: Path) -> None:
+    done = aerocal("run", warm_block, "--server", "none", PREFECT_API_URL="http://127.0.0.1:9/api")
     assert done.returncode == 0, done.stderr
 
 

@@ -15,6 +15,11 @@ from flows.project_run import RunRequest, carry_out
 AXES = ("dx", "dy", "dz")
 
 
+@pytest.fixture
+def block(warm_block: Path) -> Path:
+    return warm_block
+
+
 def run(project: Path, *settings: str) -> Path:
     outcome = carry_out(aerial_triangulation, RunRequest(project, overrides=settings))
     assert outcome.error is None

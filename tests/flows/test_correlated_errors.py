@@ -18,7 +18,7 @@ from tasks.simulate import simulate_project
 from tasks.truth_comparison import compare_with_truth
 
 CORRELATED = (
-    "points.count=500",
+    "points.count=250",
     "noise.gnss_m=[0, 0, 0]",
     "noise.gnss_markov_m=[0.05, 0.05, 0.05]",
     "noise.gnss_correlation_s=30",

@@ -23,7 +23,7 @@ from tests.tasks.report.page_reader import Page
 CONTROL = (
     'control=[{layout="grid",columns=6,rows=5,margin=0.15},{layout="spread",count=40,control=0,margin=0.15}]'
 )
-FEW_POINTS = ("points.count=900", "points.detection=0.6", CONTROL)
+FEW_POINTS = ("points.count=450", "points.detection=0.6", CONTROL)
 AXES = ("x", "y", "z")
 OWN = "direct_georeferencing.calibration=adjustment"
 

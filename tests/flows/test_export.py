@@ -24,6 +24,7 @@ from tasks.handover.receiver import EARTH_RADIUS_M, World
 from tasks.handover.results import Results, read_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
+from tests.tasks.handover.test_read_back import WITH_THEIR_GROUND
 
 SMALLER = (
     "project.crs=EPSG:25832",
@@ -241,4 +242,4 @@ def test_photos_are_numbered_only_where_names_are_no_numbers() -> None:
 
 
 def test_every_format_is_read_back_in_these_tests() -> None:
-    assert set(REGISTER) == {*READERS, "rpc"}
+    assert set(REGISTER) == {*READERS, "rpc", *WITH_THEIR_GROUND}

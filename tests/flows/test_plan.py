@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from flows.command.plan_execution import PlanOptions, execute_plan
-from flows.project_plan import plan_of_project
-from flows.specification_plan import plan_of_specification
+from flows.project_plan import plan_of_project, plan_of_specification
 from tasks.errors import InputError, NotComputableError
 from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan

@@ -82,7 +82,7 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
     from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterFlowRunId
 
     from flows.registered import show
-    from tasks.dashboard.artifacts import DashboardArtifact
+    from tasks.dashboard.short_text import ShortText
 
     state = as_flow(block, tmp_path / "out", "gates.sigma0.max=0.71")
     with get_client(sync_client=True) as client:
@@ -90,11 +90,11 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
         stored = client.read_artifacts(artifact_filter=own)
     (verdict,) = (one for one in stored if str(one.key).endswith("-aerial-triangulation-verdict"))
     assert verdict.type == "markdown"
-    assert str(verdict.data).startswith("**🔴 GateFailed: 1 of 2 limits not kept: σ0 ")
+    assert str(verdict.data).startswith("**GateFailed: Gates not passed: sigma0.**")
 
     @flow(name="refused")
     def refused() -> str:
-        show([DashboardArtifact("No Such Key", "markdown", "", "")])
+        show(ShortText("block", Path("project.toml"), "No Such Key", "Failed", ""))
         return "done"
 
     log = logging.getLogger("aerocal")
@@ -104,7 +104,7 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
         assert refused() == "done"
     finally:
         log.removeHandler(caplog.handler)
-    assert "were not stored" in caplog.text
+    assert "was not stored" in caplog.text
 
 
 def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:

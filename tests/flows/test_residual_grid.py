@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from tasks.simulate import simulate_project
 
 GRID = "adjustment.residual_grid"
 #: 28 images with radial errors and shifted CCD images; no gross errors in the way.
-SPECIFICATION = ("points.count=2500", "truth.image_errors.radial_um=2.0", "truth.image_errors.tile_um=1.0")
+SPECIFICATION = ("points.count=1500", "truth.image_errors.radial_um=2.0", "truth.image_errors.tile_um=1.0")
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +35,9 @@ def run(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[...,
     def carried_out(*overrides: str) -> RunOutcome:
         if overrides not in outcomes:
             out = tmp_path_factory.mktemp("out")
+            # What the settings leave as it is was computed by the first run.
+            for first in list(outcomes.values())[:1]:
+                shutil.copytree(first.directory / ".store", out / ".store")
             outcomes[overrides] = carry_out(aerial_triangulation, RunRequest(flight, out, overrides))
         return outcomes[overrides]
 

@@ -337,6 +337,7 @@ def test_a_sweep_is_a_flow_whose_adjustments_are_tasks(field: Path, swept: Path,
     assert list(flow.index) == ["low|84/0|none", "low|5/79|none"]
     figures = flow.columns.difference(["number"])
     pd.testing.assert_frame_equal(flow[figures], plain.loc[flow.index, figures], check_exact=True)
+    overrides[overrides.index("sweep.workers=2")] = "sweep.workers=1"
     again = run_and_report(RunRequest(field, tmp_path / "flow", tuple(overrides)), scenario_sweep)
     assert again.error is None
     assert len((again.summary.model_extra or {})["sweep"]) == 2

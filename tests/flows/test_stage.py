@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flows.processes import processes
 from flows.stage import flow_run_is_active, stage
+from flows.workers import processes
 from tasks.errors import InputError
 from tasks.storage.artifact import Artifact, verified
 from tasks.storage.installation import InstallationError

@@ -16,6 +16,8 @@ from tasks.simulate import simulate_project
 CHANGES = (
     "points.count=600",
     "points.detection=0.6",
+    *(f"flight.{low}.{name}={number}" for low in (0, 1) for name, number in (("lines", 3), ("exposures", 8))),
+    *(f"flight.{high}.exposures=4" for high in (2, 3)),
     'flight.1.flight="2"',
     'flight.3.flight="2"',
     "truth.time_offset_s=0.004",

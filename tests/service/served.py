@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flows.serving.api import Api
-from flows.serving.secret import kept_words
 from flows.serving.server_process import SERVER_WORDS, free_port
+from flows.serving.state_file import kept_words
 from tasks.production.records import Records
 
 T = TypeVar("T")
@@ -182,7 +182,7 @@ def served(folder: Path, *options: str, cwd: Path | None = None, **variables: st
     try:
         until(lambda: "Ready." in server.printed, START_S, process)
         groups = server.groups()
-        assert len(groups) == 3, "server, production page and runner are in groups of their own"
+        assert len(groups) == 2, "server and runner are in groups of their own"
         yield server
     finally:
         if process.poll() is None:

@@ -9,8 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from tasks.object_storage.address import ObjectAddress
-from tasks.object_storage.published_manifest import PublishedManifest
-from tasks.object_storage.workspace import ObjectWorkspace
+from tasks.object_storage.workspace import ObjectWorkspace, PublishedManifest
 from tasks.publish import publish
 from tasks.settings.project import Project
 from tasks.storage.notes import Notes, write_notes

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import json
 import os
 import re
 import shutil
@@ -139,12 +138,10 @@ def test_a_run_is_started_with_the_form_and_followed_to_its_report(server: Serve
     seen.keep("3-run-ended")
 
     page.get_by_role("tab", name="Artifacts").click()
-    for artifact in ("verdict", "check-points", "map", "report"):
-        expect(page.get_by_text(re.compile(f"aerial-triangulation-{artifact}$")).first).to_be_visible()
     seen.keep("4-artifacts")
     _open_artifact(page, "verdict")
-    expect(page.get_by_text("🟢 Completed").first).to_be_visible()
-    expect(page.get_by_role("row").filter(has_text="RMS at check points").first).to_be_visible()
+    expect(page.get_by_text("Completed: Results are in").first).to_be_visible()
+    expect(page.get_by_role("link", name="Production page").first).to_be_visible()
     seen.keep("5-verdict")
 
     link = page.get_by_role("link", name="Report").first
@@ -176,21 +173,6 @@ def _submitted(server: Served, page: Page) -> bool:
     with contextlib.suppress(AssertionError):
         until(runs, 8)
     return bool(runs())
-
-
-def test_the_check_points_and_the_map_of_a_run_are_shown(server: Served, seen: Seen) -> None:
-    (run,) = server.runs(flow_runs={"name": {"any_": ["block · aerial-triangulation · Completed"]}})
-    page = seen.page
-    for artifact in ("check-points", "map"):
-        page.goto(f"http://127.0.0.1:{server.port}/v2/runs/flow-run/{run['id']}?tab=Artifacts")
-        _open_artifact(page, artifact)
-        if artifact == "map":
-            picture = page.locator(f"img[src^='http://127.0.0.1:{server.overview}/results/']").first
-            expect(picture).to_be_visible()
-            until(lambda shown=picture: shown.evaluate("one => one.naturalWidth") > 100, 60)
-        else:
-            expect(page.get_by_text("🟢").first).to_be_visible()
-        seen.keep(f"7-{artifact}")
 
 
 def test_the_production_page_shows_sorts_and_filters_every_project(server: Served, seen: Seen) -> None:
@@ -282,31 +264,3 @@ def test_the_production_page_fits_a_small_window(server: Served, seen: Seen) -> 
     expect(seen.page.locator("#sigma0-trend .points path").last).to_be_visible()
     assert seen.page.evaluate("document.documentElement.scrollWidth") <= 700
     seen.keep("10-small")
-
-
-def test_a_production_page_that_was_killed_is_begun_again(server: Served, seen: Seen) -> None:
-    def pid() -> int | None:
-        for process in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (process / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if b"flows.overview" in words and str(server.overview).encode() in words:
-                return int(process.name)
-        return None
-
-    before = until(pid, 60)
-    os.kill(before, 9)
-    until(lambda: (now := pid()) is not None and now != before, 60)
-    until(lambda: "is begun again" in server.printed, 30)
-
-    def opens() -> bool:
-        try:
-            seen.page.goto(f"http://127.0.0.1:{server.overview}/health")
-        except Exception:
-            return False
-        return True
-
-    until(opens, 60)
-    state = json.loads((server.folder / "state" / "serve.json").read_text())
-    assert state["overview"] == f"http://127.0.0.1:{server.overview}"

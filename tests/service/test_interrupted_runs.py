@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from flows.serving.heartbeats import NAME
+from flows.serving.api import AUTOMATION
 from tasks.production.run_record import RunRecord
 from tasks.storage.run_lock import run_lock
 from tests.flows.conftest import write_block
@@ -64,7 +64,7 @@ def test_a_killed_engine_is_followed_by_another_that_takes_up_its_run(server: Se
 
 def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Served) -> None:
     results = server.folder / "root" / "block" / "runner"
-    group = server.group_of("flows.serving.runner")
+    group = server.group_of("flows.deployments")
     with run_lock(results):
         run = begun(server, "runner")
         engine = recorded(server, run).process or 0
@@ -126,7 +126,7 @@ def test_two_runners_share_the_runs_and_begin_none_twice(server: Served) -> None
 
 
 def test_the_automation_for_silent_runs_is_there_once(server: Served) -> None:
-    found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [NAME]}}})
+    found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [AUTOMATION]}}})
     assert [one["actions"][0]["state"] for one in found] == ["CRASHED"]
 
 
@@ -156,10 +156,10 @@ def test_one_delivery_delivered_three_times_with_a_redeploy_between_is_computed_
         deliver()
         runs(first, 2)
         # Nobody carries it out before the server is stopped.
-        os.kill(first.group_of("flows.serving.runner"), signal.SIGSTOP)
+        os.kill(first.group_of("flows.deployments"), signal.SIGSTOP)
         deliver()
         until(lambda: len(first.runs(flow_runs={"tags": {"all_": ["delivery"]}})) == 3, 60)
-        os.kill(first.group_of("flows.serving.runner"), signal.SIGCONT)
+        os.kill(first.group_of("flows.deployments"), signal.SIGCONT)
         first.process.kill()
         first.process.wait()
     with served(tmp_path, "--limit", "2", "--cron", "30 1 * * *") as second:

@@ -10,7 +10,6 @@ from typing import Any
 from urllib.request import Request, urlopen
 
 import pytest
-from playwright.sync_api import sync_playwright
 
 from flows.serving.door import basic
 from flows.serving.server_process import free_port
@@ -57,23 +56,11 @@ def test_a_failed_gate_is_told_and_shown(server: Served, receiver: WebReceiver) 
     def known(address: str) -> Request:
         return Request(address, headers={"Authorization": basic(server.words)})
 
-    assert set(made) == {"verdict", "check-points", "map", "report"}
-    assert made["verdict"]["data"].startswith("**🔴 GateFailed: ")
-    assert notice["links"]["report"] in made["report"]["data"]
-    with urlopen(known(made["map"]["data"])) as answer:
-        assert answer.headers["Content-Type"].startswith("image/svg+xml")
-        assert b"<svg " in answer.read()
+    assert set(made) == {"verdict"}
+    assert made["verdict"]["data"].startswith("**GateFailed: ")
+    assert notice["links"]["report"] in made["verdict"]["data"]
     with urlopen(known(notice["links"]["report"])) as answer:
         assert answer.status == 200
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(server.link)
-        page.wait_for_url("**/v2/**")
-        page.goto(f"{server.api.url.removesuffix('/api')}/v2/artifacts/artifact/{made['map']['id']}")
-        page.wait_for_function("document.querySelector('img[alt=artifact-image]')?.naturalWidth > 0")
-        browser.close()
 
 
 def test_the_addresses_are_nowhere_but_in_the_process_that_sends(server: Served) -> None:

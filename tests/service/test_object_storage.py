@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from flows.processes import processes
 from flows.project_run import RunRequest, carry_out
-from flows.serving.results import RESULTS_VARIABLE, configured_results, results_of_server
-from flows.serving.roots import roots_of
+from flows.serving.roots import RESULTS_VARIABLE, configured_results, results_of_server, roots_of
+from flows.workers import processes
 from tasks.errors import InputError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results

@@ -78,7 +78,19 @@ def converted(
         over the format.
     """
     xy = refuse_folded(given, values, np.array(principal_point))
-    ideal = ideal_from_measured(given, values, xy)
+    return fitted(wanted, xy, ideal_from_measured(given, values, xy))
+
+
+def fitted(wanted: AdditionalParameters, xy: Floats, ideal: Floats) -> Conversion:
+    """Values of parameters that make measured points (n, 2) ideal ones (n, 2).
+
+    Both count from the principal point, metres.
+
+    Raises
+    ------
+    AdditionalParametersError
+        If the parameters cannot be told from each other with these points.
+    """
     found = np.zeros(len(wanted.names))
     for _ in range(_MOST_STEPS):
         residual, derivatives = _equations(wanted, found, xy, ideal)

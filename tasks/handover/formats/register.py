@@ -6,18 +6,27 @@ from collections.abc import Mapping
 
 from adjust.handover.refit import Freed
 from tasks.handover.delivery import DeliveryFormat
+from tasks.handover.formats.blocks_exchange import write_blocks_exchange
+from tasks.handover.formats.colmap import write_colmap
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.esri import write_esri
+from tasks.handover.formats.geopackage import write_geopackage
 from tasks.handover.formats.inpho import write_inpho
 from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
+from tasks.handover.formats.nerfstudio import write_nerfstudio
+from tasks.handover.formats.opensfm import write_opensfm
+from tasks.handover.formats.opf import write_opf
 from tasks.handover.formats.orbit import write_orbit
 from tasks.handover.formats.patb import write_patb
 from tasks.handover.formats.rpc import write_rpc
+from tasks.handover.formats.stac import write_stac
 from tasks.handover.receiver import World
 
 _CAMERA_TOO, _POSE_ONLY = Freed(focal_length=True), Freed()
 _CARTESIAN: tuple[World, ...] = ("local", "map-cartesian", "map-cartesian-curved")
+_LOCAL: tuple[World, ...] = ("local",)
+_LENS = ("k1", "k2", "k3", "p1", "p2")
 _ANY: tuple[World, ...] = ("local", "map", "map-cartesian", "map-cartesian-curved")
 
 REGISTER: Mapping[str, DeliveryFormat] = {
@@ -93,6 +102,79 @@ REGISTER: Mapping[str, DeliveryFormat] = {
             ("rpc",),
             _POSE_ONLY,
             write_rpc,
+            seen=True,
+        ),
+        DeliveryFormat(
+            "colmap",
+            "COLMAP text model: cameras, images, points",
+            "local",
+            _LOCAL,
+            _POSE_ONLY,
+            write_colmap,
+            seen=True,
+            lens=(*_LENS, "b1"),
+            points=True,
+        ),
+        DeliveryFormat(
+            "geopackage",
+            "GeoPackage for QGIS and every GIS: cameras, footprints, points, residual vectors",
+            "map",
+            ("map",),
+            _POSE_ONLY,
+            write_geopackage,
+            seen=True,
+            points=True,
+        ),
+        DeliveryFormat(
+            "opf",
+            "OPF project (Pix4D): cameras, control and check points with their marks",
+            "local",
+            _LOCAL,
+            _POSE_ONLY,
+            write_opf,
+            seen=True,
+            lens=_LENS,
+            points=True,
+        ),
+        DeliveryFormat(
+            "opensfm",
+            "OpenSfM and ODM: reconstruction.json and tracks.csv",
+            "local",
+            _LOCAL,
+            _POSE_ONLY,
+            write_opensfm,
+            seen=False,
+            lens=(*_LENS, "b1"),
+            points=True,
+        ),
+        DeliveryFormat(
+            "nerfstudio",
+            "nerfstudio and 3D Gaussian splatting: transforms.json",
+            "local",
+            _LOCAL,
+            _POSE_ONLY,
+            write_nerfstudio,
+            seen=False,
+            lens=(*_LENS, "b1"),
+        ),
+        DeliveryFormat(
+            "blocks-exchange",
+            "BlocksExchange XML: iTwin Capture, ContextCapture, Metashape, RealityScan",
+            "local",
+            _LOCAL,
+            _POSE_ONLY,
+            write_blocks_exchange,
+            seen=False,
+            lens=_LENS,
+            points=True,
+        ),
+        DeliveryFormat(
+            "stac",
+            "STAC items with perspective-imagery: orientation and footprint of every image",
+            "map",
+            ("map",),
+            _POSE_ONLY,
+            write_stac,
             seen=True,
         ),
     )

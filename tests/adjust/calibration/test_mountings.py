@@ -94,7 +94,7 @@ def test_strips_of_one_mounting_are_called_another_no_more_often_than_stated(
     errors: dict[str, Any], flights: tuple[int, ...]
 ) -> None:
     """1 %, whatever the errors of the strips are; another GNSS shift is no other mounting."""
-    trials = 60
+    trials = 30
     alarms = sum(mountings(seed, flights, **errors).max() > 0 for seed in range(trials))
     assert alarms <= stats.binom.ppf(0.999, trials, RULE.error_probability)
 

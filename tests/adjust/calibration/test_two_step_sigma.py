@@ -13,6 +13,7 @@ from scipy import stats
 
 from adjust.arrays import Floats
 from adjust.calibration.mean_variance import mean_sigma, widening
+from adjust.calibration.orientation_differences import OrientationDifferences
 from adjust.calibration.two_step import two_step_calibration
 from tests.adjust.calibration.strips_flown import RULE
 from tests.adjust.calibration.two_step_flights import TwoStepFlight, two_step_flight
@@ -52,16 +53,23 @@ def test_what_widens_a_sigma_is_students_quantile() -> None:
     assert np.isfinite(widening(np.nan))
 
 
-def normal_scores(flight: TwoStepFlight, flights: int, *, known: bool) -> tuple[Floats, Floats]:
+def normal_scores(
+    flight: TwoStepFlight, all_differences: list[OrientationDifferences], *, known: bool
+) -> tuple[Floats, Floats]:
     """z (R, 9) of the means of flights whose true values are zero, and plain error over σ."""
     scores, ratios = [], []
-    for seed in range(FIRST_SEED, FIRST_SEED + flights):
-        differences = flight.differences(flight.simulated.flown_again(seed))
+    for differences in all_differences:
         mean = two_step_calibration(differences, RULE, flight.errors if known else None).groups[0]
         ratio = mean.mean.robust / mean.sigma
         scores.append(stats.norm.ppf(stats.t.cdf(ratio, mean.freedom)))
         ratios.append(ratio)
     return np.array(scores), np.array(ratios)
+
+
+def flown(flight: TwoStepFlight, flights: int) -> list[OrientationDifferences]:
+    """The differences of so many flights, each with errors of its own."""
+    seeds = range(FIRST_SEED, FIRST_SEED + flights)
+    return [flight.differences(flight.simulated.flown_again(seed)) for seed in seeds]
 
 
 def _rms(values: Floats) -> Floats:
@@ -70,8 +78,9 @@ def _rms(values: Floats) -> Floats:
 
 def test_sigma_of_four_strips_holds_with_the_errors_they_have_in_common() -> None:
     flight, flights = two_step_flight(4), 40
-    scores, _ = normal_scores(flight, flights, known=True)
-    without, _ = normal_scores(flight, flights, known=False)
+    differences = flown(flight, flights)
+    scores, _ = normal_scores(flight, differences, known=True)
+    without, _ = normal_scores(flight, differences, known=False)
     high = np.sqrt(stats.chi2.ppf(1.0 - 5e-4, flights) / flights)
     assert np.all(_rms(scores) < high)
     assert np.all(_rms(scores) > 0.6)
@@ -85,7 +94,7 @@ def test_sigma_of_four_strips_holds_with_the_errors_they_have_in_common() -> Non
 def test_errors_over_sigma_stay_within_their_band(strips: int) -> None:
     flights = 200
     flight = two_step_flight(strips)
-    scores, ratios = normal_scores(flight, flights, known=True)
+    scores, ratios = normal_scores(flight, flown(flight, flights), known=True)
     low, high = np.sqrt(stats.chi2.ppf([0.005, 0.995], flights) / flights)
     print(strips, "strips: z", np.round(_rms(scores), 3), "error/σ", np.round(_rms(ratios), 3))
     assert np.all(_rms(scores) < high)

@@ -9,6 +9,7 @@ point of whose rays one is wrong, but which one cannot be told, are counted apar
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,7 @@ class Score:
     positions_lost: int = 0
 
 
+@cache
 def eighty_images(rate: float) -> SimulatedBlock:
     """Eight crossing lines; rays are missing, so that points have two to nine; two swapped control points and
     a strip whose time is wrong by a second."""
@@ -72,8 +74,10 @@ def eighty_images(rate: float) -> SimulatedBlock:
     )
 
 
-def detectable(measured: SimulatedBlock, seed: int) -> np.ndarray:
+@cache
+def detectable(rate: float, seed: int) -> np.ndarray:
     """Minimal detectable bias of every wrong image point in the direction of its error, metres."""
+    measured = eighty_images(rate).measured_again(seed)
     clean = replace(measured.specification, gross_errors=GrossErrorSpecification())
     without = replace(measured, measured=measure(clean, measured.truth, seed))
     block = without.block(FREE)
@@ -85,13 +89,13 @@ def detectable(measured: SimulatedBlock, seed: int) -> np.ndarray:
     return NON_CENTRALITY * clean.noise.image / np.sqrt(np.maximum(controlled, 1e-9))
 
 
-def count(score: Score, measured: SimulatedBlock, result: AdjustmentResult, seed: int) -> None:
+def count(score: Score, measured: SimulatedBlock, result: AdjustmentResult, bias: np.ndarray) -> None:
     """Add one trial to the score."""
     wrong, truth = measured.measured.gross_errors, measured.truth
     status = result.groups[0].status
     rejected = (status == ObservationStatus.REJECTED).any(axis=1)
     out = rejected | (status == ObservationStatus.NOT_USED).all(axis=1)
-    is_large = np.linalg.norm(wrong.displacement, axis=1) > 1.5 * detectable(measured, seed)
+    is_large = np.linalg.norm(wrong.displacement, axis=1) > 1.5 * bias
     has_four = np.bincount(truth.point)[truth.point][wrong.image_points] >= 4
     found = out[wrong.image_points]
     score.large += int(is_large.sum())
@@ -125,7 +129,8 @@ def scored(rate: float, trials: range, **options: Any) -> Score:
         measured = simulated.measured_again(seed)
         block = measured.block(FREE)
         chosen = AdjustmentOptions(critical_value=CRITICAL, **options)
-        count(score, measured, adjust_block(block, measured.observations(block), chosen), seed)
+        result = adjust_block(block, measured.observations(block), chosen)
+        count(score, measured, result, detectable(rate, seed))
     return score
 
 

@@ -30,7 +30,7 @@ def sources(records: Records, tmp_path: Path) -> Sources:
     (tmp_path / "root").mkdir()
     roots = Roots(((tmp_path / "root").resolve(),))
     api = Api("http://127.0.0.1:9/api")
-    return Sources(records, DASHBOARD, roots, api, DOOR, None, tmp_path / "state")
+    return Sources(records, DASHBOARD, roots, api, DOOR, None, lambda: None)
 
 
 @pytest.fixture

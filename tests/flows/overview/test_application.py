@@ -6,15 +6,14 @@ import base64
 import json
 import re
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from flask.testing import FlaskClient
 
-from flows.overview.sources import Sources, configured_sources
-from flows.serving.inbox_news import keep_inbox_news
-from tasks.errors import InputError
+from flows.overview.sources import Sources
+from flows.serving.watch import InboxNews
 from tasks.production.records import Records
 from tests.tasks.production.runs import ended, run, summary
 from tests.tasks.production.test_documents import REPORT, publish
@@ -246,9 +245,12 @@ def test_failures_say_whether_the_project_has_passed_since(
 
 
 def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:
-    sources.state.mkdir()
-    keep_inbox_news(sources.state, ("block-9",), ("block-8 is not started. It has no project.toml.",))
-    told = texts(refreshed(browse(sources), {"board": "", "number": 0})["queue"]["children"])
+    news = InboxNews(("block-9",), ("block-8 is not started. It has no project.toml.",))
+    told = texts(
+        refreshed(browse(replace(sources, inbox=lambda: news)), {"board": "", "number": 0})["queue"][
+            "children"
+        ]
+    )
     assert "block-8 is not started. It has no project.toml." in told
     assert "not complete yet (no file DELIVERED, or still changing): block-9" in told
 
@@ -278,19 +280,3 @@ def test_a_selected_project_tells_its_gates_problems_and_older_runs(
     for text in ("Strip 3 contradicts", "sigma0", "≤ 1.2", "▲ not passed", "exposures.csv is not there."):
         assert text in told
     assert asked(client, "detail.children", [[{"run": "unknown"}]], [])["detail"]["children"] is None
-
-
-def test_the_page_belongs_to_a_server(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="belongs to a server"):
-        configured_sources("http://127.0.0.1:4200", {})
-    environment = {
-        "AEROCAL_RECORDS": str(tmp_path / "r.sqlite"),
-        "AEROCAL_ROOTS": json.dumps([str(tmp_path)]),
-        "PREFECT_API_URL": "http://127.0.0.1:4200/api",
-        "PREFECT_SERVER_API_AUTH_STRING": "ann:secret",
-    }
-    found = configured_sources("http://127.0.0.1:4200", environment)
-    assert (found.door.words, found.registry) == ("ann:secret", None)
-    assert found.roots.folders == (tmp_path.resolve(),)
-    with pytest.raises(InputError, match="belongs to a server"):
-        configured_sources("http://127.0.0.1:4200", {**environment, "PREFECT_SERVER_API_AUTH_STRING": ""})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
 import pytest
 
@@ -48,9 +49,10 @@ def test_parameters_that_it_takes_are_not(output: str) -> None:
 
 def test_every_deployment_refuses_unknown_parameters() -> None:
     from flows.deployments import deployments
-    from flows.serving.options import RunnerOptions
+    from flows.serving.roots import Roots
+    from flows.serving.settings import Settings
 
-    made = deployments(RunnerOptions(has_inbox=True, recalibration_cron="0 6 * * 1", keep_days=9))
+    made = deployments(Settings(Roots(()), Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9))
     assert len(made) == 7
     for one in made:
         schema = one._parameter_openapi_schema.model_dump(exclude_unset=True)

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.serving.results import RESULTS_VARIABLE, configured_results, results_of_server
-from flows.serving.roots import Roots, roots_of
+from flows.serving.roots import RESULTS_VARIABLE, Roots, configured_results, results_of_server, roots_of
 from tasks.errors import InputError
 
 TOLD = {RESULTS_VARIABLE: "s3://surveys/production"}

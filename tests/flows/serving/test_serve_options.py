@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from flows.serving.door import door_of
-from flows.serving.options import RunnerOptions, ServeOptions, options_for, options_from
-from flows.serving.secret import kept_words, words_of
 from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
+from flows.serving.settings import Settings, settings_of, settings_of_runner
+from flows.serving.state_file import kept_words, words_of
 from tasks.errors import InputError
 from tasks.storage.installation import InstallationError
 
@@ -22,7 +22,7 @@ LOCAL = ServerAddress("127.0.0.1", 4200)
 DOOR = door_of("aerocal:secret", ["127.0.0.1"], [])
 
 
-def options(folder: Path, **changed: Any) -> ServeOptions:
+def options(folder: Path, **changed: Any) -> Settings:
     given: dict[str, Any] = {
         "host": "127.0.0.1",
         "port": 4200,
@@ -30,10 +30,10 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "public_overview_url": None,
         "overview_port": None,
         "database": None,
-        "roots": [folder],
+        "root": [folder],
         "inbox": folder,
         "story": "aerial-triangulation",
-        "watch_s": 20.0,
+        "watch": 20.0,
         "cron": "30 1 * * *",
         "notify_on": "gate,failure,recalibration",
         "timezone": "Europe/Berlin",
@@ -45,20 +45,21 @@ def options(folder: Path, **changed: Any) -> ServeOptions:
         "limit": 1,
         "state": folder / "state",
     }
-    return options_for(**(given | changed))
+    return settings_of(given | changed)
 
 
 def test_the_runner_gets_what_was_given(tmp_path: Path) -> None:
-    given = options(tmp_path, limit=3).runner
-    assert given == RunnerOptions(3, True, "30 1 * * *", "Europe/Berlin", "aerial-triangulation")
-    assert options_from(given.as_text()) == given
+    given = options(tmp_path, limit=3, public_url="https://x.example", results=None)
+    assert (given.limit, given.inbox, given.cron) == (3, tmp_path, "30 1 * * *")
+    assert settings_of_runner(given.variables()) == given
+    assert given.variables()["AEROCAL_ROOTS"] == f'["{tmp_path}"]'
 
 
 def test_the_inbox_is_a_root_and_links_are_resolved(tmp_path: Path) -> None:
     for name in ("inbox", "root"):
         (tmp_path / name).mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "inbox")
-    given = options(tmp_path, roots=[tmp_path / "root"], inbox=tmp_path / "link")
+    given = options(tmp_path, root=[tmp_path / "root"], inbox=tmp_path / "link")
     assert given.inbox == tmp_path / "inbox"
     assert given.roots.folders == (tmp_path / "root", tmp_path / "inbox")
 
@@ -68,7 +69,7 @@ def test_the_inbox_is_a_root_and_links_are_resolved(tmp_path: Path) -> None:
     [
         ({"inbox": None}, "--inbox"),
         ({"inbox": Path("/no/such/folder")}, "--inbox"),
-        ({"roots": [Path("/no/such/folder")]}, "--root"),
+        ({"root": [Path("/no/such/folder")]}, "--root"),
         ({"cron": "nightly"}, "30 1"),
         ({"timezone": "Europe/Berlinn"}, "IANA"),
         ({"timezone": "../../etc/passwd"}, "IANA"),
@@ -90,12 +91,12 @@ def test_a_registry_under_the_folders_is_looked_at_on_mondays(
 ) -> None:
     monkeypatch.delenv("AEROCAL_REGISTRY", raising=False)
     assert options(tmp_path).registry is None
-    assert options(tmp_path).runner.recalibration_cron is None
+    assert options(tmp_path).recalibration_cron is None
     file = str(tmp_path / "registry.sqlite")
     assert options(tmp_path, registry=file).registry == file
-    assert options(tmp_path, registry=file).runner.recalibration_cron == "0 6 * * 1"
-    given = options(tmp_path, registry=file, recalibration_cron="0 7 * * *").runner
-    assert options_from(given.as_text()).recalibration_cron == "0 7 * * *"
+    assert options(tmp_path, registry=file).recalibration_cron == "0 6 * * 1"
+    given = options(tmp_path, registry=file, recalibration_cron="0 7 * * *")
+    assert settings_of_runner(given.variables()).recalibration_cron == "0 7 * * *"
     with pytest.raises(InputError, match="not a schedule"):
         options(tmp_path, registry=file, recalibration_cron="weekly")
     monkeypatch.setenv("AEROCAL_REGISTRY", file)
@@ -106,8 +107,8 @@ def test_a_registry_under_the_folders_is_looked_at_on_mondays(
 
 def test_the_server_forgets_runs_after_the_days_it_was_told(tmp_path: Path) -> None:
     given = options(tmp_path, history_days=100, keep_days=30)
-    assert (given.history_days, given.runner.keep_days) == (100, 30)
-    assert options_from(given.runner.as_text()).keep_days == 30
+    assert (given.history_days, given.keep_days) == (100, 30)
+    assert settings_of_runner(given.variables()).keep_days == 30
     made = server_environment(LOCAL, None, DOOR, {}, history_days=given.history_days)
     assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD"] == "8640000"
     assert made["PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED"] == "events,flow_runs"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from tasks.dashboard.markdown import code, in_a_cell, inert
+from tasks.dashboard.short_text import code, inert
 
 #: The kind of Markdown the dashboard renders: tables and strikethrough, and raw HTML let through.
 RENDERER = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
@@ -77,10 +77,3 @@ def test_line_ends_do_not_end_the_line() -> None:
 def test_a_path_is_shown_as_code(text: str) -> None:
     (found,) = re.findall(r"<code>(.*?)</code>", RENDERER.render(code(text)))
     assert unescape(found) == text
-
-
-@pytest.mark.parametrize("text", HOSTILE[:4])
-def test_a_cell_of_a_table_artifact_opens_no_tag_and_no_link(text: str) -> None:
-    html = RENDERER.render(in_a_cell(text))
-    assert not re.search(r"<(script|img|a)\b", html)
-    assert in_a_cell(text).replace("\u2060", "") == text

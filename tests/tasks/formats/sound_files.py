@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 
 from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
+from tests.tasks.formats import packed_files as small
 from tests.tasks.formats import test_classical_formats as texts
 
 _EO = "image,camera,strip,x,y,z,omega,phi,kappa,time\nI1,C,S,500000.5,5300000.25,2000,0.1,-0.2,10,5.5\n"
@@ -52,6 +53,47 @@ _COLMAP = (
 )
 _BUNDLE = "# Bundle file v0.3\n1 1\n500 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n1 2 3\n255 0 0\n1 0 7 1.5 -2.5\n"
 _BLOCKS = texts.BLOCKS.format(rotation=texts.ANGLES, axes="XRightYUp", srs="EPSG:32632")
+_BAL = "1 1 1\n0 0 1.5 -2.5\n0.1\n0.2\n0.3\n1\n2\n3\n500\n0\n0\n1\n2\n3\n"
+_DATABASE = small.colmap_database()
+_VIEW = {"local_path": "", "filename": "a.tif", "id_view": 0, "id_intrinsic": 0, "id_pose": 0}
+_LENS = {
+    "width": 100,
+    "height": 80,
+    "focal_length": 200.0,
+    "principal_point": [50, 41],
+    "disto_k3": [0.1, 0, 0],
+}
+_OPENMVG = json.dumps(
+    {
+        "sfm_data_version": "0.3",
+        "views": [
+            {"key": 0, "value": {"polymorphic_id": 1073741824, "ptr_wrapper": {"id": 1, "data": _VIEW}}}
+        ],
+        "intrinsics": [
+            {
+                "key": 0,
+                "value": {
+                    "polymorphic_id": 2147483649,
+                    "polymorphic_name": "pinhole_radial_k3",
+                    "ptr_wrapper": {"id": 2, "data": _LENS},
+                },
+            }
+        ],
+        "extrinsics": [
+            {"key": 0, "value": {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "center": [1, 2, 3]}}
+        ],
+        "structure": [
+            {
+                "key": 7,
+                "value": {
+                    "X": [1, 2, 3],
+                    "observations": [{"key": 0, "value": {"id_feat": 5, "x": [1.5, 2]}}],
+                },
+            }
+        ],
+        "control_points": [],
+    }
+)
 _OPK = "# Cameras (1)\na b\t1\t2\t3\t0\t0\t0\t1\t0\t0\t0\t1\t0\t0\t0\t1\n"
 _IGN_XML = """<sensor><usefull-frame><rect><w>100</w><h>80</h></rect></usefull-frame>
 <pixel_size>5e-6</pixel_size>
@@ -71,6 +113,11 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("image points", "opensfm"): "OPENSFM_TRACKS_VERSION_v2\na\t1\t2\t0.1\t-0.2\t0.001\t1\t2\t3\t-1\t-1\n",
     ("image points", "odm-gcp"): _GCP,
     ("image points", "bundler"): _BUNDLE,
+    ("image points", "opf"): small.packed(small.OPF),
+    ("image points", "openmvg"): _OPENMVG,
+    ("image points", "micmac"): small.packed(small.MICMAC_POINTS),
+    ("image points", "bal"): _BAL,
+    ("image points", "colmap-database"): _DATABASE,
     ("exposures", "csv"): _EO,
     ("exposures", "ign-opk"): "I1 1 2 3 0.1 0.2 0.3 C\n",
     ("exposures", "applanix"): _APPLANIX,
@@ -89,6 +136,11 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("exposures", "opensfm"): _RECONSTRUCTION,
     ("exposures", "odm-geo"): "WGS84\na.jpg 11.5 48.0 600\n",
     ("exposures", "bundler"): _BUNDLE,
+    ("exposures", "opf"): small.packed(small.OPF),
+    ("exposures", "openmvg"): _OPENMVG,
+    ("exposures", "micmac"): small.packed(small.MICMAC_ORIENTATIONS),
+    ("exposures", "bal"): _BAL,
+    ("exposures", "colmap-database"): _DATABASE,
     ("exposures", "realityscan"): "#name,x,y,alt,heading,pitch,roll\na.tif,1,2,3,-89.7,-0.2,-0.01\n",
     ("control", "csv"): "point,x,y,z\nA,1,2,3\n",
     ("control", "ign-app"): "A 13 1 2 3\n",
@@ -99,6 +151,8 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("control", "metashape-markers"): texts.MARKERS,
     ("control", "blocks-exchange"): _BLOCKS,
     ("control", "odm-gcp"): _GCP,
+    ("control", "opf"): small.packed(small.OPF),
+    ("control", "micmac"): small.GROUND_POINTS,
     ("camera", "ign-xml"): _IGN_XML,
     ("camera", "inpho"): texts.INPHO,
     ("camera", "isat"): (
@@ -109,6 +163,10 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("camera", "blocks-exchange"): _BLOCKS,
     ("camera", "colmap"): "1 OPENCV 100 80 200 201 50 40 0.1 0 0.001 0\n",
     ("camera", "opensfm"): _RECONSTRUCTION,
+    ("camera", "opf"): small.packed(small.OPF),
+    ("camera", "openmvg"): _OPENMVG,
+    ("camera", "micmac"): small.CALIBRATION,
+    ("camera", "colmap-database"): _DATABASE,
 }
 #: What is read → its readers by format; all take one path.
 READERS: dict[str, dict[str, Callable[..., object]]] = {

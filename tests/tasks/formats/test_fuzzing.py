@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tasks.errors import InputError
 from tasks.magnitude import HUGE
+from tests.tasks.formats.packed_files import PACKED, packed
 from tests.tasks.formats.sound_files import READERS, SOUND, content_of
 
 LAUGHS = b'<!DOCTYPE a [<!ENTITY l "lol"><!ENTITY m "&l;&l;&l;&l;&l;&l;&l;&l;">]>'
@@ -99,10 +100,24 @@ def test_line_ends_and_a_byte_order_mark_change_nothing(key, tmp_path):
 def test_damage_is_refused_or_read_but_never_a_crash(key, tmp_path_factory):
     path = tmp_path_factory.mktemp("fuzz") / "file"
 
-    @settings(max_examples=200, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=50, suppress_health_check=list(HealthCheck))
     @given(damaged(content_of(key)))
     def examine(content):
         check(READERS[key[0]][key[1]], path, content)
+
+    examine()
+
+
+@pytest.mark.parametrize("key", PACKED, ids="-".join)
+def test_damage_within_a_packed_folder_is_refused_or_read(key, tmp_path_factory):
+    path = tmp_path_factory.mktemp("fuzz") / "file"
+    files = {name: content.encode() for name, content in PACKED[key].items()}
+
+    @settings(max_examples=200, suppress_health_check=list(HealthCheck))
+    @given(st.data())
+    def examine(data):
+        name = data.draw(st.sampled_from(sorted(files)))
+        check(READERS[key[0]][key[1]], path, packed({**files, name: data.draw(damaged(files[name]))}))
 
     examine()
 

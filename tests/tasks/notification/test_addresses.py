@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tasks.errors import InputError
-from tasks.notification.addresses import configured_addresses
+from tasks.notification.addresses import configured_addresses, send_test_message
 from tasks.notification.notice import wanted_kinds
-from tasks.notification.test_message import send_test_message
 from tests.tasks.notification.receivers import web_receiver
 
 SECRET = "hunter2"

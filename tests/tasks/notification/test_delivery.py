@@ -16,9 +16,9 @@ import pytest
 
 from flows.serving.server_process import free_port
 from tasks.notification.addresses import configured_addresses
-from tasks.notification.delivery import Courier
 from tasks.notification.notice import USUAL, Links
-from tasks.notification.outbox import Outbox, Patience
+from tasks.notification.outbox import PATIENCE, Courier, Outbox
+from tasks.patience import Patience
 from tasks.production.records import Records
 from tests.conftest import Start
 from tests.tasks.notification.receivers import mail_receiver, web_receiver
@@ -26,7 +26,7 @@ from tests.tasks.notification.runs import ended_run
 
 LINKS = Links("http://127.0.0.1:4200", "http://127.0.0.1:4201")
 #: Pauses of no length: a test says itself when the next attempt is made.
-AT_ONCE = Patience(first_s=0.0, longest_s=0.0)
+AT_ONCE = Patience(0.0, 0.0, 3 * 86_400.0)
 
 
 @pytest.fixture
@@ -95,14 +95,14 @@ def test_a_receiver_that_refuses_is_asked_again_until_it_accepts(
 def test_pauses_grow_and_a_notice_is_given_up_in_the_end(
     records: Records, courier: Callable[..., Courier]
 ) -> None:
-    assert [Patience().pause_s(n) for n in (1, 2, 3, 50)] == [10.0, 20.0, 40.0, 3600.0]
+    assert [PATIENCE.pause_s(n) for n in (1, 2, 3, 50)] == [10.0, 20.0, 40.0, 3600.0]
     ended_run(records)
     with web_receiver(answers=[500] * 9) as web:
-        patient = courier(web.address, patience=Patience(first_s=3600.0))
+        patient = courier(web.address, patience=Patience(3600.0, 3600.0, 3 * 86_400.0))
         assert [patient.deliver(), patient.deliver()] == [1, 1]
         assert len(web.asked) == 1, "it waits before it asks again"
     with web_receiver(answers=[500] * 9) as other:
-        assert courier(other.address, patience=Patience(0.0, 0.0, give_up_s=0.0)).deliver() == 0
+        assert courier(other.address, patience=Patience(0.0, 0.0, 0.0)).deliver() == 0
         assert courier(other.address).deliver() == 0
         assert len(other.asked) == 1
     assert "given up" in courier.said[-1]  # type: ignore[attr-defined]
@@ -204,14 +204,13 @@ def test_a_letter_has_one_subject_whatever_the_project_is_called(
 
 
 _KILLED = """
-    from tasks.notification import delivery
     from tasks.notification.addresses import configured_addresses
     from tasks.notification.notice import USUAL, Links
-    from tasks.notification.outbox import Outbox
+    from tasks.notification.outbox import Courier, Outbox
     from tasks.production.records import Records
     outbox = Outbox(Records.at({records!r}))
     say = lambda sentence: print(sentence, flush=True)
-    courier = delivery.Courier(outbox, configured_addresses(), USUAL, Links(), say)
+    courier = Courier(outbox, configured_addresses(), USUAL, Links(), say)
     while True:
         courier.deliver()
 """

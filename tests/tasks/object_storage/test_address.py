@@ -7,8 +7,12 @@ from pathlib import Path
 import pytest
 
 from tasks.errors import InputError
-from tasks.object_storage.address import ObjectAddress, address_of, output_place
-from tasks.object_storage.place import WORKSPACES_VARIABLE, local_folder
+from tasks.object_storage.address import (
+    ObjectAddress,
+    address_of,
+    output_place,
+)
+from tasks.object_storage.connection import WORKSPACES_VARIABLE, local_folder
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from tasks.object_storage.address import ObjectAddress
-from tasks.object_storage.patience import patiently
+from tasks.object_storage.connection import patiently
 from tasks.storage.installation import InstallationError
 
 ADDRESS = ObjectAddress("surveys", "block")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from tasks.object_storage.stage_listing import STAGE_FILE, ListedFile, StageListing
 from tasks.object_storage.storage import StoredObject
+from tasks.object_storage.workspace import STAGE_FILE, ListedFile, StageListing
 
 KEY = "0" * 64
 FILES = (

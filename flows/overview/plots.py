@@ -1,0 +1,216 @@
+"""The plots of the production page: figures over projects in time, parameters over calibrations.
+
+Each with its limits: gates as short strokes, the limits of a drift as lines, validity as bars.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date, timedelta
+from html import escape
+from typing import Any
+
+from tasks.production.project_row import TrendPoint, any_of
+from tasks.registry.compatibility import SPOKEN, spoken
+from tasks.registry.series import SeriesPoint
+from tasks.registry.watch import RegistryWatch, WatchedSeries
+
+Figure = dict[str, Any]
+
+#: Colours that stay apart for colour-blind readers (Okabe and Ito), as in the reports.
+BLUE, ORANGE, GREEN, PINK, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7b8794", "#1f2933"
+_AXES = (("x", BLUE, "circle"), ("y", GREEN, "square"), ("z", PINK, "diamond"))
+
+
+def sigma0_figure(points: Sequence[TrendPoint]) -> Figure | None:
+    """σ0 of every project; None without any."""
+    shown = [point for point in points if point.sigma0 is not None]
+    if not shown:
+        return None
+    traces = [
+        _gate_strokes(shown, [point.sigma0_limit for point in shown], "gate"),
+        *(
+            _figures(
+                [point for point in shown if point.passed == passed],
+                lambda point: point.sigma0,
+                name,
+                {"color": colour, "symbol": symbol, "size": 9},
+                "σ0 %{y:.3f}",
+            )
+            for passed, name, colour, symbol in (
+                (True, "passed", BLUE, "circle"),
+                (False, "a gate failed", ORANGE, "triangle-up"),
+            )
+        ),
+    ]
+    return {"data": [one for one in traces if one["x"]], "layout": layout("σ0")}
+
+
+def rmse_figure(points: Sequence[TrendPoint]) -> Figure | None:
+    """RMSE of the check points of every project, x, y and z; None without any."""
+    shown = [point for point in points if any_of(point.rmse_check_m)]
+    if not shown:
+        return None
+    traces = []
+    for index, (axis, colour, symbol) in enumerate(_AXES):
+        there = [point for point in shown if point.rmse_check_m[index] is not None]
+        limits = [point.rmse_limit_m[index] for point in there]
+        traces.append(_gate_strokes(there, limits, f"gate {axis}", colour))
+        marker = {"color": colour, "symbol": symbol, "size": 8}
+        traces.append(
+            _figures(there, lambda p, i=index: p.rmse_check_m[i], axis, marker, axis + " %{y:.3f} m")
+        )
+    return {
+        "data": [one for one in traces if one["x"]],
+        "layout": layout("RMSE [m]", type="log", dtick="D2", tickformat=".3~f"),
+    }
+
+
+def _figures(points: Sequence[TrendPoint], value: Any, name: str, marker: Figure, told: str) -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "x": [point.ended.isoformat(timespec="seconds") for point in points],
+        "y": [value(point) for point in points],
+        # Texts over a plot may hold marks of their own; a project's name is none.
+        "customdata": [[escape(point.project), escape(point.story), point.run] for point in points],
+        "marker": marker,
+        "hovertemplate": f"<b>%{{customdata[0]}}</b><br>%{{customdata[1]}}<br>{told}<extra></extra>",
+    }
+
+
+def _gate_strokes(
+    points: Sequence[TrendPoint], limits: Sequence[float | None], name: str, colour: str = INK
+) -> Figure:
+    """A short stroke at the limit of each project that has one."""
+    found = [(point, limit) for point, limit in zip(points, limits, strict=True) if limit is not None]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "x": [point.ended.isoformat(timespec="seconds") for point, _ in found],
+        "y": [limit for _, limit in found],
+        "marker": {"symbol": "line-ew", "size": 14, "line": {"color": colour, "width": 1.5}},
+        "hovertemplate": f"{name} %{{y:.4g}}<extra></extra>",
+    }
+
+
+def layout(title: str, **axis: Any) -> Figure:
+    """What all plots of the page share.
+
+    Parameters
+    ----------
+    title, axis : of the vertical axis.
+    """
+    grid = {
+        "exponentformat": "power",
+        "gridcolor": "#e8ecef",
+        "linecolor": "#b6c0c9",
+        "zeroline": False,
+        "automargin": True,
+    }
+    return {
+        "height": 280,
+        "margin": {"l": 56, "r": 12, "t": 10, "b": 36},
+        "paper_bgcolor": "#fff",
+        "plot_bgcolor": "#fff",
+        "font": {"family": "system-ui, 'DejaVu Sans', sans-serif", "size": 12, "color": INK},
+        "xaxis": {**grid, "type": "date"},
+        "yaxis": {**grid, "title": {"text": title}, **axis},
+        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        "hovermode": "closest",
+        # What somebody has zoomed to stays when new points come.
+        "uirevision": "kept",
+    }
+
+
+#: Colour and symbol of a calibration by its state.
+_STATES = {
+    "approved": (BLUE, "circle"),
+    "superseded": (GREY, "circle"),
+    "draft": (ORANGE, "circle-open"),
+}
+_OPEN_END = timedelta(days=60)
+
+
+def cameras_of(watch: RegistryWatch) -> list[dict[str, str]]:
+    """The cameras to choose from: those that are due come first."""
+    in_use = [one for one in watch.cameras if one.in_use]
+    return [
+        {
+            "label": f"{one.camera}, {one.product}" + (" (due)" if one.is_due else ""),
+            "value": one.camera_key,
+        }
+        for one in sorted(in_use, key=lambda one: (not one.is_due, one.camera))
+    ]
+
+
+def series_figure(series: WatchedSeries, today: date) -> Figure:
+    """One parameter; values count from that of the first calibration that is shown, as people speak of it."""
+    points = series.series.points
+    zero = points[0].value
+    unit, factor = SPOKEN.get(series.series.unit, (series.series.unit, 1.0))
+    traces = [_of_state(state, points, zero, factor, unit) for state in _STATES]
+    figure = layout(f"change [{unit}]")
+    figure["title"] = {
+        "text": f"<b>{spoken(series.series.parameter)}</b>",
+        "font": {"size": 13},
+        "x": 0.02,
+        "y": 0.97,
+    }
+    figure["margin"] = {**figure["margin"], "t": 58}
+    figure["shapes"] = [*_validity(series, today), *_drift_lines(series, zero, factor)]
+    figure["height"] = 250
+    return {"data": [one for one in traces if one["x"]], "layout": figure}
+
+
+def _of_state(state: str, points: tuple[SeriesPoint, ...], zero: float, factor: float, unit: str) -> Figure:
+    colour, symbol = _STATES[state]
+    shown = [point for point in points if point.state == state]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": state,
+        "x": [point.day.isoformat() for point in shown],
+        "y": [(point.value - zero) * factor for point in shown],
+        "error_y": {"type": "data", "array": [point.sigma * factor for point in shown], "color": colour,
+                    "thickness": 1.5, "width": 5},
+        "marker": {"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
+        "customdata": [[point.calibration, _held(point)] for point in shown],
+        "hovertemplate": f"calibration %{{customdata[0]}} ({state})<br>%{{x}}<br>%{{y:.4g}} {unit}"
+        "<br>%{customdata[1]}<extra></extra>",
+    }  # fmt: skip
+
+
+def _held(point: SeriesPoint) -> str:
+    return "not in force" if point.validity is None else f"in force {point.validity}"
+
+
+def _validity(series: WatchedSeries, today: date) -> list[dict[str, Any]]:
+    """The days on which an approved calibration holds, as bars at the foot of the plot."""
+    last = today + _OPEN_END
+    return [
+        {
+            "type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 0.035,
+            "x0": point.validity.start.isoformat(),
+            "x1": min(point.validity.end or last, last).isoformat(),
+            "fillcolor": BLUE if point.state == "approved" else GREY, "opacity": 0.45, "line": {"width": 0},
+        }
+        for point in series.series.points
+        if point.validity is not None
+    ]  # fmt: skip
+
+
+def _drift_lines(series: WatchedSeries, zero: float, factor: float) -> list[dict[str, Any]]:
+    """Within what the newest one should lie, counted from the calibrations it is compared with."""
+    dashes = {"before": "dash", "first": "dot"}
+    return [
+        {
+            "type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y",
+            "y0": (level - zero) * factor, "y1": (level - zero) * factor,
+            "line": {"color": ORANGE if band.exceeded else GREY, "width": 1.2, "dash": dashes[band.against]},
+        }
+        for band in series.bands
+        for level in (band.lower, band.upper)
+    ]  # fmt: skip

@@ -1,0 +1,222 @@
+"""COLMAP ``database.db`` (SQLite): cameras, tie points of verified matches, position priors.
+
+| table | read |
+|---|---|
+| ``cameras`` | as ``cameras.txt`` (see ``colmap``), by their numbers |
+| ``keypoints``, ``two_view_geometries`` | verified matches joined to tie points; pixels from the corner of the first one |
+| ``pose_priors`` | positions: latitude, longitude, ellipsoidal height as longitude, latitude, height; or Cartesian ones, local |
+
+Of ``pose_priors`` there are three generations, told apart by their columns. The database is opened in memory: nothing in it is carried out.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adjust.arrays import Floats
+from tasks.errors import InputError
+from tasks.formats.colmap import camera_of_colmap, model_of_number
+from tasks.formats.homologous_points import joined_to_tracks
+from tasks.formats.plain_records import exposures_of, image_points_of
+from tasks.formats.records import (
+    AngleOrder,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.text_table import read_bytes
+
+_MAGIC = b"SQLite format 3\0"
+_PAIR = 2147483647
+_WGS84, _CARTESIAN = 0, 1
+
+
+def read_colmap_database_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read the cameras by their numbers.
+
+    Raises
+    ------
+    InputError
+        If the database is damaged, or a model is none that is read.
+    """
+    found = {}
+    with _opened(path) as database:
+        for entry, row in enumerate(
+            _rows(path, database, "cameras", "camera_id, model, width, height, params"), 1
+        ):
+            number, model, columns, rows = (_whole(path, value, entry) for value in row[:4])
+            values = _array(path, row[4], "<f8", entry).tolist()
+            found[str(number)] = camera_of_colmap(
+                path, str(number), model_of_number(model), float(columns), float(rows), values, entry
+            )
+    if not found:
+        raise InputError("There is no camera in the database.", "Check that it is the right one.", path)
+    return found
+
+
+def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
+    """Read the tie points of all verified matches.
+
+    Raises
+    ------
+    InputError
+        If the database is damaged, or has no verified match.
+    """
+    with _opened(path) as database:
+        names = _names(path, database)
+        places = {}
+        for entry, row in enumerate(_rows(path, database, "keypoints", "image_id, rows, cols, data"), 1):
+            image, rows, columns = (_whole(path, value, entry) for value in row[:3])
+            values = _array(path, row[3] or b"", "<f4", entry)
+            if image not in names or columns < 2 or len(values) != rows * columns:
+                raise _damaged(path, entry)
+            places[image] = values.reshape(rows, columns)[:, :2].astype(np.float64)
+        image_of_end, xy = [np.zeros(0, np.int64)], [np.zeros((0, 2))]
+        ends: tuple[list[Any], list[Any]] = ([], [])
+        for entry, row in enumerate(_rows(path, database, "two_view_geometries", "pair_id, rows, data"), 1):
+            pair, rows = _whole(path, row[0], entry), _whole(path, row[1], entry)
+            matches = _array(path, row[2] or b"", "<u4", entry)
+            if len(matches) != 2 * rows:
+                raise _damaged(path, entry)
+            for side, image in enumerate(divmod(pair, _PAIR) if rows else ()):
+                index = matches.reshape(rows, 2)[:, side].astype(np.int64)
+                if image not in places or index.max() >= len(places[image]):
+                    raise _damaged(path, entry)
+                ends[side].append((np.full(rows, image), places[image][index]))
+    for image, place in (*ends[0], *ends[1]):
+        image_of_end.append(image)
+        xy.append(place)
+    of_ends, measured = np.concatenate(image_of_end), np.concatenate(xy)
+    if len(of_ends) == 0:
+        raise InputError(
+            "There is no verified match in the database (two_view_geometries).",
+            "Run the matcher of COLMAP with geometric verification.",
+            file=path,
+        )
+    kept, track = joined_to_tracks(of_ends, measured)
+    return image_points_of(
+        path,
+        [names[int(image)] for image in of_ends[kept]],
+        [f"tie{number}" for number in track],
+        measured[kept],
+        range(1, len(kept) + 1),
+    )
+
+
+def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the position priors; there are no angles.
+
+    Raises
+    ------
+    InputError
+        If the database is damaged, has no priors, or both geographic and Cartesian ones.
+    """
+    image, position, sigma, systems = [], [], [], []
+    with _opened(path) as database:
+        names = _names(path, database)
+        cameras = dict(_rows(path, database, "images", "image_id, camera_id"))
+        known = {row[1] for row in database.execute("PRAGMA table_info(pose_priors)")}
+        key = "corr_data_id" if "corr_data_id" in known else "image_id"
+        covariance = "position_covariance" if "position_covariance" in known else "NULL"
+        if not {key, "position", "coordinate_system"} <= known:
+            raise InputError(
+                "The database has no position priors (pose_priors).",
+                "Databases of COLMAP before 3.10 have none: give the positions in a table.",
+                file=path,
+            )
+        columns = f"{key}, position, {covariance}, coordinate_system"
+        for entry, row in enumerate(_rows(path, database, "pose_priors", columns), 1):
+            number, system = _whole(path, row[0], entry), row[3]
+            values = _array(path, row[1] or b"", "<f8", entry)
+            if number not in names or len(values) != 3 or system not in (_WGS84, _CARTESIAN):
+                raise _damaged(path, entry)
+            image.append(number)
+            position.append(values[[1, 0, 2]] if system == _WGS84 else values)
+            sigma.append(_sigma(path, row[2], entry))
+            systems.append(system)
+    if len(set(systems)) > 1:
+        raise InputError("Some priors are geographic, others Cartesian.", "Write them alike.", file=path)
+    states = FileStatement(crs="local" if systems and systems[0] == _CARTESIAN else None, datum="WGS 84")
+    return exposures_of(
+        path,
+        [names[number] for number in image],
+        np.array(position).reshape(-1, 3),
+        np.full((len(image), 3), np.nan),
+        list(range(1, len(image) + 1)),
+        camera=[str(cameras[number]) for number in image],
+        sigma_position=np.array(sigma).reshape(-1, 3).tolist(),
+        states=states,
+    )
+
+
+def _sigma(path: Path, covariance: object, entry: int) -> Floats:
+    """Standard deviations (3,) of a covariance; NaN where it is none."""
+    values = _array(path, covariance or b"", "<f8", entry)
+    if len(values) != 9:
+        return np.full(3, np.nan)
+    variance = values.reshape(3, 3).diagonal()
+    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """The database in memory; its errors as one sentence."""
+    content = read_bytes(path)
+    if not content.startswith(_MAGIC):
+        raise InputError("This is no SQLite database.", "Deliver COLMAP's database.db.", file=path)
+    with closing(sqlite3.connect(":memory:")) as connection:
+        try:
+            connection.deserialize(content)
+            connection.execute("PRAGMA trusted_schema = OFF")
+            yield connection
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError, MemoryError) as error:
+            raise InputError(
+                f"The database cannot be read: {error}.", "Deliver it again.", file=path
+            ) from error
+
+
+def _rows(path: Path, database: sqlite3.Connection, table: str, columns: str) -> Iterator[tuple[Any, ...]]:
+    """Rows of a table, and of nothing else of this name: a view could be without end."""
+    kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
+    if kind != ("table",):
+        raise InputError(
+            f"The database has no table '{table}'.", "Check that it is a database of COLMAP.", file=path
+        )
+    yield from database.execute(f"SELECT {columns} FROM {table} ORDER BY 1")
+
+
+def _names(path: Path, database: sqlite3.Connection) -> dict[int, str]:
+    found = {}
+    for entry, (number, name) in enumerate(_rows(path, database, "images", "image_id, name"), 1):
+        if not isinstance(name, str):
+            raise _damaged(path, entry)
+        found[_whole(path, number, entry)] = name
+    return found
+
+
+def _whole(path: Path, value: object, entry: int) -> int:
+    if not isinstance(value, int) or not 0 <= value < 2**62:
+        raise _damaged(path, entry)
+    return value
+
+
+def _array(path: Path, value: object, kind: str, entry: int) -> Any:
+    if not isinstance(value, bytes) or len(value) % np.dtype(kind).itemsize:
+        raise _damaged(path, entry)
+    found = np.frombuffer(value, kind)
+    if kind != "<u4" and not np.isfinite(found).all():
+        raise _damaged(path, entry)
+    return found
+
+
+def _damaged(path: Path, entry: int) -> InputError:
+    return InputError(
+        "A row is not as COLMAP writes it.", "The database may be damaged: deliver it again.", path, entry
+    )

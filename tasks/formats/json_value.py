@@ -1,0 +1,91 @@
+"""Values of JSON files of others: each knows where it stands, and says so if it is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.formats.plain_records import number_of
+from tasks.storage.json_text import from_json
+
+_LONGEST_SHOWN = 80
+
+
+@dataclass(frozen=True)
+class JsonValue:
+    """A value.
+
+    Attributes
+    ----------
+    file : the delivered file.
+    where : names that lead to the value.
+    value : as parsed.
+    """
+
+    file: Path
+    where: str
+    value: object
+
+    def has(self, key: str) -> bool:
+        """Whether the value is an object with this key, and something stands there."""
+        return isinstance(self.value, dict) and self.value.get(key) is not None
+
+    def __getitem__(self, key: str) -> JsonValue:
+        """The value of a key; refused where there is none."""
+        if not self.has(key):
+            raise self._trouble(f"There is no '{key}'.")
+        assert isinstance(self.value, dict)
+        return JsonValue(self.file, f"{self.where}.{key}".lstrip("."), self.value[key])
+
+    def items(self) -> list[JsonValue]:
+        """The elements of a list."""
+        if not isinstance(self.value, list):
+            raise self._trouble("This is no list.")
+        return [JsonValue(self.file, f"{self.where}[{k}]", one) for k, one in enumerate(self.value)]
+
+    def number(self) -> float:
+        """A number."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+            raise self._trouble("This is no number.")
+        return number_of(self.file, repr(self.value), 1, self.where[-_LONGEST_SHOWN:])
+
+    def whole(self) -> int:
+        """A whole number that is not negative, such as an identifier."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int) or not 0 <= self.value < 2**64:
+            raise self._trouble("This is no whole number.")
+        return self.value
+
+    def numbers(self, count: int) -> list[float]:
+        """A list of so many numbers."""
+        found = self.items()
+        if len(found) != count:
+            raise self._trouble(f"There are {len(found)} numbers, and {count} are needed.")
+        return [one.number() for one in found]
+
+    def text(self) -> str:
+        """A text."""
+        if not isinstance(self.value, str):
+            raise self._trouble("This is no text.")
+        return self.value
+
+    def _trouble(self, what: str) -> InputError:
+        return InputError(
+            what, "Deliver the file again.", file=self.file, entity=self.where[-_LONGEST_SHOWN:] or None
+        )
+
+
+def json_value(file: Path, content: bytes, where: str = "") -> JsonValue:
+    """The value of a whole file, or of a file within a delivered one.
+
+    Raises
+    ------
+    InputError
+        If it is no JSON.
+    """
+    try:
+        return JsonValue(file, where, from_json(content))
+    except ValueError as error:
+        raise InputError(
+            f"This is no JSON: {error}.", "Deliver it again.", file, entity=where or None
+        ) from error

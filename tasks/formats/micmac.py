@@ -1,0 +1,249 @@
+"""MicMac (version 1): orientations, calibrations, measurements and ground points.
+
+| what | delivered as | read |
+|---|---|---|
+| ``Ori-*/Orientation-IMAGE.xml`` | the folder as one zip file | centre and ``CodageMatr`` (ground from camera, x right, y down, z forward); local |
+| ``AutoCal*.xml`` | the folder, or the one file | focal length, principal point, radial distortion with decentring (``ModRad``, ``ModPhgrStd``) |
+| ``Homol*/Pastis*/*.txt`` | the folder as one zip file | homologous points, joined to tie points; see ``homologous_points`` |
+| ``SetOfMesureAppuisFlottants`` | the one file | measurements of ground points, px |
+| ``DicoAppuisFlottant`` | the one file | ground points; an uncertainty that is not positive means an unknown coordinate |
+
+Where pixels count from is not published; they are taken from the corner (pixel_origin = "corner"). Distortion leads from the measured
+to the ideal point and is fitted anew as ``brown-forward``; a fit that misses it by more than 0.1 px is refused.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.camera.additional.base import ImageFormat
+from adjust.camera.additional.conversion import fitted
+from adjust.camera.additional.register import additional_parameters
+from adjust.errors import AdditionalParametersError
+from tasks.errors import InputError
+from tasks.formats.homologous_points import homologous_points
+from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
+from tasks.formats.plain_records import (
+    CV_AXES,
+    control_of,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    numbers_of,
+)
+from tasks.formats.records import (
+    AngleOrder,
+    ControlRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.text_table import read_bytes
+from tasks.formats.xml_text import parsed_xml_content
+
+_HEAD, _TAIL = "Orientation-", ".xml"
+_CALIBRATION = "CalibrationInternConique"
+_WANTED = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+_POINTS_ACROSS = 31
+# Metres for a pixel: coefficients have no unit, but the fit looks for lengths of a camera.
+_PIXEL = 5e-6
+_MOST_MISSED_PX = 0.1
+
+
+def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the orientations of a packed folder ``Ori-*``.
+
+    Raises
+    ------
+    InputError
+        If there are none, or one is not complete.
+    """
+    folder = packed_folder(path)
+    image, centre, rotation = [], [], []
+    for name in folder.members:
+        file = PurePosixPath(name).name
+        if not (file.startswith(_HEAD) and file.endswith(_TAIL)):
+            continue
+        outside = _element(path, _parsed(folder, name), "Externe", name)
+        matrix = _element(path, outside, "CodageMatr", name)
+        image.append(file[len(_HEAD) : -len(_TAIL)])
+        centre.append(_numbers(path, outside, "Centre", 3, name))
+        rotation.append([_numbers(path, matrix, row, 3, name) for row in ("L1", "L2", "L3")])
+    at = list(range(1, len(image) + 1))
+    turn = np.array(rotation).reshape(-1, 3, 3) @ CV_AXES
+    angles = degrees_of_rotations(path, turn, image, at)
+    states = FileStatement(crs="local", order="omega-phi-kappa")
+    return exposures_of(path, image, centre, angles, at, unit="deg", states=states)
+
+
+def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read calibrations by the names of their files, without the ending.
+
+    Raises
+    ------
+    InputError
+        If there is none, or its distortion is of another model.
+    """
+    content = read_bytes(path, "document")
+    if is_packed(content):
+        folder = packed_folder(path, content)
+        roots = {
+            PurePosixPath(name).stem: _parsed(folder, name)
+            for name in folder.members
+            if name.endswith(_TAIL) and not PurePosixPath(name).name.startswith(_HEAD)
+        }
+    else:
+        roots = {path.stem: parsed_xml_content(path, content)}
+    found = {}
+    for name, root in roots.items():
+        element = root if root.tag == _CALIBRATION else root.find(f".//{_CALIBRATION}")
+        if element is not None:
+            found[name] = _camera(path, element, name)
+    if not found:
+        raise InputError(f"There is no <{_CALIBRATION}>.", "Deliver the calibration, AutoCal….xml.", path)
+    return found
+
+
+def read_micmac_image_points(path: Path) -> ImagePointRecords:
+    """Read homologous points of a packed folder, or measurements of ground points of a file.
+
+    Raises
+    ------
+    InputError
+        If there are none, or a line is not complete.
+    """
+    content = read_bytes(path)
+    if is_packed(content):
+        return homologous_points(packed_folder(path, content))
+    image, point, xy = [], [], []
+    for one in parsed_xml_content(path, content).iter("MesureAppuiFlottant1Im"):
+        for measured in one.iter("OneMesureAF1I"):
+            image.append((one.findtext("NameIm") or "").strip())
+            point.append((measured.findtext("NamePt") or "").strip())
+            xy.append(_numbers(path, measured, "PtIm", 2, image[-1]))
+    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+
+
+def read_micmac_control(path: Path) -> ControlRecords:
+    """Read ground points.
+
+    Raises
+    ------
+    InputError
+        If there are none, or one is not complete.
+    """
+    point, position, sigma = [], [], []
+    for one in parsed_xml_content(path, read_bytes(path, "document")).iter("OneAppuisDAF"):
+        name = (one.findtext("NamePt") or "").strip()
+        place = np.array(_numbers(path, one, "Pt", 3, name))
+        given = np.ones(3)
+        if one.find("Incertitude") is not None:
+            given = np.array(_numbers(path, one, "Incertitude", 3, name))
+        point.append(name)
+        position.append(np.where(given > 0.0, place, np.nan).tolist())
+        # Their 1 1 1 is what the program writes where nothing was said.
+        unsaid = bool((given == 1.0).all()) | (given <= 0.0)
+        sigma.append(np.where(unsaid, np.nan, given).tolist())
+    return control_of(path, point, position, list(range(1, len(point) + 1)), sigma=sigma)
+
+
+def _camera(path: Path, element: ElementTree.Element, name: str) -> PixelCamera:
+    if (element.findtext("KnownConv") or "").strip() not in ("eConvApero_DistM2C", ""):
+        raise InputError(
+            "The calibration is not of the convention eConvApero_DistM2C.", "Leave it out.", path
+        )
+    columns, rows = (int(value) for value in _numbers(path, element, "SzIm", 2, name))
+    (c,) = _numbers(path, element, "F", 1, name)
+    column, row = _numbers(path, element, "PP", 2, name)
+    if not (0 < columns < 10**6 and 0 < rows < 10**6 and 0.0 < c < 1e9):
+        raise InputError("A focal length or size is not positive.", "Correct it.", path, entity=name)
+    steps = [np.linspace(0.0, size, _POINTS_ACROSS) for size in (columns, rows)]
+    measured = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+    ideal = measured
+    for distortion in element.iter("CalibDistortion"):
+        ideal = ideal + _correction(path, distortion, measured, name)
+    down = np.array([1.0, -1.0])
+    known = _as_brown(path, (measured - [column, row]) * down, (ideal - [column, row]) * down, c, name)
+    return PixelCamera(columns, rows, c, (column - 0.5 * columns, 0.5 * rows - row), known)
+
+
+def _correction(path: Path, distortion: ElementTree.Element, measured: Floats, name: str) -> Floats:
+    """Ideal − measured (n, 2), pixels, y down."""
+    models = {child.tag: child for child in distortion if child.tag.startswith("Mod")}
+    whole = models.get("ModPhgrStd")
+    radial = models.get("ModRad") if whole is None else whole.find("RadialePart")
+    if len(models) != 1 or radial is None:
+        raise InputError(
+            f"The distortion is {', '.join(models) or 'missing'}; ModRad and ModPhgrStd are read.",
+            "Convert the calibration in MicMac (ConvertCalib), or write the camera into the project file.",
+            file=path,
+            entity=name,
+        )
+    x, y = (measured - _numbers(path, radial, "CDist", 2, name)).T
+    square, factor = x * x + y * y, np.zeros(len(x))
+    for power, item in enumerate(radial.findall("CoeffDist"), start=1):
+        factor += numbers_of(path, [(item.text or "").strip()], 1, 1, "CoeffDist")[0] * square**power
+    terms = {
+        key: 0.0 if whole is None or whole.find(key) is None else _numbers(path, whole, key, 1, name)[0]
+        for key in ("P1", "P2", "b1", "b2")
+    }
+    across = terms["P1"] * (square + 2.0 * x * x) + terms["P2"] * 2.0 * x * y
+    along = terms["P2"] * (square + 2.0 * y * y) + terms["P1"] * 2.0 * x * y
+    return np.column_stack(
+        [x * factor + across + terms["b1"] * x + terms["b2"] * y, y * factor + along]
+    )  # fmt: skip
+
+
+def _as_brown(path: Path, measured: Floats, ideal: Floats, c: float, name: str) -> dict[str, float]:
+    """Values of ``brown-forward`` of the same image; points in pixels from the principal point, y up."""
+    if np.array_equal(measured, ideal):
+        return {}
+    half = np.abs(measured).max(axis=0) * _PIXEL
+    image_format = ImageFormat(float(half[0]), float(half[1]), focal_length=c * _PIXEL)
+    wanted = additional_parameters("+".join(f"brown-forward:{term}" for term in _WANTED), image_format)
+    missed = np.inf
+    if np.isfinite(ideal).all() and np.abs(ideal - measured).max() < 0.5 * np.abs(measured).max():
+        try:
+            found = fitted(wanted, measured * _PIXEL, ideal * _PIXEL)
+            missed = found.largest / _PIXEL
+        except (AdditionalParametersError, np.linalg.LinAlgError):
+            pass
+    if not missed <= _MOST_MISSED_PX:
+        raise InputError(
+            "The distortion cannot be expressed as Brown's within a tenth of a pixel.",
+            "Check the calibration, or give corrected images.",
+            file=path,
+            entity=name,
+        )
+    return dict(zip(wanted.names, found.values.tolist(), strict=True))
+
+
+def _parsed(folder: PackedFolder, name: str) -> ElementTree.Element:
+    return parsed_xml_content(folder.file, folder.read(name), name)
+
+
+def _element(path: Path, root: ElementTree.Element, tag: str, entity: str) -> ElementTree.Element:
+    found = next(_all(root, tag), None)
+    if found is None:
+        raise InputError(
+            f"There is no <{tag}>.", "Export the orientation with matrices.", path, entity=entity
+        )
+    return found
+
+
+def _all(root: ElementTree.Element, tag: str) -> Iterator[ElementTree.Element]:
+    yield from root.iter(tag)
+
+
+def _numbers(path: Path, parent: ElementTree.Element, tag: str, count: int, entity: str) -> list[float]:
+    words = (parent.findtext(tag) or "").split()
+    try:
+        return numbers_of(path, words, count, 1, f"<{tag}>")
+    except InputError as error:
+        raise InputError(error.what, error.remedy, path, entity=entity) from error

@@ -1,0 +1,142 @@
+"""OpenMVG ``sfm_data.json`` 0.3: views, intrinsics, extrinsics, structure; local, X_camera = R (X − C).
+
+| entry | read |
+|---|---|
+| ``extrinsics`` | centre and rotation of the pose of each view; views without one are left out |
+| ``intrinsics`` | pinhole, pinhole_radial_k1, pinhole_radial_k3, pinhole_brown_t2; by their numbers |
+| ``structure``, ``control_points`` | image points, pixels (pixel_origin = "corner"); points by their numbers, ``cp`` before those of control points |
+
+Tangential terms t1, t2 are p1, p2.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from tasks.errors import InputError
+from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.plain_records import CV_AXES, degrees_of_rotations, exposures_of, image_points_of
+from tasks.formats.records import (
+    AngleOrder,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+    PixelCamera,
+)
+from tasks.formats.text_table import read_bytes
+
+#: Intrinsic → where its distortion stands, and the names of its terms.
+_DISTORTION = {
+    "pinhole": ("", ()),
+    "pinhole_radial_k1": ("disto_k1", ("k1",)),
+    "pinhole_radial_k3": ("disto_k3", ("k1", "k2", "k3")),
+    "pinhole_brown_t2": ("disto_t2", ("k1", "k2", "k3", "p1", "p2")),
+}
+_ENTRY = "ptr_wrapper"
+
+
+def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read the oriented views.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or a rotation is none.
+    """
+    file = _opened(path)
+    poses = {one["key"].whole(): one["value"] for one in file["extrinsics"].items()}
+    image, camera, centre, rotation, at = [], [], [], [], []
+    for number, view in enumerate(_views(file), start=1):
+        pose = poses.get(view["id_pose"].whole())
+        if pose is None:
+            continue
+        image.append(view["filename"].text())
+        camera.append(str(view["id_intrinsic"].whole()))
+        centre.append(pose["center"].numbers(3))
+        rows = pose["rotation"].items()
+        if len(rows) != 3:
+            raise InputError("The rotation has not three rows.", "Deliver it again.", path, entity=pose.where)
+        rotation.append([row.numbers(3) for row in rows])
+        at.append(number)
+    world_from_camera = np.swapaxes(np.array(rotation).reshape(-1, 3, 3), 1, 2)
+    angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, image, at)
+    states = FileStatement(crs="local", order="omega-phi-kappa")
+    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+
+
+def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read the intrinsics by their numbers.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or one is no pinhole camera.
+    """
+    found = {}
+    # cereal writes the name of a class once; its later objects have the number without its highest bit.
+    kinds: dict[int, str] = {}
+    for one in _opened(path)["intrinsics"].items():
+        name, value = str(one["key"].whole()), one["value"]
+        number = value["polymorphic_id"].whole() & 0x7FFFFFFF
+        if value.has("polymorphic_name"):
+            kinds[number] = value["polymorphic_name"].text()
+        kind = kinds.get(number, "")
+        if kind not in _DISTORTION:
+            raise InputError(
+                f"The intrinsic is '{kind}', and only {', '.join(_DISTORTION)} are read.",
+                "Write the camera into the project file.",
+                file=path,
+                entity=name,
+            )
+        data = value[_ENTRY]["data"]
+        columns, rows, c = data["width"].whole(), data["height"].whole(), data["focal_length"].number()
+        column, row = data["principal_point"].numbers(2)
+        if not (0 < columns < 10**6 and 0 < rows < 10**6 and c > 0.0):
+            raise InputError("A focal length or size is not positive.", "Correct it.", path, entity=name)
+        key, terms = _DISTORTION[kind]
+        values = dict(zip(terms, data[key].numbers(len(terms)), strict=True)) if terms else {}
+        known = {f"brown-forward:{term}": number for term, number in values.items() if number}
+        found[name] = PixelCamera(columns, rows, c, (column - 0.5 * columns, 0.5 * rows - row), known)
+    if not found:
+        raise InputError("There is no intrinsic in the file.", "Export sfm_data with intrinsics.", path)
+    return found
+
+
+def read_openmvg_image_points(path: Path) -> ImagePointRecords:
+    """Read the observations of the structure and of control points.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or has none.
+    """
+    file = _opened(path)
+    names = {view["id_view"].whole(): view["filename"].text() for view in _views(file)}
+    image, point, xy = [], [], []
+    for key, prefix in (("structure", ""), ("control_points", "cp")):
+        for one in file[key].items() if file.has(key) else []:
+            name = f"{prefix}{one['key'].whole()}"
+            for seen in one["value"]["observations"].items():
+                view = names.get(seen["key"].whole())
+                if view is None:
+                    raise InputError(
+                        "An observation is in no view.", "Deliver it again.", path, entity=seen.where
+                    )
+                image.append(view)
+                point.append(name)
+                xy.append(seen["value"]["x"].numbers(2))
+    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+
+
+def _opened(path: Path) -> JsonValue:
+    found = json_value(path, read_bytes(path))
+    if not found.has("sfm_data_version"):
+        raise InputError("This is no sfm_data.json.", "Check that it is the file of OpenMVG.", file=path)
+    return found
+
+
+def _views(file: JsonValue) -> list[JsonValue]:
+    return [one["value"][_ENTRY]["data"] for one in file["views"].items()]

@@ -1,0 +1,92 @@
+"""Folders that are delivered as one zip file: nothing is unpacked, and its members are read one by one."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from tasks.errors import InputError
+from tasks.formats.text_table import read_bytes
+from tasks.storage.delivered_file import file_limits
+
+_SIGNATURE, _ENTRY = b"PK\x03\x04", b"PK\x01\x02"
+# An entry of 46 bytes is an object of some hundred.
+_MOST_MEMBERS = 300_000
+#: What damaged archives end in.
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError,
+    LookupError, MemoryError, OverflowError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PackedFolder:
+    """Members of a zip file by their names, in its order."""
+
+    file: Path
+    archive: zipfile.ZipFile
+    members: dict[str, zipfile.ZipInfo]
+
+    def read(self, name: str) -> bytes:
+        """The content of a member.
+
+        Raises
+        ------
+        InputError
+            If there is none, it is damaged, or larger than a document.
+        """
+        info = self.members.get(name)
+        if info is None:
+            raise InputError(
+                "The packed folder lacks a file.", "Pack the whole folder.", self.file, entity=name
+            )
+        trouble = file_limits().trouble(self.file, info.file_size, "document")
+        if trouble is not None:
+            raise trouble
+        try:
+            return self.archive.read(info)
+        except _DAMAGE as error:
+            raise InputError(
+                "A member of the packed folder cannot be read.",
+                "Pack the folder again.",
+                self.file,
+                entity=name,
+            ) from error
+
+    def beside(self, name: str, uri: str) -> str:
+        """The name of a member that another one names by a relative address."""
+        parts: list[str] = []
+        for part in [*PurePosixPath(name).parent.parts, *PurePosixPath(uri.replace("\\", "/")).parts]:
+            parts = parts[:-1] if part == ".." else [*parts, part]
+        return "/".join(parts)
+
+
+def is_packed(content: bytes) -> bool:
+    """Whether bytes are those of a zip file."""
+    return content.startswith(_SIGNATURE)
+
+
+def packed_folder(path: Path, content: bytes | None = None) -> PackedFolder:
+    """The members of a zip file.
+
+    Raises
+    ------
+    InputError
+        If it is none, or has more members than a folder of any delivery.
+    """
+    content = read_bytes(path) if content is None else content
+    if not is_packed(content):
+        raise InputError("This is no zip file.", "Pack the folder into one zip file, and deliver that.", path)
+    if content.count(_ENTRY) > _MOST_MEMBERS:
+        raise InputError(
+            f"The packed folder has more than {_MOST_MEMBERS:,} files.", "Pack what is needed only.", path
+        )
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(content))
+        members = {info.filename: info for info in archive.infolist() if not info.is_dir()}
+    except _DAMAGE as error:
+        raise InputError("The zip file is damaged.", "Pack the folder again.", path) from error
+    return PackedFolder(path, archive, members)

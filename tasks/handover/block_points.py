@@ -1,0 +1,135 @@
+"""Points of an adjusted block: measured in images, adjusted on the ground, surveyed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats, Ints
+from tasks.coordinates.local_frame import local_from_map
+from tasks.handover.results import Results, read_result_table
+from tasks.tables import schemas
+
+_XYZ = ["x_m", "y_m", "z_m"]
+_SIGMA = ["sigma_x_m", "sigma_y_m", "sigma_z_m"]
+_DIFFERENCE = ["dx_m", "dy_m", "dz_m"]
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyedPoints:
+    """s control and check points.
+
+    Attributes
+    ----------
+    names : of the points.
+    in_map, local : (s, 3) as surveyed, metres; NaN where a coordinate is not known, and then all of
+        a point in the local frame.
+    sigma : (s, 3) metres.
+    check : (s,) whether it entered no adjustment.
+    difference : (s, 3) adjusted − surveyed, map axes, metres; NaN where there is none.
+    """
+
+    names: tuple[str, ...]
+    in_map: Floats
+    local: Floats
+    sigma: Floats
+    check: np.ndarray
+    difference: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPoints:
+    """m image points of p object points.
+
+    Attributes
+    ----------
+    names : of the object points.
+    in_map, local : (p, 3) adjusted, metres.
+    sigma : (p, 3) metres.
+    image, point : (m,) index of the image and of the object point; sorted by image, then point.
+    xy : (m, 2) measured, metres in the image system.
+    surveyed : control and check points; none if nothing was surveyed.
+    """
+
+    names: tuple[str, ...]
+    in_map: Floats
+    local: Floats
+    sigma: Floats
+    image: Ints
+    point: Ints
+    xy: Floats
+    surveyed: SurveyedPoints
+
+    @property
+    def rays(self) -> Ints:
+        """(p,) number of image points of each object point."""
+        return np.bincount(self.point, minlength=len(self.names)).astype(np.int64)
+
+    @property
+    def is_surveyed(self) -> np.ndarray:
+        """(p,) whether an object point is a control or check point."""
+        return np.isin(np.array(self.names, dtype=object), np.array(self.surveyed.names, dtype=object))
+
+
+def no_points() -> BlockPoints:
+    """For formats without points."""
+    none, index = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    surveyed = SurveyedPoints((), none, none, none, np.zeros(0, dtype=bool), none)
+    return BlockPoints((), none, none, none, index, index, np.zeros((0, 2)), surveyed)
+
+
+def read_points(folder: Path, results: Results) -> BlockPoints:
+    """The points of the results in a folder; image points that were rejected are left out.
+
+    Raises
+    ------
+    InputError
+        If a table is missing.
+    """
+    objects = read_result_table(folder, schemas.OBJECT_POINTS)
+    measured = read_result_table(folder, schemas.IMAGE_POINTS)
+    residuals = read_result_table(folder, schemas.RESIDUALS)
+    bad = residuals[(residuals["group"] == "image_points") & (residuals["status"] == "rejected")]
+    rejected = pd.MultiIndex.from_frame(bad[["image", "point"]].astype(str))
+    measured = measured[~pd.MultiIndex.from_frame(measured[["image", "point"]]).isin(rejected)]
+    image = pd.Index(results.images.names).get_indexer(pd.Index(measured["image"]))
+    point = pd.Index(objects["point"]).get_indexer(pd.Index(measured["point"]))
+    kept = (image >= 0) & (point >= 0)
+    order = np.lexsort((point[kept], image[kept]))
+    in_map = objects[_XYZ].to_numpy(np.float64)
+    return BlockPoints(
+        tuple(str(name) for name in objects["point"]),
+        in_map,
+        _local(results, in_map),
+        objects[_SIGMA].to_numpy(np.float64),
+        image[kept][order].astype(np.int64),
+        point[kept][order].astype(np.int64),
+        measured[["x_mm", "y_mm"]].to_numpy(np.float64)[kept][order] * 1e-3,
+        _surveyed(folder, results),
+    )
+
+
+def _surveyed(folder: Path, results: Results) -> SurveyedPoints:
+    given = read_result_table(folder, schemas.CONTROL_POINTS)
+    tables = (schemas.CONTROL_RESIDUALS, schemas.CHECK_POINTS)
+    columns = ["point", *_DIFFERENCE]
+    found = pd.concat([read_result_table(folder, schema)[columns] for schema in tables]).set_index("point")
+    in_map = given[_XYZ].to_numpy(np.float64)
+    return SurveyedPoints(
+        tuple(str(name) for name in given["point"]),
+        in_map,
+        _local(results, in_map),
+        given[_SIGMA].to_numpy(np.float64),
+        (given["role"] == "check").to_numpy(),
+        found.reindex(given["point"]).to_numpy(np.float64),
+    )
+
+
+def _local(results: Results, in_map: Floats) -> Floats:
+    local = np.full_like(in_map, np.nan)
+    known = np.isfinite(in_map).all(axis=1)
+    local[known] = local_from_map(results.images.map_frame, results.images.frame, in_map[known])
+    return local

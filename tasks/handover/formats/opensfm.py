@@ -1,0 +1,88 @@
+"""OpenSfM and OpenDroneMap: ``reconstruction.json`` (world east, north, up of its reference) and ``tracks.csv``.
+
+Cameras are ``brown``; lengths in the image are parts of its longer side, from its middle. Tracks go by the names of the points.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from adjust.geometry.earth import TopocentricFrame
+from adjust.geometry.rotation import log
+from tasks.errors import InputError
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.camera_axes import camera_from_world, pixels
+from tasks.handover.lens import LensModel
+
+_GREY = [128.0, 128.0, 128.0]
+
+
+def write_opensfm(delivery: Delivery) -> Files:
+    """Both files."""
+    rotation, translation = camera_from_world(delivery)
+    frame, points = delivery.results.images.frame, delivery.points
+    shots = {
+        name: {
+            "rotation": turn.tolist(),
+            "translation": shift.tolist(),
+            "camera": camera,
+            "orientation": 1,
+            "capture_time": 0.0,
+        }
+        for name, camera, turn, shift in zip(
+            delivery.names, delivery.camera_names, log(rotation), translation, strict=True
+        )
+    }
+    found: dict[str, object] = {
+        "cameras": {model.name: _camera(model) for model in delivery.lenses.models},
+        "shots": shots,
+        "points": {
+            name: {"color": _GREY, "coordinates": place.tolist()}
+            for name, place in zip(points.names, points.local, strict=True)
+        },
+    }
+    if isinstance(frame, TopocentricFrame):
+        found["reference_lla"] = {
+            "latitude": float(np.rad2deg(frame.latitude)),
+            "longitude": float(np.rad2deg(frame.longitude)),
+            "altitude": float(frame.height_of_origin_m),
+        }
+    return {"reconstruction.json": json.dumps([found], indent=1) + "\n", "tracks.csv": _tracks(delivery)}
+
+
+def _camera(model: LensModel) -> dict[str, object]:
+    longer = max(model.columns, model.rows)
+    (fx, fy), (column, row) = model.focal, model.principal_point
+    return {
+        "projection_type": "brown",
+        "width": model.columns,
+        "height": model.rows,
+        "focal_x": fx / longer,
+        "focal_y": fy / longer,
+        "c_x": (column - 0.5 * model.columns) / longer,
+        "c_y": (row - 0.5 * model.rows) / longer,
+        **model.distortion,
+    }
+
+
+def _tracks(delivery: Delivery) -> str:
+    """Shot, track, feature, x, y, scale, colour, segment, instance; features count within their shot."""
+    points, images = delivery.points, delivery.results.images
+    for name in (*delivery.names, *points.names):
+        if "\t" in name:
+            raise InputError(
+                "The name has a tabulator, which separates fields in tracks.csv.", "Rename it.", entity=name
+            )
+    models = delivery.lenses.models
+    size = np.array([[model.columns, model.rows] for model in models], dtype=np.float64)[
+        images.camera[points.image]
+    ].reshape(-1, 2)
+    normalized = (pixels(delivery) - 0.5 * size) / size.max(axis=1, initial=1.0)[:, None]
+    feature = np.arange(len(points.image)) - np.searchsorted(points.image, points.image)
+    lines = [
+        f"{delivery.names[image]}\t{points.names[point]}\t{number}\t{x:.9f}\t{y:.9f}\t0.001\t128\t128\t128\t-1\t-1"
+        for image, point, number, (x, y) in zip(points.image, points.point, feature, normalized, strict=True)
+    ]
+    return "\n".join(["OPENSFM_TRACKS_VERSION_v2", *lines]) + "\n"

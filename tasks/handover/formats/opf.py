@@ -1,0 +1,197 @@
+"""OPF 1.0 (Pix4D's open photogrammetry format): a project of cameras and control points.
+
+World is the frame of the adjustment as an engineering CRS, so nothing is approximated. Pixels count from the corner of the first one;
+angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points stand in the same frame, as control or check points with their
+marks; a point without one of its coordinates is a manual tie point. Tie points are not written.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from adjust.geometry.earth import TopocentricFrame
+from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.formats.camera_axes import pixels
+from tasks.handover.formats.numbers import in_angles
+from tasks.handover.lens import LensModel
+
+_VERSION = "1.0"
+# So that the same block has the same identifiers.
+_NAMESPACE = uuid.UUID("6b0a3f0e-52a5-4c4f-9a55-0d6a8f2b7c11")
+#: Item → its files (kind, name), and the items it was made from.
+_ITEMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "camera_list": (("camera-list",), ()),
+    "input_cameras": (("input-cameras",), ("camera_list",)),
+    "scene_reference_frame": (("scene-reference-frame",), ()),
+    "input_control_points": (("input-control-points",), ("camera_list",)),
+    "projected_control_points": (
+        ("projected-control-points",),
+        ("input_control_points", "scene_reference_frame"),
+    ),
+    "calibration": (
+        ("calibrated-cameras", "calibrated-control-points"),
+        ("input_cameras", "input_control_points", "projected_control_points", "scene_reference_frame"),
+    ),
+}
+
+
+def write_opf(delivery: Delivery) -> Files:
+    """``project.opf`` and its files."""
+    crs = {"definition": _definition(delivery)}
+    camera = delivery.results.images.camera
+    pose = delivery.handed.pose
+    angles = in_angles(pose.map_from_camera, Angles())
+    calibrated = [
+        {"id": k, "sensor_id": int(camera[k]), "position": centre.tolist(), "orientation_deg": turn.tolist()}
+        for k, (centre, turn) in enumerate(zip(pose.centre, angles, strict=True))
+    ]
+    sensors = [{"id": k, "internals": _internals(model)} for k, model in enumerate(delivery.lenses.models)]
+    points = delivery.points
+    adjusted = [
+        {"id": points.names[k], "coordinates": points.local[k].tolist()}
+        for k in np.flatnonzero(points.is_surveyed)
+    ]
+    gcps, mtps = _marked(delivery, crs)
+    projected = [
+        {"id": item["id"], "coordinates": place["coordinates"], "sigmas": place["sigmas"]}
+        for item in gcps
+        if isinstance(place := item["geolocation"], dict)
+    ]
+    frame = {"scale": [1.0, 1.0, 1.0], "shift": [0.0, 0.0, 0.0], "swap_xy": False}
+    contents: dict[str, dict[str, object]] = {
+        "camera-list": {"cameras": [{"id": k, "uri": name} for k, name in enumerate(delivery.names)]},
+        "input-cameras": {"sensors": _sensors(delivery), "captures": _captures(delivery)},
+        "scene-reference-frame": {"crs": crs, "base_to_canonical": frame},
+        "input-control-points": {"gcps": gcps, "mtps": mtps},
+        "projected-control-points": {"projected_gcps": projected},
+        "calibrated-cameras": {"cameras": calibrated, "sensors": sensors},
+        "calibrated-control-points": {"points": adjusted},
+    }
+    files = {
+        f"{name}.json": _text({"format": f"application/opf-{name}+json", "version": _VERSION, **content})
+        for name, content in contents.items()
+    }
+    return {**files, "project.opf": _project(delivery.results.name)}
+
+
+def _definition(delivery: Delivery) -> str:
+    """The world as an engineering CRS."""
+    frame, name = delivery.results.images.frame, "local"
+    if isinstance(frame, TopocentricFrame):
+        latitude, longitude = np.rad2deg([frame.latitude, frame.longitude])
+        name = f"east north up of latitude {latitude:.9f} longitude {longitude:.9f} ellipsoidal height 0"
+    axes = (("east (X)", "east"), ("north (Y)", "north"), ("up (Z)", "up"))
+    listed = ",".join(f'AXIS["{label}",{way},ORDER[{k}]]' for k, (label, way) in enumerate(axes, start=1))
+    system = f'CS[Cartesian,3],{listed},LENGTHUNIT["metre",1.0]'
+    return f'ENGINEERINGCRS["{name}",ENGINEERINGDATUM["{name}"],{system}]'
+
+
+def _internals(model: LensModel) -> dict[str, object]:
+    lens = model.distortion
+    return {
+        "type": "perspective",
+        "principal_point_px": list(model.principal_point),
+        "focal_length_px": model.focal[1],
+        "radial_distortion": [lens["k1"], lens["k2"], lens["k3"]],
+        "tangential_distortion": [lens["p1"], lens["p2"]],
+    }
+
+
+def _sensors(delivery: Delivery) -> list[dict[str, object]]:
+    return [
+        {
+            "id": k,
+            "name": model.name,
+            "bands": [{"name": "Gray", "weight": 1.0}],
+            "image_size_px": [model.columns, model.rows],
+            "pixel_size_um": model.pixel_size * 1e6,
+            "internals": _internals(model),
+            "shutter_type": "global",
+        }
+        for k, model in enumerate(delivery.lenses.models)
+    ]
+
+
+def _captures(delivery: Delivery) -> list[dict[str, object]]:
+    camera, time = delivery.results.images.camera, f"{delivery.results.needed_date.isoformat()}T00:00:00"
+    return [
+        {
+            "id": k,
+            "cameras": [
+                {
+                    "id": k,
+                    "sensor_id": int(camera[k]),
+                    "model_source": "user",
+                    "pixel_type": "uint8",
+                    "pixel_range": {"min": 0, "max": 255},
+                }
+            ],
+            "reference_camera_id": k,
+            "rig_model_source": "not_applicable",
+            "time": time,
+        }
+        for k in range(len(delivery.names))
+    ]
+
+
+def _marked(
+    delivery: Delivery, crs: dict[str, str]
+) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
+    """Surveyed points with their marks: complete ones, and others."""
+    points, measured = delivery.points, pixels(delivery)
+    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    gcps, mtps = [], []
+    for number in np.flatnonzero(points.is_surveyed):
+        name = points.names[number]
+        at = surveyed[name]
+        rays = np.flatnonzero(points.point == number)
+        marks = [
+            {"camera_id": int(points.image[ray]), "position_px": measured[ray].tolist(), "accuracy": 1.0}
+            for ray in rays
+        ]
+        item = {"id": name, "marks": marks, "is_checkpoint": bool(points.surveyed.check[at])}
+        place, sigma = points.surveyed.local[at], points.surveyed.sigma[at]
+        if np.isfinite(place).all() and np.isfinite(sigma).all():
+            where = {"crs": crs, "coordinates": place.tolist(), "sigmas": sigma.tolist()}
+            gcps.append({**item, "geolocation": where})
+        else:
+            mtps.append({**item, "is_checkpoint": False})
+    return gcps, mtps
+
+
+def _project(name: str) -> str:
+    def identifier(of: str) -> str:
+        return str(uuid.uuid5(_NAMESPACE, f"{name}/{of}"))
+
+    def resources(kinds: Sequence[str]) -> list[dict[str, str]]:
+        return [{"uri": f"{kind}.json", "format": f"application/opf-{kind}+json"} for kind in kinds]
+
+    items = [
+        {
+            "id": identifier(item),
+            "type": item,
+            "resources": resources(kinds),
+            "sources": [{"id": identifier(source), "type": source} for source in sources],
+        }
+        for item, (kinds, sources) in _ITEMS.items()
+    ]
+    return _text(
+        {
+            "format": "application/opf-project+json",
+            "version": _VERSION,
+            "id": identifier("project"),
+            "name": name,
+            "description": "Adjusted block",
+            "generator": {"name": "aerocal", "version": version("aerocal")},
+            "items": items,
+        }
+    )
+
+
+def _text(content: dict[str, object]) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"

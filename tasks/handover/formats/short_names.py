@@ -1,0 +1,29 @@
+"""Names as a format takes them, and the table of those that had to be changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tasks.handover.formats.numbers import table
+
+
+def without_blanks(names: Sequence[str]) -> list[str]:
+    """Names with '_' for every blank; one that is taken already gets a number."""
+    kept = {name for name in names if not any(sign.isspace() for sign in name)}
+    found = []
+    for name in names:
+        short = "".join("_" if sign.isspace() else sign for sign in name)
+        if name not in kept:
+            wanted, number = short, 2
+            while short in kept:
+                short, number = f"{wanted}_{number}", number + 1
+            kept.add(short)
+        found.append(short)
+    return found
+
+
+def renamed(file: str, what: str, short: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    """The table of names; none where they are the same."""
+    if list(short) == list(names):
+        return {}
+    return {file: table([f"{what}_there", what], list(zip(short, names, strict=True)))}
