@@ -63,7 +63,12 @@ OPF = {
         "calibrated-cameras",
         {
             "cameras": [
-                {"id": 7, "sensor_id": 3, "position": [10.5, 20.25, 900], "orientation_deg": [1.0, -2.0, 30.0]}
+                {
+                    "id": 7,
+                    "sensor_id": 3,
+                    "position": [10.5, 20.25, 900],
+                    "orientation_deg": [1.0, -2.0, 30.0],
+                }
             ],
             "sensors": [{"id": 3, "internals": {**_LENS, "focal_length_px": 201.0}}],
         },
