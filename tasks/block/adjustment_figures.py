@@ -23,7 +23,7 @@ from tasks.block.variance_figures import (
     variance_figures,
     variance_sentences,
 )
-from tasks.block.weak_modes import Parameter, weak_mode_sentences
+from tasks.block.weak_modes import weak_mode_sentences
 from tasks.settings.adjustment import AdjustmentSettings, Rejection
 from tasks.storage.json_text import JSON
 
@@ -181,8 +181,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
 
 def _correlated(adjusted: AdjustedBlock) -> list[str]:
     """Sentences about the system parameters that the block separates least."""
-    names = adjusted.result.layout.border_names()
-    parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
+    parameters = adjusted.result.layout.border_quantities
     return weak_mode_sentences(parameters, correlation_matrix(adjusted.cofactor.reduced.corner))
 
 

@@ -15,8 +15,9 @@ from adjust.calibration.parameter_selection import SelectedAdjustment
 from adjust.calibration.significance import difference_test, group_test, t_values
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected_items
-from adjust.parameters import ADDITIONAL_PARAMETERS, SystemParameters
+from adjust.parameters import ADDITIONAL_PARAMETERS, Quantity, SystemParameters
 from adjust.quality.considered import with_considered
+from tasks.block.parameter_tables import columns_of
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.storage.json_text import JSON
@@ -60,8 +61,7 @@ def self_calibration_table(
         step, decision = steps.get(column, (0, None))
         rows.append(
             {
-                "parameter": calibration.model.names[component],
-                "entity": calibration.parameters.entities[entity],
+                **columns_of(calibration.parameters.quantity(entity, component)),
                 "meaning": term.meaning,
                 "formula": term.status,
                 "unit": term.unit,
@@ -84,7 +84,7 @@ def self_calibration_table(
 class _AllTogether:
     """Every offered parameter in the adjustment with all of them."""
 
-    names: tuple[tuple[str, str, str], ...]
+    names: tuple[Quantity, ...]
     change: Floats
     sigma: Floats
     t: Floats
@@ -98,7 +98,7 @@ class _AllTogether:
         np.fill_diagonal(correlation, 0.0)
         scale = estimate.sigma0 if selection.sigma0 is None else selection.sigma0
         sigma = np.asarray(scale * np.sqrt(variance))
-        names = selection.offered.border_names()
+        names = selection.offered.border_quantities
         return cls(names, estimate.change, sigma, t_values(estimate, selection.sigma0), correlation)
 
     def row(self, column: int) -> dict[str, object]:
@@ -110,7 +110,9 @@ class _AllTogether:
             "sigma_of_all": float(self.sigma[column]),
             "t_of_all": float(self.t[column]),
             "strongest_correlation": float(self.correlation[column, other]) if known else np.nan,
-            "correlated_with": " of ".join(self.names[other][:2]) if known else None,
+            "correlated_with": str(self.names[other]) if known else None,
+            "correlated_parameter": self.names[other].name if known else None,
+            "correlated_entity": self.names[other].entity if known else None,
         }
 
 
@@ -187,16 +189,15 @@ def _difference_of_flights(selection: SelectedAdjustment) -> list[JSON]:
     for first in range(len(columns)):
         for second in range(first + 1, len(columns)):
             both = (columns[first] >= 0) & (columns[second] >= 0)
-            one, two = parameters.entities[first], parameters.entities[second]
-            of_one_camera = " in " in one and one.split(" in ")[0] == two.split(" in ")[0]
-            if not of_one_camera or not both.any():
+            one, two = (parameters.quantity(entity, 0) for entity in (first, second))
+            if one.camera != two.camera or not both.any():
                 continue
             pair: tuple[Ints, Ints] = (columns[first][both], columns[second][both])
             test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0)
             found.append(
                 {
-                    "first": one,
-                    "second": two,
+                    "first": one.entity,
+                    "second": two.entity,
                     "parameters": test.joint.parameters,
                     "statistic": test.joint.statistic,
                     "critical": test.joint.critical,

@@ -18,7 +18,6 @@ from tasks.calibration.evidence import Evidence
 from tasks.calibration.held_quantities import held_sigmas, with_held
 from tasks.calibration.judge import recognised_pattern
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
-from tasks.calibration.quantities import is_calibrated
 from tasks.calibration.record import (
     CalibratedCamera,
     CalibratedParameter,
@@ -29,6 +28,7 @@ from tasks.calibration.record import (
 from tasks.calibration.two_step_comparison import StepComparison, compared_steps, images_of_mountings
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
 from tasks.quality_gates import DIRECT, tested_gates
+from tasks.quantities import is_calibrated, kind_of
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import Inputs
@@ -183,14 +183,11 @@ class _Material:
     figures: Mapping[str, Any]
     held: tuple[RecordedHeld, ...]
 
-    def rows(self, camera: str) -> pd.DataFrame:
-        """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
-        table = self.parameters
-        others = set(self.images["camera"]) - {camera}
-        of_others = table["entity"].map(
-            lambda entity: any(entity == other or entity.startswith(f"{other} in ") for other in others)
-        )
-        return table[~of_others & table["parameter"].map(is_calibrated)]
+
+def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:
+    """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
+    own = parameters["camera"].isna() | (parameters["camera"] == camera)
+    return parameters[own & parameters["parameter"].map(is_calibrated)]
 
 
 def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
@@ -204,7 +201,7 @@ def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
 def _refused(item: ParameterVerdict, held: Mapping[str, str]) -> ParameterVerdict:
     """The verdict of a parameter that was held in the end because it had not been determined before."""
     for family, reason in held.items():
-        if item.parameter == family or item.parameter.startswith(f"{family}_"):
+        if kind_of(item.parameter) == family:
             return ParameterVerdict(item.parameter, item.entity, "not_determinable", reason)
     return item
 
@@ -265,13 +262,13 @@ def _parameters(material: _Material, camera: str) -> tuple[CalibratedParameter, 
             verdict=verdict.verdict,
             because=verdict.because,
         )
-        for row in material.rows(camera).to_dict("records")
+        for row in rows_of(material.parameters, camera).to_dict("records")
         for verdict in (material.verdicts[row["parameter"], row["entity"]],)
     )
 
 
 def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ...]:
-    rows = material.rows(camera)
+    rows = rows_of(material.parameters, camera)
     rows = rows[rows["sigma"].notna()]
     keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
     matrix = covariance_of(keys, sigmas_of(rows), correlation_pairs(material.correlations))

@@ -8,7 +8,7 @@ import pandas as pd
 from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
 from adjust.parameters import FAMILIES
 from adjust.planning.a_priori import APriori
-from tasks.block.parameter_tables import reported_unit
+from tasks.quantities import COMPONENTS, reported_unit
 
 
 def expected_parameters(expected: APriori) -> pd.DataFrame:
@@ -57,7 +57,8 @@ def expected_correlations(expected: APriori) -> pd.DataFrame:
 
 def _unit(parameter: str, own_unit: str) -> tuple[str, float]:
     """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
-    for family in FAMILIES.values():
-        if parameter in family.components:
-            return reported_unit(family, family.components.index(parameter))
-    return own_unit, 1.0
+    known = COMPONENTS.get(parameter)
+    if known is None:
+        return own_unit, 1.0
+    family = FAMILIES[known.kind.family]
+    return reported_unit(family, family.components.index(parameter))
