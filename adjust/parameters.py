@@ -46,6 +46,7 @@ class Family:
     entity_kind : what has its own set of them.
     unit : SI unit of its parameters; of additional parameters, whose sets are published with units of their
         own, each has its own in ``own_units``.
+    always_there : whether a block has them even where none is free; else nothing is known of them before.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Family:
     entity_kind: EntityKind
     unit: Unit
     own_units: tuple[str, ...] = ()
+    always_there: bool = True
 
     def unit_of(self, component: int) -> str:
         """Unit of one parameter."""
@@ -73,9 +75,16 @@ FAMILIES: Mapping[str, Family] = {
             ("gnss_strip_bias_x", "gnss_strip_bias_y", "gnss_strip_bias_z"),
             "strip",
             "m",
+            always_there=False,
         ),
-        Family(GNSS_DRIFT, ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"), "strip", "m/s"),
-        Family(TIME_OFFSET, ("time_offset",), "flight", "s"),
+        Family(
+            GNSS_DRIFT,
+            ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"),
+            "strip",
+            "m/s",
+            always_there=False,
+        ),
+        Family(TIME_OFFSET, ("time_offset",), "flight", "s", always_there=False),
     )
 }
 

@@ -186,7 +186,7 @@ def _written(
     if prepared.calibration is not None and selection is not None:
         offered = write_self_calibration(folder, selection, prepared.calibration, adjusted.sigma0)
         eliminated = eliminated_parameters(offered)
-        own_figures = self_calibration_figures(selection, offered, settings)
+        own_figures = self_calibration_figures(selection, offered, settings).to_json()
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
     write_parameter_influences(folder, adjusted, _options(settings))

@@ -247,14 +247,6 @@ def reported_unit(family: Family, component: int = 0) -> tuple[str, float]:
     return unit, {("m", "mm"): 1e3, ("rad", "deg"): float(np.rad2deg(1.0))}.get((si, unit), 1.0)
 
 
-def in_order_of_families(parameter: str) -> int:
-    """Where a parameter stands in lists: in the order of the families, additional ones last."""
-    return _PLACE.get(parameter, len(_PLACE))
-
-
-_PLACE = {name: place for place, name in enumerate(COMPONENTS)}
-
-
 def quantity_words(name: object) -> str:
     """A kind, parameter or other quantity as people write it: ``GNSS shift x``; ``bluh:7`` as it is."""
     text = str(name)
@@ -272,3 +264,17 @@ def entity_words(name: str, entity: str) -> str:
 def named(name: str, entity: str) -> str:
     """A quantity in sentences that speak of settings: ``gnss_shift_x of 1``."""
     return f"{name} of {entity}"
+
+
+_GROUPS = {
+    "image_points": "image points",
+    "control_points": "control points",
+    "gnss_positions": "GNSS positions",
+    "ins_attitudes": "INS attitudes",
+}
+
+
+def group_words(name: str) -> str:
+    """The name of an observation group for people."""
+    plain = _GROUPS.get(name, name.replace("_", " ").replace("gnss", "GNSS"))
+    return plain.replace("prior:", "priors: ")

@@ -17,6 +17,7 @@ from tasks.production.project_row import gates_of, in_project, problems_of
 from tasks.production.queue import QueuedRun
 from tasks.production.run_record import RunRecord
 from tasks.quality_gates import GateResult
+from tasks.quantities import unit_words
 
 Part = Any
 _SHOWN = 25
@@ -183,4 +184,4 @@ def _bound(gate: GateResult) -> str:
 
 
 def _unit(gate: GateResult) -> str:
-    return {"1": "", "um": "µm"}.get(gate.unit, gate.unit)
+    return unit_words(gate.unit)

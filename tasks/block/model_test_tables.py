@@ -16,6 +16,7 @@ from adjust.parameters import Quantity
 from tasks.block.model_alternatives import Alternative
 from tasks.block.model_findings import alternative_words
 from tasks.block.result_tables import AdjustedBlock
+from tasks.figures import RestoredGroup, StripScatter
 from tasks.quantities import reported_unit
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
@@ -89,9 +90,12 @@ class ExaminedModel:
         moved = np.abs(self._moved_sigmas[:, list(self.order)] @ self.joint[1])
         return {
             "moved_by_findings": float(moved.max(initial=0.0)),
-            "strip_scatter": [item for key in self._of_strips() if (item := self._scatter(*key)) is not None],
+            "strip_scatter": [
+                item.to_json() for key in self._of_strips() if (item := self._scatter(*key)) is not None
+            ],
             "restored_groups": [
-                {"group": item.name, "sigma0": item.sigma0(self.joint[0])} for item in self.found.restored
+                RestoredGroup(group=item.name, sigma0=item.sigma0(self.joint[0])).to_json()
+                for item in self.found.restored
             ],
         }
 
@@ -100,7 +104,7 @@ class ExaminedModel:
         found = (item for item in self.alternatives if item.scope == "strip")
         return list(dict.fromkeys((item.quantity, item.entity) for item in found))
 
-    def _scatter(self, quantity: str, entity: str) -> JSON:
+    def _scatter(self, quantity: str, entity: str) -> StripScatter | None:
         """By how much a quantity differs from strip to strip beyond its σ, if it does so significantly.
 
         An error of each strip moves what is common to k of them by 1/√k of it, which no σ says.
@@ -123,17 +127,17 @@ class ExaminedModel:
         scatter = float(np.sqrt(max(float(np.median(own)), own.mean(), 0.0)))
         every = self._moved_sigmas[:, members]
         factor = self.alternatives[members[0]].factor
-        return {
-            "quantity": quantity,
-            "entity": entity,
-            "unit": self.alternatives[members[0]].unit,
-            "strips": len(members),
-            "statistic": statistic,
-            "freedom": freedom,
-            "probability": probability,
-            "scatter": scatter * factor,
-            "moved_by": float(scatter * np.sqrt((every**2).sum(axis=1)).max(initial=0.0)),
-        }
+        return StripScatter(
+            quantity=quantity,
+            entity=entity,
+            unit=self.alternatives[members[0]].unit,
+            strips=len(members),
+            statistic=statistic,
+            freedom=freedom,
+            probability=probability,
+            scatter=scatter * factor,
+            moved_by=float(scatter * np.sqrt((every**2).sum(axis=1)).max(initial=0.0)),
+        )
 
     def table(self) -> pd.DataFrame:
         """The rows of model_alternatives.parquet."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +20,8 @@ from adjust.parameters import ADDITIONAL_PARAMETERS, Quantity, SystemParameters
 from adjust.quality.considered import with_considered
 from tasks.block.parameter_tables import columns_of
 from tasks.block.self_calibration import BlockSelfCalibration
+from tasks.figures import DecisionFigure, FlightTestFigure, GroupTestFigure, SelfCalibrationFigures
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 
@@ -34,7 +35,7 @@ def write_self_calibration(
 ) -> pd.DataFrame:
     """self_calibration.parquet: every additional parameter that was offered; returns it."""
     table = self_calibration_table(selection, calibration, sigma0)
-    columns = {name: table[name].to_numpy() for name in table.columns}
+    columns = {column.name: table[column.name].to_numpy() for column in schemas.SELF_CALIBRATION.columns}
     write_table(folder / "self_calibration.parquet", schemas.SELF_CALIBRATION, columns)
     return table
 
@@ -136,30 +137,30 @@ def eliminated_parameters(table: pd.DataFrame) -> frozenset[tuple[str, str]]:
 
 def self_calibration_figures(
     selection: SelectedAdjustment, table: pd.DataFrame, settings: AdjustmentSettings
-) -> dict[str, JSON]:
+) -> SelfCalibrationFigures:
     """Figures of the self-calibration for summary.json."""
     elimination = selection.elimination
     decisions = () if elimination is None else elimination.decisions
     kept = table["decision"] != "is eliminated"
-    return {
-        "parameters": settings.self_calibration.parameters,
-        "elimination": settings.self_calibration.elimination,
-        "offered": len(table),
-        "kept": int(kept.sum()),
-        "sigma0_of_all": selection.full.sigma0,
-        "decisions": [
-            {"parameter": item.name, "action": item.action.value, "reason": item.reason} for item in decisions
-        ],
-        "groups": _group_tests(selection, settings.self_calibration.parameters),
-        "flights": _difference_of_flights(selection),
-    }
+    return SelfCalibrationFigures(
+        parameters=settings.self_calibration.parameters,
+        elimination=settings.self_calibration.elimination,
+        offered=len(table),
+        kept=int(kept.sum()),
+        sigma0_of_all=selection.full.sigma0,
+        decisions=tuple(
+            DecisionFigure(parameter=item.name, action=item.action.value, reason=item.reason)
+            for item in decisions
+        ),
+        groups=tuple(_group_tests(selection, settings.self_calibration.parameters)),
+        flights=tuple(_differences_of_flights(selection)),
+    )
 
 
-def _group_tests(selection: SelectedAdjustment, text: str) -> list[JSON]:
+def _group_tests(selection: SelectedAdjustment, text: str) -> Iterator[GroupTestFigure]:
     """F-tests of the parts of the selection, all parameters of one part together against zero."""
     columns = selection.offered.columns[ADDITIONAL_PARAMETERS]
     (parameters,) = _additional(selection)
-    found: list[JSON] = []
     for part in selected_items(text, REGISTER):
         names = {f"{part.set.name}:{name}" for name in part.names}
         chosen = columns[:, [name in names for name in parameters.family.components]]
@@ -168,24 +169,20 @@ def _group_tests(selection: SelectedAdjustment, text: str) -> list[JSON]:
         if not (members & selection.full.free).any():
             continue
         test = group_test(selection.full, members, _ERROR_PROBABILITY, selection.sigma0)
-        found.append(
-            {
-                "group": part.title,
-                "parameters": test.parameters,
-                "statistic": test.statistic,
-                "critical": test.critical,
-                "probability": test.probability,
-                "significant": bool(test.is_significant),
-            }
+        yield GroupTestFigure(
+            group=part.title,
+            parameters=test.parameters,
+            statistic=test.statistic,
+            critical=test.critical,
+            probability=test.probability,
+            significant=bool(test.is_significant),
         )
-    return found
 
 
-def _difference_of_flights(selection: SelectedAdjustment) -> list[JSON]:
+def _differences_of_flights(selection: SelectedAdjustment) -> Iterator[FlightTestFigure]:
     """Whether the sets of one camera in two flights differ, for every pair."""
     columns = selection.offered.columns[ADDITIONAL_PARAMETERS]
     (parameters,) = _additional(selection)
-    found: list[JSON] = []
     for first in range(len(columns)):
         for second in range(first + 1, len(columns)):
             both = (columns[first] >= 0) & (columns[second] >= 0)
@@ -193,19 +190,16 @@ def _difference_of_flights(selection: SelectedAdjustment) -> list[JSON]:
             if one.camera != two.camera or not both.any():
                 continue
             pair: tuple[Ints, Ints] = (columns[first][both], columns[second][both])
-            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0)
-            found.append(
-                {
-                    "first": one.entity,
-                    "second": two.entity,
-                    "parameters": test.joint.parameters,
-                    "statistic": test.joint.statistic,
-                    "critical": test.joint.critical,
-                    "probability": test.joint.probability,
-                    "differ": bool(test.joint.is_significant),
-                }
+            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0).joint
+            yield FlightTestFigure(
+                first=one.entity,
+                second=two.entity,
+                parameters=test.parameters,
+                statistic=test.statistic,
+                critical=test.critical,
+                probability=test.probability,
+                differ=bool(test.is_significant),
             )
-    return found
 
 
 def _additional(selection: SelectedAdjustment) -> tuple[SystemParameters, ...]:

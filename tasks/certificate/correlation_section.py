@@ -33,7 +33,7 @@ def correlation_section(material: CertificateMaterial) -> Section:
     matrix = correlation_of(material.record)
     places = [material.record.estimated.index(item) for item in estimated]
     ordered = matrix[np.ix_(places, places)]
-    shown = [index for index, item in enumerate(estimated) if not quantities.is_additional(item)]
+    shown = [index for index, item in enumerate(estimated) if not quantities.of_additional(item)]
     shown = (shown or list(range(len(estimated))))[:MOST_IN_MATRIX]
     names = _names(estimated)
     if len(shown) > 1:

@@ -7,8 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from urllib.parse import quote
 
+from tasks.figures import AdjustmentFigures, figures_of
 from tasks.georeferencing.report.material import CheckFigures
-from tasks.report.figures import AdjustmentFigures
 from tasks.storage.artifact import Artifact
 from tasks.storage.manifest import read_manifest
 from tasks.summary import Summary
@@ -50,9 +50,7 @@ class EndedRun:
     @cached_property
     def figures(self) -> AdjustmentFigures:
         """Figures of the adjustment beyond the contract of summary.json."""
-        return AdjustmentFigures.model_validate(
-            {} if self.summary is None else self.summary.model_extra or {}
-        )
+        return figures_of(None if self.summary is None else self.summary.model_extra)
 
     @cached_property
     def check(self) -> CheckFigures | None:

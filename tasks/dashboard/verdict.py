@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from tasks.dashboard.lights import Light, lit
 from tasks.dashboard.markdown import in_one_line, link, render
 from tasks.dashboard.run import EndedRun
+from tasks.figures import CalibrationVerdictFigure
 from tasks.quality_gates import GateResult
-from tasks.report.figures import CalibrationVerdictFigure, gate_words
-from tasks.report.system_parameters import parameter_words
+from tasks.quantities import quantity_words, unit_words, with_unit
+from tasks.report.figures import gate_words
 from tasks.report.table import Number, decimals_for, numbers
 
 #: Rows of a table of parameters, so that the artifact stays small; sentences among the problems.
 MOST_PARAMETERS = 60
 MOST_PROBLEMS = 40
-_UNITS = {"1": "", "um": " µm"}
 _DETERMINED: Mapping[str, tuple[Light | None, str]] = {
     "determined": ("good", "determined"),
     "weak": ("attention", "weak"),
@@ -126,9 +126,10 @@ def _missed_words(gate: GateResult) -> str:
 def _sized(gate: GateResult) -> tuple[str, str]:
     """Value and limit with their unit; a number of things has no decimals."""
     decimals = 0 if gate.name.startswith("missed_") else 3
-    unit = _UNITS.get(gate.unit, f" {gate.unit}")
+    unit = unit_words(gate.unit)
     value = Number(gate.value, decimals)
-    return f"{value}{unit}" if value.exists else str(value), f"{Number(gate.limit, decimals)}{unit}"
+    limit = with_unit(Number(gate.limit, decimals), unit)
+    return with_unit(value, unit) if value.exists else str(value), limit
 
 
 def _gate_row(gate: GateResult) -> tuple[str, str, str, str]:
@@ -255,7 +256,7 @@ def _parameters(run: EndedRun) -> list[tuple[str, str, str, str, str]]:
         value = Number(item.value if exists else None, decimals)
         rows.append(
             (
-                parameter_words(item.parameter),
+                quantity_words(item.parameter),
                 entity,
                 f"{value} {item.unit or ''}".strip(),
                 str(Number(item.sigma, decimals)),

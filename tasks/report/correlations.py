@@ -11,9 +11,9 @@ import pandas as pd
 from markupsafe import Markup
 
 from adjust.arrays import Floats
+from tasks.quantities import quantity_words
 from tasks.report import axes, markup, palette
 from tasks.report.material import Material
-from tasks.report.system_parameters import parameter_words
 
 _MOST_IN_MATRIX = 120
 # Cells this large carry their coefficient, labels of rows this high are written in the usual size.
@@ -28,8 +28,8 @@ _MOST_WITH_ALL_TOLD = 36
 
 def correlation_matrix(table: pd.DataFrame) -> pd.DataFrame:
     """The symmetric matrix of all pairs, named "parameter of entity", numbers in names by size."""
-    of_a = table["parameter_a"].map(parameter_words) + " of " + table["entity_a"].astype(str)
-    of_b = table["parameter_b"].map(parameter_words) + " of " + table["entity_b"].astype(str)
+    of_a = table["parameter_a"].map(quantity_words) + " of " + table["entity_a"].astype(str)
+    of_b = table["parameter_b"].map(quantity_words) + " of " + table["entity_b"].astype(str)
     names = sorted({*of_a, *of_b}, key=natural_key)
     index = pd.Index(names)
     matrix = np.eye(len(names))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.report.figures import group_words
+from tasks.quantities import group_words, unit_words
 from tasks.report.material import IMAGE_POINTS, Material
 from tasks.report.table import Column, Row, Table, decimals_for, numbers, text_column
 
@@ -119,4 +119,4 @@ def _name(value: object) -> str:
 
 
 def _unit(unit: object) -> str:
-    return "µm" if unit == "um" else str(unit)
+    return unit_words(str(unit))
