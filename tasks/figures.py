@@ -229,7 +229,7 @@ class OffsetFigure(Figure):
 class SeparatedFigure(OffsetFigure):
     """Lever arm (the whole one) and shift in plan, estimated together."""
 
-    freedom: float | None
+    freedom: int
 
 
 class StripGroupFigure(OffsetFigure):

@@ -41,16 +41,14 @@ _SHOWN: Mapping[str, Mapping[Use, Shown]] = {
     "mm": {"plain": Shown("µm", 1e3, 1), "screen": Shown("µm", 1e3, 2)},
     "deg": {"plain": Shown("°", 1.0, 5), "screen": Shown("mdeg", 1e3, 3)},
     "m": {
-        "plain": Shown("m", 1.0, 3),
-        "sigma": Shown("cm", 100.0),
-        "change": Shown("mm", 1e3),
-        "screen": Shown("cm", 1e2, 2),
+        "plain": Shown("m", 1.0, 3), "sigma": Shown("cm", 1e2),
+        "change": Shown("mm", 1e3), "screen": Shown("cm", 1e2, 2),
     },
     "s": {"plain": Shown("ms", 1e3, 2), "screen": Shown("ms", 1e3, 3)},
     "m/s": {"plain": Shown("m/s"), "sigma": Shown("cm/s", 100.0)},
     "1": {"plain": Shown("%", 100.0), "sigma": Shown(""), "change": Shown("1"), "screen": Shown("1")},
     "1e-6": {"plain": Shown("ppm")},
-}
+}  # fmt: skip
 _NAMES = {"1": "", "um": "µm", "deg": "°"}
 
 
@@ -241,8 +239,12 @@ def is_calibrated(parameter: str) -> bool:
 
 def reported_unit(family: Family, component: int = 0) -> tuple[str, float]:
     """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
-    known = COMPONENTS.get(family.components[component])
-    si = family.unit_of(component)
+    return reported(family.components[component], family.unit_of(component))
+
+
+def reported(parameter: str, si: str) -> tuple[str, float]:
+    """The same of a parameter of which name and SI unit are known."""
+    known = COMPONENTS.get(parameter)
     unit = si if known is None else known.kind.unit
     return unit, {("m", "mm"): 1e3, ("rad", "deg"): float(np.rad2deg(1.0))}.get((si, unit), 1.0)
 

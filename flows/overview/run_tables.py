@@ -176,12 +176,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:
 
 
 def _figure(gate: GateResult) -> str:
-    return "not there" if gate.value is None else f"{gate.value:.4g} {_unit(gate)}"
+    return "not there" if gate.value is None else f"{gate.value:.4g} {unit_words(gate.unit)}"
 
 
 def _bound(gate: GateResult) -> str:
-    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {_unit(gate)}"
-
-
-def _unit(gate: GateResult) -> str:
-    return unit_words(gate.unit)
+    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {unit_words(gate.unit)}"

@@ -12,14 +12,14 @@ from tasks.certificate.content import Block, Listing
 from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result
-from tasks.quantities import additional_set
+from tasks.quantities import additional_set, is_additional
 from tasks.report.self_calibration import common_level
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
 
 def additional_blocks(material: CertificateMaterial) -> list[Block]:
     """The table of additional parameters; nothing where the record has none."""
-    own = [item for item in quantities.in_order(material.parameters) if quantities.of_additional(item)]
+    own = [item for item in quantities.in_order(material.parameters) if is_additional(item.parameter)]
     if not own:
         return []
     return [Listing(additional_table(material, own), ("meaning", "finding"))]

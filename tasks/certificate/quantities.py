@@ -9,7 +9,6 @@ from tasks.calibration.record import CalibratedParameter
 from tasks.quantities import (
     COMPONENTS,
     Shown,
-    is_additional,
     quantity_words,
     shown,
     unit_words,
@@ -40,11 +39,6 @@ def is_of(parameter: CalibratedParameter, *families: str) -> bool:
     """Whether it belongs to one of some families."""
     known = COMPONENTS.get(parameter.parameter)
     return known is not None and known.kind.family in families
-
-
-def of_additional(parameter: CalibratedParameter) -> bool:
-    """Whether it is an additional parameter, ``SET:NAME``."""
-    return is_additional(parameter.parameter)
 
 
 def quantity_of(parameter: CalibratedParameter) -> Quantity:

@@ -176,11 +176,7 @@ def _largest_residuals(results: Material, group: str) -> tuple[Cell, ...]:
         return Number(None), "", Number(standardized, 1)
     largest = float(own["residual"].abs().max())
     shown, decimals = unit_words(str(units[0])), _DECIMALS.get(str(units[0]), 3)
-    return (
-        Number(largest, decimals),
-        shown,
-        Number(standardized, 1),
-    )
+    return Number(largest, decimals), shown, Number(standardized, 1)
 
 
 def group_table(results: Material) -> Table:

@@ -14,7 +14,7 @@ from tasks.certificate.limit_table import limit_table
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import finding, has_result, quantity_of
 from tasks.certificate.words import in_words
-from tasks.quantities import COMPONENTS, quantity_words
+from tasks.quantities import COMPONENTS, is_additional, quantity_words
 from tasks.report.table import Cell, Number, Row, Table, decimals_for, text_column
 
 _VERDICTS = {
@@ -55,7 +55,7 @@ def reasons_section(material: CertificateMaterial) -> Section | None:
 def brief_section(material: CertificateMaterial) -> Section:
     """The main parameters with their expanded uncertainty, for the first page."""
     facts = [fact for family in FAMILIES for fact in _of_family(material, family)]
-    additional = [item for item in material.parameters if quantities.of_additional(item)]
+    additional = [item for item in material.parameters if is_additional(item.parameter)]
     if additional:
         count = Number(sum(has_result(item) for item in additional))
         offered = Number(len(additional))
@@ -137,7 +137,7 @@ def determinability_table(material: CertificateMaterial) -> Table:
     for item in quantities.in_order(material.parameters):
         words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
         # There may be scores of additional parameters; their σ stand in a table of their own.
-        plain = quantities.of_additional(item) and item.verdict in ("determined", "held")
+        plain = is_additional(item.parameter) and item.verdict in ("determined", "held")
         because = _IN_THEIR_TABLE if plain else in_words(item.because)
         together.setdefault((words, because), []).append(quantities.short_name(item))
     rows = []

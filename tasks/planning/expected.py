@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
-from adjust.parameters import FAMILIES
 from adjust.planning.a_priori import APriori
-from tasks.quantities import COMPONENTS, reported_unit
+from tasks.quantities import reported
 
 
 def expected_parameters(expected: APriori) -> pd.DataFrame:
@@ -16,7 +15,7 @@ def expected_parameters(expected: APriori) -> pd.DataFrame:
     own_part = expected.own_part
     rows = []
     for k, (parameter, entity, own_unit) in enumerate(expected.names):
-        unit, factor = _unit(parameter, own_unit)
+        unit, factor = reported(parameter, own_unit)
         sigma, prior = float(expected.sigma[k]), float(expected.prior_sigma[k])
         status = "not_significant"
         if own_part[k] < INSEPARABLE:
@@ -53,12 +52,3 @@ def expected_correlations(expected: APriori) -> pd.DataFrame:
             "correlation": correlation[first, second],
         }
     )
-
-
-def _unit(parameter: str, own_unit: str) -> tuple[str, float]:
-    """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
-    known = COMPONENTS.get(parameter)
-    if known is None:
-        return own_unit, 1.0
-    family = FAMILIES[known.kind.family]
-    return reported_unit(family, family.components.index(parameter))
