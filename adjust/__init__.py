@@ -22,7 +22,7 @@ from adjust.observations.ins_attitude import InsAttitudes
 from adjust.options import AdjustmentOptions
 from adjust.parameters import FAMILIES, State, SystemParameters
 from adjust.result import AdjustmentResult
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 __all__ = [
     "FAMILIES",

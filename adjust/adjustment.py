@@ -14,9 +14,10 @@ from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
 from adjust.quality.control_checks import ControlCheck, k_fold, leave_one_out
 from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.global_test import global_test
 from adjust.quality.joint_cofactor import JointCofactor, joint_cofactors
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.rejection import SnoopingRule
 from adjust.quality.s_transformation import with_inner_constraints
 from adjust.quality.variance_components import VarianceComponent, variance_components
@@ -24,7 +25,7 @@ from adjust.result import AdjustmentResult, FreeNetwork, GroupResult, Observatio
 from adjust.solve.datum import datum_shares
 from adjust.solve.defect import open_directions
 from adjust.solve.gauss_newton import Estimate, Progress, converge
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from adjust.weighting import Weighted, estimate_weights
 
 

@@ -16,7 +16,7 @@ from adjust.least_squares import Adjusted, Adjuster
 from adjust.quality.readmission import Return, fitting_again
 from adjust.quality.rejection import Rejection, SnoopingRule, reject
 from adjust.quality.robust import robust_rejection
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 
 @dataclass(frozen=True, eq=False)

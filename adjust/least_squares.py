@@ -13,7 +13,7 @@ from adjust.quality.cofactor import Cofactor, cofactor
 from adjust.quality.considered import considered_errors
 from adjust.quality.redundancy import GroupResiduals, group_residuals
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 
 @dataclass(frozen=True, eq=False)

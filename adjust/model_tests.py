@@ -21,7 +21,7 @@ from adjust.parameters import State
 from adjust.quality.model_alternatives import AlternativeTests, ModelAlternative, alternative_tests
 from adjust.result import AdjustmentResult, GroupResult
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 #: Part of a group, and number of its observations, from which those that were rejected come back.
 MANY, SEVERAL = 0.05, 3

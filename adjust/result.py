@@ -13,9 +13,9 @@ from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
 from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.global_test import GlobalTest
 from adjust.quality.joint_cofactor import JointCofactor
-from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
 from adjust.solve.defect import OpenDirection

@@ -25,7 +25,8 @@ from adjust.quality.redundancy import group_residuals
 from adjust.result import AdjustmentResult
 from adjust.solve.factorization import factorize
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import System, reduced_normals, substitute_back
+from adjust.solve.normal_equations import reduced_normals, substitute_back
+from adjust.solve.system import System
 from benchmarks.comparison import simulate_into
 from benchmarks.machine import REPOSITORY, machine, peak_memory_mib
 from benchmarks.problem import Problem, block_of

@@ -23,7 +23,7 @@ from adjust.parameters import (
     State,
     SystemParameters,
 )
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from adjust.block import Block
 from adjust.observations.gnss_position import GnssPositions
 from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.simulate.block import simulate_block
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from benchmarks.problem import Problem
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulation_input import block_specification

@@ -23,15 +23,15 @@ from dataclasses import replace
 import numpy as np
 
 from adjust import AdjustmentResult, Block, FrameCamera, Observations, adjust_block
-from adjust.calibration.controlled_residuals import controlled
-from adjust.calibration.format_cells import FormatCells, Seams
-from adjust.calibration.grid_comparison import compare_grids
-from adjust.calibration.grid_iteration import GridIteration, iterate_grid
-from adjust.calibration.grid_smoothing import Smoothing
-from adjust.calibration.image_correction import CorrectionField, corrected
-from adjust.calibration.image_sets import GridRule
-from adjust.calibration.residual_grid import residual_grid
 from adjust.parameters import State
+from adjust.residual_grid.comparison import compare_grids
+from adjust.residual_grid.controlled_residuals import controlled
+from adjust.residual_grid.format_cells import FormatCells, Seams
+from adjust.residual_grid.image_correction import CorrectionField, corrected
+from adjust.residual_grid.image_sets import GridRule
+from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.residual_grid import residual_grid
+from adjust.residual_grid.smoothing import Smoothing
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
 from adjust.simulate.image_errors import ImageErrorSpecification

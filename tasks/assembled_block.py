@@ -11,7 +11,7 @@ from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from adjust.quality.observation_parts import Division
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.block.approximation import USED
 from tasks.block.block_input import (
     SurveyedPoints,

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
-from adjust.calibration.elimination import Elimination
-from adjust.calibration.elimination_rules import PRESETS
-from adjust.calibration.parameter_selection import SelectedAdjustment, adjust_with_selection
 from adjust.camera.additional.selection import NOTHING
 from adjust.errors import AdjustmentError, DatumDefectError
 from adjust.model_tests import examined_model
 from adjust.options import AdjustmentOptions
 from adjust.result import AdjustmentResult
+from adjust.selection.elimination import Elimination
+from adjust.selection.elimination_rules import PRESETS
+from adjust.selection.parameter_selection import SelectedAdjustment, adjust_with_selection
 from adjust.solve.gauss_newton import Iteration
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.assembled_block import AssembledBlock, DeliveredTables, assembled_block
 from tasks.block.adjustment_figures import adjustment_figures, adjustment_problems
 from tasks.block.calibration_contradiction import (

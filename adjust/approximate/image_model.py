@@ -21,7 +21,7 @@ from adjust.errors import AdjustmentError
 from adjust.geometry.earth import CartesianFrame
 from adjust.parameters import FAMILIES, INTERIOR_ORIENTATION, SystemParameters
 from adjust.solve.gauss_newton import converge
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 Progress = Callable[[int, int], None]
 

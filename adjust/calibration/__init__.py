@@ -1,1 +1,1 @@
-"""What can be said about the parameters of the camera and its system: significance, selection."""
+"""Calibration from adjusted and observed orientations: mountings, boresight, lever arm, shift."""

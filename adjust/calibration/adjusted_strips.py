@@ -27,7 +27,7 @@ from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution, iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 # Right-hand sides at once: each is as large as all exposures.
 _AT_ONCE = 60

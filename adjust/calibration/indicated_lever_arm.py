@@ -16,8 +16,6 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Floats
 from adjust.block import Block
-from adjust.calibration.linear_estimate import ParameterNormals
-from adjust.calibration.parameter_normals import normals_at
 from adjust.errors import AdjustmentError
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.direct import DirectObservations
@@ -25,7 +23,9 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import FAMILIES, GNSS_SHIFT, LEVER_ARM
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
-from adjust.solve.normal_equations import Observations, System
+from adjust.selection.linear_estimate import ParameterNormals
+from adjust.selection.parameter_normals import normals_at
+from adjust.solve.system import Observations, System
 
 #: A shift that nobody has spoken of may still be so large, metres: what datums and base stations differ by.
 UNSTATED_SHIFT = 0.20

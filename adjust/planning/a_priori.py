@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
-from adjust.calibration.correlation import correlation_matrix, total_correlation
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.control_point import ControlPoints
@@ -29,9 +28,11 @@ from adjust.parameters import (
     SystemParameters,
 )
 from adjust.planning.network import PlannedDistances, PlannedNetwork
+from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import SingularNormalsError, factorize
-from adjust.solve.normal_equations import Observations, System, reduced_normals
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import Observations, System
 
 # Points with narrower rays (this from their mean, twice as much between two) are used by no adjustment.
 _LEAST_ANGLE = np.deg2rad(0.5)

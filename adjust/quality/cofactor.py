@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adjust.arrays import Floats
 from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
+from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
-from adjust.solve.normal_equations import System
-
-if TYPE_CHECKING:
-    from adjust.quality.considered import ConsideredErrors
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ import numpy as np
 
 from adjust.compiled import kernel
 from adjust.observations.image_point_kernel import linearize_ray
+from adjust.solve.border_columns_kernel import nonzero_columns, open_row
 from adjust.solve.covisibility_kernel import find_block
-from adjust.solve.reduction_kernel import nonzero_columns, open_row
 
 
 @kernel

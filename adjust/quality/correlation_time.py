@@ -35,7 +35,8 @@ from adjust.observations.gauss_markov import GaussMarkov, Neighbours, Stencil
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.single_error import hat_matrices
-from adjust.solve.normal_equations import System, standardize
+from adjust.solve.system import System
+from adjust.solve.whitening import standardize
 
 #: Correlation of successive exposures below which errors count as white.
 NO_CORRELATION = 0.01

@@ -18,7 +18,8 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import System, add_border_columns, whiten
+from adjust.solve.system import System
+from adjust.solve.whitening import add_border_columns, whiten
 
 # Object points that are solved for together: much faster than one by one, in little memory.
 _TOGETHER = 8

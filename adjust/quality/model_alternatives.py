@@ -29,15 +29,13 @@ import numpy as np
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup, Term
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
+from adjust.quality.detectability import INDISTINGUISHABLE, NON_CENTRALITY
 from adjust.quality.model_alternatives_kernel import add_products
-from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.factorization import Factorization
 from adjust.solve.full_vectors import SparseVectors, inverse_products
-from adjust.solve.normal_equations import System, whiten
+from adjust.solve.system import System
+from adjust.solve.whitening import whiten
 
-#: Part of a column's own squares CᵀC that must be left beside the unknowns: less is rounding and what linear
-#: equations leave out, and the alternative cannot be told from what is estimated.
-INDISTINGUISHABLE = 1e-6
 #: The same beside other alternatives: what is left says nothing of its own.
 _LEFT_OVER = 1e-4
 

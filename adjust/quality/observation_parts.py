@@ -11,7 +11,7 @@ import numpy as np
 from adjust.arrays import Ints
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import CorrelatedOverTime
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 _PARTS: Mapping[str, tuple[tuple[str, tuple[int, ...]], ...]] = {
     "image_points": (("", (0, 1)),),

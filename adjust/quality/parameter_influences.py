@@ -26,7 +26,7 @@ from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayou
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 # Solutions at once: each is as large as all unknowns.
 _AT_ONCE = 10

@@ -27,7 +27,7 @@ from adjust.quality.snooping_statistic import (
     normal_equivalent,
     of_present,
 )
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 # Weight with which rejected rays enter the prediction of their own cofactors: it spoils nothing else by
 # more than its square and leaves eight digits.

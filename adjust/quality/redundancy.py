@@ -23,8 +23,9 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor
+from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.single_error import SingleErrors, single_errors
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +50,8 @@ class GroupResiduals:
     weighted_squares: float
 
 
-# With less control (without correlations: a smaller redundancy number) w means nothing.
-UNCONTROLLED = 0.1
 # Below this the division by √r would only magnify rounding.
 _NO_REDUNDANCY = 1e-6
-# Non-centrality of the w-test for α0 = 0.1 % (two-sided) and power 80 %: 3.2905 + 0.8416.
-NON_CENTRALITY = 4.132
 
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:

@@ -22,8 +22,9 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import Explanations, explanations
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.single_error import single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
@@ -32,7 +33,8 @@ from adjust.quality.snooping_statistic import (
     of_present,
     whitened_residuals,
 )
-from adjust.solve.normal_equations import Observations, whiten
+from adjust.solve.system import Observations
+from adjust.solve.whitening import whiten
 
 Test = Literal["components", "observations"]
 ReferenceVariance = Literal["a_priori", "a_posteriori"]

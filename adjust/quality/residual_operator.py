@@ -16,7 +16,8 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup, StochasticModel
 from adjust.parameters import State, Unit
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import Observations, System, reduced_normals, substitute_back
+from adjust.solve.normal_equations import reduced_normals, substitute_back
+from adjust.solve.system import Observations, System
 
 
 @dataclass(frozen=True, eq=False)

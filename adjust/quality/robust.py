@@ -27,10 +27,11 @@ from adjust.arrays import Floats
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.parameters import State
-from adjust.quality.redundancy import NON_CENTRALITY, UNCONTROLLED, GroupResiduals
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.rejection import Rejection, SnoopingRule, choose
 from adjust.solve.gauss_newton import converge
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 RobustFunction = Literal["huber", "cauchy", "tukey", "biber", "danish"]
 

@@ -23,7 +23,7 @@ from adjust.quality.cofactor import Cofactor
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 
 # So many blocks at a time bound the memory of what is between.
 _AT_ONCE = 65_536

@@ -21,7 +21,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.quality.cofactor import Cofactor
-from adjust.solve.normal_equations import add_border_columns, standardize
+from adjust.solve.whitening import add_border_columns, standardize
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from scipy import special
 
 from adjust.arrays import Floats, Ints
 from adjust.observations.base import StochasticModel
-from adjust.quality.redundancy import UNCONTROLLED
+from adjust.quality.detectability import UNCONTROLLED
 
 # Logarithms of probabilities below this are rounding of an underflow.
 _UNDERFLOW = -700.0

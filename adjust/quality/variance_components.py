@@ -30,11 +30,12 @@ from adjust.parameters import State
 from adjust.quality import correlation_time
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.observation_parts import Part
-from adjust.quality.redundancy import UNCONTROLLED, GroupResiduals
+from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.residual_operator import residuals_of
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 
 #: Redundancy below which a part keeps its weights: the estimate would be wilder than the statement.
 LEAST_REDUNDANCY = 10.0

@@ -35,7 +35,7 @@ from adjust.simulate.noise import gnss_markov_noise, ins_markov_noise, white_noi
 from adjust.simulate.random_streams import RandomStreams, Source
 from adjust.simulate.system import certified_interior, strip_errors
 from adjust.simulate.truth import BlockSpecification, BlockTruth, block_truth
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 
 @dataclass(frozen=True, eq=False)

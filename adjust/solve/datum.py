@@ -10,7 +10,8 @@ from adjust.arrays import Floats, Ints
 from adjust.geometry.rotation import cross_matrix
 from adjust.observations.base import Linearization
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
-from adjust.solve.normal_equations import System, whiten
+from adjust.solve.system import System
+from adjust.solve.whitening import whiten
 
 DATUM_DIRECTIONS = (
     "shift in x",

@@ -19,7 +19,8 @@ from adjust.parameters import State
 from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis
 from adjust.solve.factorization import SingularNormalsError
 from adjust.solve.full_vectors import FullVectors
-from adjust.solve.normal_equations import ReducedNormals, System
+from adjust.solve.normal_equations import ReducedNormals
+from adjust.solve.system import System
 
 # A datum direction lies in the null space if it is reproduced to this part of its length.
 _CONTAINED = 1e-2

@@ -24,7 +24,7 @@ from scipy import sparse
 from adjust.arrays import Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup, StochasticModel
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,9 @@ from adjust.parameters import InnerConstraints, State
 from adjust.solve.datum import datum_basis, movements_of_points, noticed_movements
 from adjust.solve.full_vectors import FullVectors
 from adjust.solve.joined_points import Joins
-from adjust.solve.normal_equations import ReducedNormals, System, add_border_columns, whiten
+from adjust.solve.normal_equations import ReducedNormals
+from adjust.solve.system import System
+from adjust.solve.whitening import add_border_columns, whiten
 
 # Information below this part of what an exposure's own observations would give alone is rounding: with it
 # the normal equations would count as singular.

@@ -11,7 +11,8 @@ from adjust.parameters import State
 from adjust.solve import elimination_kernel
 from adjust.solve.factorization import Factorization
 from adjust.solve.lanes import Lane, in_order, lanes
-from adjust.solve.normal_equations import ReducedNormals, System, substitute_back
+from adjust.solve.normal_equations import ReducedNormals, substitute_back
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,13 +18,8 @@ from adjust.parameters import State
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
 from adjust.solve.free_network import OpenMovements, open_movements, settled
-from adjust.solve.normal_equations import (
-    ReducedNormals,
-    System,
-    reduced_normals,
-    substitute_back,
-    weighted_squares,
-)
+from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back, weighted_squares
+from adjust.solve.system import System
 
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +11,9 @@ from adjust.block import Block
 from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.parameters import State
 from adjust.solve import reduction_kernel
-from adjust.solve.lanes import Lane, in_any_order, in_order, lanes
-
-if TYPE_CHECKING:
-    from adjust.solve.joined_points import Couplings
-    from adjust.solve.normal_equations import ReducedNormals, System
+from adjust.solve.joined_points import Couplings
+from adjust.solve.lanes import Lane, in_order, lanes
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,28 +126,6 @@ def reduce_image_points(
         weighted_squares += squares
         eliminated += reduction
     return weighted_squares, eliminated
-
-
-def increments_of_points(
-    system: System, state: State, normals: ReducedNormals, of_exposures: Floats, of_border: Floats
-) -> Floats:
-    """Increments (m, 3) of the object points that belong to (n, 6) and (g,) of the others."""
-    increments = np.zeros_like(state.object_point)
-
-    def work(lane: Lane) -> None:
-        reduction_kernel.substitute_back(
-            *system.rays_of_lane(state, lane),
-            system.ray_columns.of_image,
-            *normals.couplings.columns(system.layout.border),
-            normals.point_factor,
-            normals.point_rhs,
-            of_exposures,
-            of_border,
-            increments,
-        )
-
-    in_any_order(work, lanes(system.point_start), system.threads)
-    return increments
 
 
 def _refuse(block: Block, behind: int, undetermined: int) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.observations.image_point_kernel import linearize_ray
+from adjust.solve.border_columns_kernel import nonzero_columns, open_row
 from adjust.solve.covisibility_kernel import find_block
 
 # A pivot below this part of the original diagonal element means that the point is not determined.
@@ -103,38 +104,6 @@ def add_exposure_rows(
             blocks[diagonal, k, q] += l0 * of_exterior[a, 0, q] + l1 * of_exterior[a, 1, q]
         for q in range(3):
             mixed[6 * a + k, q] = l0 * of_point[a, 0, q] + l1 * of_point[a, 1, q]
-
-
-@small_kernel
-def open_row(column, touched, local, position, rows):
-    """Give a column of the border that one point touches a row (3,) of zeros, unless it has one.
-
-    local (·,) has the columns that have a row, position (g,) the row of each column or −1; returns how many.
-    """
-    if position[column] < 0:
-        position[column] = touched
-        local[touched] = column
-        rows[touched, :] = 0.0
-        touched += 1
-    return touched
-
-
-@small_kernel
-def nonzero_columns(a, e, of_system, columns, found):
-    """Free parameters of a ray with a derivative other than zero; returns how many.
-
-    Their derivatives move to the front of of_system[a] (2, 3 + t), their columns go to found[a] (3 + t,), in
-    ascending order. Most terms of composed images are zero outside one CCD.
-    """
-    count = 0
-    for s in range(columns.shape[1]):
-        column = columns[e, s]
-        if column >= 0 and (of_system[a, 0, s] != 0.0 or of_system[a, 1, s] != 0.0):
-            of_system[a, 0, count] = of_system[a, 0, s]
-            of_system[a, 1, count] = of_system[a, 1, s]
-            found[a, count] = column
-            count += 1
-    return count
 
 
 @small_kernel

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from adjust.calibration.correlation import correlation_matrix
-from adjust.quality.redundancy import UNCONTROLLED
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.selection.correlation import correlation_matrix
 from tasks.block.free_network_figures import free_network_figures, free_network_sentences
 from tasks.block.result_tables import AdjustedBlock
 from tasks.block.surveyed_differences import (

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adjust.observations.joint_prior import JointPrior
-from adjust.quality.considered import Contradiction, contradiction_of_prior
+from adjust.quality.considered import contradiction_of_prior
+from adjust.quality.considered_errors import Contradiction
 from tasks.block.known_calibrations import KnownCalibration
 from tasks.block.result_tables import AdjustedBlock
 from tasks.figures import RegisteredCalibrationFigure

@@ -31,12 +31,8 @@ from adjust.parameters import (
     TIME_OFFSET,
     SystemParameters,
 )
-from adjust.quality.model_alternatives import (
-    ModelAlternative,
-    ObservationAlternative,
-    ParameterAlternative,
-)
-from adjust.solve.normal_equations import Observations
+from adjust.quality.model_alternatives import ModelAlternative, ObservationAlternative, ParameterAlternative
+from adjust.solve.system import Observations
 from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.refracted_rays import coefficients_of_rays, ground_heights

@@ -9,12 +9,12 @@ import pandas as pd
 from scipy import special
 
 from adjust.arrays import Floats
-from adjust.calibration.correlation import correlation_matrix, total_correlation
-from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
 from adjust.observations.direct import DirectObservations
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import GNSS_SHIFT, ParameterPlace, Quantity
 from adjust.result import AdjustmentResult
+from adjust.selection.correlation import correlation_matrix, total_correlation
+from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.block.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
 from tasks.tables import schemas

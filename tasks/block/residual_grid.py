@@ -17,23 +17,23 @@ import pandas as pd
 from adjust.adjustment import adjust_block
 from adjust.arrays import Bools, Floats
 from adjust.block import Block
-from adjust.calibration.autocorrelation import Autocorrelation, autocorrelation
-from adjust.calibration.controlled_residuals import controlled
-from adjust.calibration.format_cells import FormatCells, Seams
-from adjust.calibration.grid_iteration import GridIteration, iterate_grid
-from adjust.calibration.grid_smoothing import Smoothing
-from adjust.calibration.image_correction import CorrectionField, corrected
-from adjust.calibration.image_sets import GridRule
-from adjust.calibration.parameter_selection import without_priors_of_held
-from adjust.calibration.residual_grid import ResidualGrid, residual_grids
 from adjust.camera.additional.calibration_axes import calibration_from_image
 from adjust.camera.interior import FrameCamera
 from adjust.errors import AdjustmentError
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
+from adjust.residual_grid.autocorrelation import Autocorrelation, autocorrelation
+from adjust.residual_grid.controlled_residuals import controlled
+from adjust.residual_grid.format_cells import FormatCells, Seams
+from adjust.residual_grid.image_correction import CorrectionField, corrected
+from adjust.residual_grid.image_sets import GridRule
+from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.residual_grid import ResidualGrid, residual_grids
+from adjust.residual_grid.smoothing import Smoothing
 from adjust.result import AdjustmentResult
+from adjust.selection.parameter_selection import without_priors_of_held
 from adjust.solve.gauss_newton import Progress
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.block.residual_grid_file import read_corrections
 from tasks.errors import InputError, NotComputableError
 from tasks.settings.residual_grid import ResidualGridSettings

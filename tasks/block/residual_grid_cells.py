@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from adjust.calibration.format_cells import Division, FormatCells
+from adjust.residual_grid.format_cells import Division, FormatCells
 
 _MM = 1e-3
 

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from adjust.calibration.autocorrelation import Autocorrelation
-from adjust.calibration.grid_iteration import GridIteration
-from adjust.calibration.image_correction import CorrectionField
-from adjust.calibration.residual_grid import ResidualGrid
 from adjust.camera.interior import FrameCamera
+from adjust.residual_grid.autocorrelation import Autocorrelation
+from adjust.residual_grid.image_correction import CorrectionField
+from adjust.residual_grid.iteration import GridIteration
+from adjust.residual_grid.residual_grid import ResidualGrid
 from tasks.block.residual_grid import BlockGrids
 from tasks.figures import (
     CameraGridFigure,

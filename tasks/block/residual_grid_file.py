@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Bools, Floats
-from adjust.calibration.grid_comparison import combined_grid
-from adjust.calibration.image_correction import CorrectionField
-from adjust.calibration.residual_grid import ResidualGrid
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
+from adjust.residual_grid.comparison import combined_grid
+from adjust.residual_grid.image_correction import CorrectionField
+from adjust.residual_grid.residual_grid import ResidualGrid
 from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean

@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats, Ints
-from adjust.calibration.correlation import correlation_matrix, total_correlation
-from adjust.calibration.elimination import Criterion, Decision
-from adjust.calibration.parameter_selection import SelectedAdjustment
-from adjust.calibration.significance import difference_test, group_test, t_values
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected_items
 from adjust.parameters import ADDITIONAL_PARAMETERS, Quantity, SystemParameters
 from adjust.quality.considered import with_considered
+from adjust.selection.correlation import correlation_matrix, total_correlation
+from adjust.selection.elimination import Criterion, Decision
+from adjust.selection.parameter_selection import SelectedAdjustment
+from adjust.selection.significance import difference_test, group_test, t_values
 from tasks.block.parameter_tables import columns_of
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.figures import DecisionFigure, FlightTestFigure, GroupTestFigure, SelfCalibrationFigures

@@ -10,7 +10,7 @@ import pandas as pd
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.quality.observation_parts import Division
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.block.given_orientations import GivenOrientations
 from tasks.settings.adjustment import AdjustmentSettings
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from adjust.calibration.determinability import INSEPARABLE, PRIOR_ONLY
 from adjust.planning.a_priori import APriori
+from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.quantities import reported
 
 

@@ -21,7 +21,7 @@ from adjust.errors import AdjustmentError
 from adjust.options import AdjustmentOptions
 from adjust.parameters import GNSS_SHIFT
 from adjust.result import AdjustmentResult
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 _MARGIN = 3.0
 # Differences below this, metres, or this many standard deviations, need no explanation.

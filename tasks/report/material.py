@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from adjust.calibration.residual_grid import LEAST_REDUNDANCY
 from adjust.camera.interior import FrameCamera
+from adjust.residual_grid.residual_grid import LEAST_REDUNDANCY
 from tasks.block.strip_names import strip_names
 from tasks.figures import AdjustmentFigures, figures_of
 from tasks.importing.cameras import frame_cameras

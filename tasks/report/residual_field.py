@@ -10,8 +10,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from adjust.arrays import Bools, Floats
-from adjust.calibration.residual_grid import residual_grid
 from adjust.camera.interior import FrameCamera
+from adjust.residual_grid.residual_grid import residual_grid
 from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.report import axes, markup
 from tasks.report.axes import round_length

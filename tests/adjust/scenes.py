@@ -44,7 +44,7 @@ from adjust.parameters import (
     SystemParameters,
     additional_family,
 )
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 MICROMETRE = 1e-6
 DEGREE = np.pi / 180.0

@@ -30,7 +30,7 @@ from adjust.parameters import (
     State,
 )
 from adjust.result import AdjustmentResult
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tests.adjust.scenes import ALL_FREE, MICROMETRE, Scene, two_strips
 
 

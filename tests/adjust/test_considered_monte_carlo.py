@@ -21,7 +21,7 @@ from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
 from adjust.parameters import INTERIOR_ORIENTATION, ConsideredParameters, ParameterPlace
 from adjust.quality.considered import with_considered
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import MICROMETRE, ControlKind, two_strips
 
 SIGMA_C = 2.0 * MICROMETRE

@@ -18,7 +18,7 @@ from adjust.geometry import rotation
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_normals
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
 TRIALS = 200

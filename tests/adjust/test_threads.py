@@ -10,7 +10,7 @@ import numpy as np
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.options import AdjustmentOptions, available_threads
 from adjust.solve.lanes import lanes
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import ALL_FREE, Scene, two_strips
 
 

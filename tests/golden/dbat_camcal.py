@@ -31,7 +31,7 @@ from adjust.parameters import (
     SystemParameters,
     additional_family,
 )
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 COLUMNS, ROWS = 2272, 1704
 PIXEL_MM = 5.43764 / ROWS

@@ -29,7 +29,7 @@ from adjust.block import Block
 from adjust.geometry import rotation
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.result import AdjustmentResult
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tests.golden.dbat_camcal import (
     COLUMNS,
     PIXEL_MM,

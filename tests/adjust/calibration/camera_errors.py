@@ -15,10 +15,10 @@ import numpy as np
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats
 from adjust.block import Block
-from adjust.calibration.format_cells import FormatCells, Seams
-from adjust.calibration.grid_choice import CheckCoordinates
 from adjust.camera.interior import FrameCamera
 from adjust.parameters import State
+from adjust.residual_grid.choice import CheckCoordinates
+from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.result import AdjustmentResult
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
@@ -28,7 +28,7 @@ from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.terrain import TerrainShape
 from adjust.simulate.truth import BlockSpecification
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 MICROMETRE = 1e-6
 CAMERA = FrameCamera("UCX", 9420, 14430, 7.2e-6, 0.1005, (0.0, 0.0), "corner", 0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Bools, Floats
-from adjust.calibration.linear_estimate import ParameterNormals
+from adjust.selection.linear_estimate import ParameterNormals
 
 
 @dataclass(frozen=True, eq=False)

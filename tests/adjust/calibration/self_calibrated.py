@@ -25,7 +25,7 @@ from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.terrain import TerrainShape
 from adjust.simulate.truth import BlockSpecification
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 
 EAGLE = FrameCamera("UCE", 13080, 20010, 5.2e-6, 0.08, (0.0, 0.0), "corner", 0)
 LOW, HIGH = 780.0, 2340.0

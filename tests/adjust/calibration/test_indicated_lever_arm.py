@@ -25,7 +25,7 @@ from adjust.parameters import (
 )
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.system import SystemSpecification
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tests.adjust.simulate.specifications import small_specification
 
 TRUE = np.array([0.61, -0.34, -1.20])

@@ -9,17 +9,17 @@ import pytest
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Bools, Floats
-from adjust.calibration.correlation import correlation_matrix, total_correlation
-from adjust.calibration.determinability import PRIOR_ONLY, part_of_prior, undetermined
-from adjust.calibration.elimination import Action, Criterion, eliminate
-from adjust.calibration.elimination_rules import DEFAULT, PRESETS
-from adjust.calibration.linear_estimate import LinearEstimate
-from adjust.calibration.parameter_normals import normals_of_result
-from adjust.calibration.parameter_selection import adjust_with_selection, columns_of
 from adjust.camera.additional.effect import effects, image_error_field
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.result import AdjustmentResult
+from adjust.selection.correlation import correlation_matrix, total_correlation
+from adjust.selection.determinability import PRIOR_ONLY, part_of_prior, undetermined
+from adjust.selection.elimination import Action, Criterion, eliminate
+from adjust.selection.elimination_rules import DEFAULT, PRESETS
+from adjust.selection.linear_estimate import LinearEstimate
+from adjust.selection.parameter_normals import normals_of_result
+from adjust.selection.parameter_selection import adjust_with_selection, columns_of
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout

@@ -26,7 +26,8 @@ from adjust.parameters import (
     ConsideredParameters,
     ParameterPlace,
 )
-from adjust.quality.considered import ConsideredErrors, contradiction_of_prior, with_considered
+from adjust.quality.considered import contradiction_of_prior, with_considered
+from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
@@ -38,7 +39,7 @@ from adjust.solve.design_matrix import (
     redundancy_numbers,
     whitening_matrix,
 )
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import DEGREE, Scene, two_strips
 
 PLACES = (

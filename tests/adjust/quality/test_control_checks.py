@@ -17,7 +17,7 @@ from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import Scene, two_strips
 
 FREE = {INTERIOR_ORIENTATION: True, BORESIGHT: True}

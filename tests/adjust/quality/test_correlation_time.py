@@ -31,7 +31,7 @@ from adjust.quality.variance_components import redundancy_of, trace_matrix
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_cofactor, full_covariance
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import (
     Scene,
     two_strips,

@@ -17,7 +17,7 @@ from scipy import stats
 
 from adjust.adjustment import adjust_block
 from adjust.options import AdjustmentOptions
-from adjust.quality.redundancy import NON_CENTRALITY
+from adjust.quality.detectability import NON_CENTRALITY
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.simulate.block import SimulatedBlock, measure, simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
@@ -25,7 +25,7 @@ from adjust.simulate.gross_errors import GrossErrorSpecification
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.solve.design_matrix import design_matrix, full_cofactor
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import two_strips
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
 

@@ -18,17 +18,16 @@ from adjust.parameters import (
     LEVER_ARM,
     TIME_OFFSET,
 )
+from adjust.quality.detectability import INDISTINGUISHABLE, NON_CENTRALITY
 from adjust.quality.model_alternatives import (
-    INDISTINGUISHABLE,
     AlternativeTests,
     ModelAlternative,
     ObservationAlternative,
     ParameterAlternative,
     alternative_tests,
 )
-from adjust.quality.redundancy import NON_CENTRALITY
 from adjust.solve.design_matrix import design_matrix, full_cofactor
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips, variants
 
 FREE = {BORESIGHT: True, GNSS_SHIFT: True}

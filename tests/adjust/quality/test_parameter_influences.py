@@ -15,7 +15,7 @@ from adjust.quality.parameter_influences import parameter_influences
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.system import SystemSpecification
 from adjust.solve.design_matrix import design_matrix, full_cofactor, whitening_matrix
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from tests.adjust.simulate.specifications import small_specification
 
 OPTIONS = AdjustmentOptions(threads=1)

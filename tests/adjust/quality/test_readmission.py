@@ -13,7 +13,7 @@ from adjust.data_snooping import Search
 from adjust.least_squares import Adjuster
 from adjust.options import AdjustmentOptions
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
 
 RULE = SnoopingRule(4.13)

@@ -9,7 +9,7 @@ from adjust.quality.cofactor import cofactor
 from adjust.quality.redundancy import _residuals, group_residuals
 from adjust.quality.single_error import SingleErrors
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import ALL_FREE, two_strips, with_rejected_rays
 
 

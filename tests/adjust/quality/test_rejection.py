@@ -13,9 +13,9 @@ from adjust.errors import InconsistentBlockError
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT
-from adjust.quality.redundancy import NON_CENTRALITY, UNCONTROLLED
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.result import AdjustmentResult, ObservationStatus
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
 
 CRITICAL = 4.13

@@ -15,13 +15,14 @@ from adjust.least_squares import Adjusted
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, LEVER_ARM
 from adjust.quality.cofactor import cofactor
-from adjust.quality.redundancy import NON_CENTRALITY, group_residuals
+from adjust.quality.detectability import NON_CENTRALITY
+from adjust.quality.redundancy import group_residuals
 from adjust.quality.rejection import SnoopingRule, reject
 from adjust.quality.single_error import single_errors
 from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import design_matrix, full_cofactor, full_covariance
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import (
     DEGREE,
     MICROMETRE,

@@ -34,7 +34,7 @@ from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import Observations, System
+from adjust.solve.system import Observations, System
 from adjust.weighting import without_swinging
 from tests.adjust.scenes import two_strips
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification

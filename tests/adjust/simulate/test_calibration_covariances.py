@@ -39,7 +39,7 @@ from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.system import SystemSpecification
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulation_input import block_specification
 from tests.adjust.scenes import Polynomials

@@ -13,7 +13,8 @@ from adjust.solve.covisibility import covisibility
 from adjust.solve.design_matrix import design_matrix, full_cofactor, redundancy_numbers
 from adjust.solve.factorization import factorize
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import System, reduced_normals
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips, with_rejected_positions
 
 # Five positions in a row: those on either side are 1,700 m apart, the images 700 m long.

@@ -11,7 +11,7 @@ from adjust.parameters import BORESIGHT, GNSS_SHIFT, GNSS_STRIP_BIAS, INTERIOR_O
 from adjust.result import AdjustmentResult
 from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis, datum_shares, movements_of_points
 from adjust.solve.design_matrix import design_matrix
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import two_strips
 
 FOCAL_LENGTH = {INTERIOR_ORIENTATION: [True, False, False]}

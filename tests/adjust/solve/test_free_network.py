@@ -10,8 +10,6 @@ import pytest
 
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.arrays import Floats
-from adjust.calibration.parameter_normals import normals_at, normals_of_result
-from adjust.calibration.readjustment import Readjustment
 from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.geometry.earth import CartesianFrame
 from adjust.observations.base import StochasticModel
@@ -22,19 +20,16 @@ from adjust.quality.cofactor import Cofactor, cofactor
 from adjust.quality.redundancy import group_residuals
 from adjust.quality.s_transformation import with_inner_constraints
 from adjust.result import AdjustmentResult
+from adjust.selection.parameter_normals import normals_at, normals_of_result
+from adjust.selection.readjustment import Readjustment
 from adjust.solve.datum import DATUM_DIRECTIONS
 from adjust.solve.design_matrix import DesignMatrix, design_matrix, full_normals, redundancy_numbers
 from adjust.solve.factorization import factorize
 from adjust.solve.free_network import OpenMovements, open_movements
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import (
-    Observations,
-    ReducedNormals,
-    System,
-    reduced_normals,
-    substitute_back,
-)
+from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import Scene, two_strips, with_rejected_rays
 
 RELATIVE = 1e-9

@@ -20,7 +20,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_normals
-from adjust.solve.normal_equations import System
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
 pytestmark = pytest.mark.slow

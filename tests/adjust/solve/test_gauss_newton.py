@@ -11,7 +11,8 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.parameters import BORESIGHT
 from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import System, reduced_normals
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
 

@@ -24,7 +24,8 @@ from adjust.solve.design_matrix import (
 )
 from adjust.solve.factorization import dense_matrix, factorize
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import ReducedNormals, System, reduced_normals, substitute_back
+from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips, variants
 
 # Of the natural scale of each element: the geometric mean of its two diagonal elements.

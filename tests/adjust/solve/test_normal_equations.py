@@ -13,7 +13,8 @@ from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.observations.base import Linearization, Term
 from adjust.parameters import LEVER_ARM, State
 from adjust.solve.covisibility import covisibility
-from adjust.solve.normal_equations import System, reduced_normals
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adjust.calibration.format_cells import FormatCells, Seams
-from adjust.calibration.grid_comparison import combined_grid
-from adjust.calibration.image_correction import CorrectionField
-from adjust.calibration.residual_grid import ResidualGrid, residual_grid
 from adjust.camera.interior import FrameCamera
+from adjust.residual_grid.comparison import combined_grid
+from adjust.residual_grid.format_cells import FormatCells, Seams
+from adjust.residual_grid.image_correction import CorrectionField
+from adjust.residual_grid.residual_grid import ResidualGrid, residual_grid
 from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.block.residual_grid_file import read_corrections, write_residual_grid
 from tasks.errors import InputError

@@ -14,7 +14,7 @@ from adjust.observations.direct import DirectObservations
 from adjust.options import AdjustmentOptions
 from adjust.parameters import GNSS_STRIP_BIAS, LEVER_ARM
 from adjust.result import ObservationStatus
-from adjust.solve.normal_equations import Observations
+from adjust.solve.system import Observations
 from tasks.block.block_input import SurveyedPoints
 from tasks.block.residual_table import write_residuals
 from tasks.block.result_tables import AdjustedBlock, reported_unit_of, write_object_points

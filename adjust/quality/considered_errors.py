@@ -1,0 +1,102 @@
+"""Errors of considered parameters in what is adjusted, and the test whether a block contradicts them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from adjust.arrays import Floats
+from adjust.observations.base import Linearization
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
+from adjust.quality.detectability import INDISTINGUISHABLE
+from adjust.solve.full_vectors import FullVectors
+from adjust.solve.whitening import standardize
+
+# So many image points at a time bound the memory of what is between.
+_AT_ONCE = 65_536
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Test whether a block contradicts what is known of parameters.
+
+    Attributes
+    ----------
+    statistic : T, distributed as χ² if it does not.
+    freedom : its degrees of freedom: what the block says of the parameters at all.
+    """
+
+    statistic: float
+    freedom: int
+
+    @property
+    def probability(self) -> float:
+        """How often T is larger although nothing is wrong; 1 without freedom."""
+        return float(special.chdtrc(self.freedom, self.statistic)) if self.freedom else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ConsideredErrors:
+    """What k independent errors of unit variance in the considered parameters change.
+
+    Attributes
+    ----------
+    known : the parameters and their covariance.
+    of_unknowns : errors (u, k) of the adjusted unknowns, −K R; in the datum of a free network.
+    of_families : name of the family → (entities, components, k) errors of free and considered parameters.
+    information, own : (k, k) S̃, and the same with nothing else unknown, A_gᵀ A_g.
+    score : (k,) s̃.
+    """
+
+    known: ConsideredParameters
+    of_unknowns: FullVectors
+    of_families: Mapping[str, Floats]
+    information: Floats
+    own: Floats
+    score: Floats
+
+    def of_residuals(self, equations: Linearization) -> Floats:
+        """Errors (n, m, k) that residuals have, in the units of the equations: B̃ R."""
+        errors = np.zeros((*equations.misclosure.shape, self.of_unknowns.count))
+        for term in equations.terms:
+            if term.block == EXTERIOR_ORIENTATION:
+                errors += term.jacobian @ self.of_unknowns.of_exposures[term.index]
+            elif term.block == OBJECT_POINT:
+                errors += term.jacobian @ self.of_unknowns.of_points[term.index]
+            else:
+                errors += term.jacobian @ self.of_families[term.block][term.index]
+        return errors
+
+    def covariance_of_residuals(self, equations: Linearization) -> Floats:
+        """B̃ C B̃ᵀ (n, m, m) of every observation."""
+        errors = self.of_residuals(equations)
+        return errors @ np.swapaxes(errors, 1, 2)
+
+    def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
+        """The same (n, 2, 2) of image points in units of their σ; zero for those that take no part."""
+        covariance = np.empty((len(rays.image), 2, 2))
+        for first in range(0, len(covariance), _AT_ONCE):
+            part = rays.only(np.arange(first, min(first + _AT_ONCE, len(covariance))))
+            equations = standardize(part, part.linearize(state))
+            covariance[first : first + _AT_ONCE] = self.covariance_of_residuals(equations)
+        return covariance
+
+    def contradiction(self, members: Sequence[int], sigma0: float = 1.0) -> Contradiction:
+        """Whether the block contradicts the values of some of the parameters, by their numbers."""
+        chosen = list(members)
+        # In units of the σ, beside the others' errors.
+        sigma = np.sqrt(np.diagonal(self.known.covariance)[chosen])
+        normal, own = (
+            sigma[:, None] * matrix[np.ix_(chosen, chosen)] * sigma for matrix in (self.information, self.own)
+        )
+        moved = sigma[:, None] * self.information[chosen] @ self.known.root
+        scale = 1.0 / np.sqrt(np.where(np.diagonal(own) > 0.0, np.diagonal(own), 1.0))
+        values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
+        told = (scale[:, None] * vectors)[:, values > INDISTINGUISHABLE]
+        score, effect = told.T @ (sigma * self.score[chosen]), told.T @ moved
+        spread = sigma0**2 * told.T @ normal @ told + effect @ effect.T
+        return Contradiction(float(score @ np.linalg.solve(spread, score)), told.shape[1])

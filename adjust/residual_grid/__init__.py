@@ -1,0 +1,1 @@
+"""Grids of image residuals: computation, choice, iteration, smoothing and tests."""

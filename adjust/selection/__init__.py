@@ -1,0 +1,1 @@
+"""Which parameters a block determines: correlations, significance, elimination."""

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.errors import InconsistentBlockError
+from adjust.residual_grid.comparison import combined_grid, compare_grids
+from adjust.residual_grid.format_cells import FormatCells
+from adjust.residual_grid.residual_grid import ResidualGrid, residual_grid
+
+HALF = (0.05, 0.03)
+
+
+def _field(xy: Floats) -> Floats:
+    x, y = (xy / HALF).T
+    return 0.4 * np.stack([np.sin(3 * x + y), 2.0 * x * y - 0.6 * x**3], axis=1)
+
+
+def _grid(seed: int, per_cell: int = 25, side: int = 25, factor: float = 1.0) -> ResidualGrid:
+    random = np.random.default_rng(seed)
+    xy = random.uniform(-1, 1, (per_cell * side * side, 2)) * HALF
+    return residual_grid(
+        FormatCells.of(HALF, side), xy, factor * _field(xy) + random.normal(0, 0.8, xy.shape)
+    )
+
+
+def test_two_flights_with_the_same_camera_are_correlated_and_do_not_differ() -> None:
+    found = compare_grids(_grid(1), _grid(2))
+    assert found.freedom == 2 * found.cells
+    assert all(0.5 < value < 0.9 for value in found.correlation)
+    # Freed of the noise they are the same.
+    assert found.correlation_of_signals == pytest.approx((1.0, 1.0), abs=0.06)
+    assert found.statistic / found.freedom == pytest.approx(1.0, abs=0.2)
+    assert found.differing == pytest.approx(0.05, abs=0.05)
+
+
+def test_the_test_of_the_difference_keeps_its_level() -> None:
+    # Thousands of image points in a cell: the scatter in it is as good as known.
+    found = [compare_grids(_grid(2 * k, 400, 5), _grid(2 * k + 1, 400, 5)) for k in range(60)]
+    beyond = sum(item.probability < 0.05 for item in found)
+    assert beyond <= 8
+
+
+def test_another_camera_is_recognized() -> None:
+    found = compare_grids(_grid(1), _grid(2, factor=-1.0))
+    assert max(found.correlation) < -0.5
+    assert found.correlation_of_signals == pytest.approx((-1.0, -1.0), abs=0.06)
+    assert found.probability < 1e-6
+    assert found.differing > 0.5
+
+
+def test_correlation_is_that_of_the_means() -> None:
+    one, other = _grid(3, 100, 4), _grid(4, 100, 4)
+    found = compare_grids(one, other)
+    for k in (0, 1):
+        a, b = one.mean[:, k], other.mean[:, k]
+        assert found.correlation[k] == pytest.approx(float(a @ b / np.sqrt((a @ a) * (b @ b))))
+    square = (one.mean - other.mean) ** 2 / (one.sigma**2 + other.sigma**2)
+    assert found.statistic == pytest.approx(square.sum())
+
+
+def test_both_flights_together_are_as_good_as_all_their_image_points() -> None:
+    one, other = _grid(5, 100), _grid(6, 300)
+    both = combined_grid((one, other))
+    true = _field(one.cells.middles)
+    expected = 0.8 / np.sqrt(400)
+    np.testing.assert_array_equal(both.count, one.count + other.count)
+    assert np.sqrt(np.mean(both.sigma**2)) == pytest.approx(expected, rel=0.03)
+    # The field changes a little within a cell.
+    assert np.sqrt(np.mean((both.mean - true) ** 2)) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_cell_that_only_one_flight_knows_keeps_its_mean() -> None:
+    one, other = _grid(7, 12), _grid(8, 6)
+    both = combined_grid((one, other))
+    alone = np.isfinite(one.mean) & np.isnan(other.mean)
+    assert alone.sum() > 100
+    np.testing.assert_allclose(both.mean[alone], one.mean[alone], rtol=1e-12)
+    np.testing.assert_allclose(both.sigma[alone], one.sigma[alone], rtol=1e-12)
+    np.testing.assert_array_equal(both.known, one.known | other.known)
+
+
+def test_a_grid_with_itself_has_the_same_means_and_a_smaller_sigma() -> None:
+    one = _grid(9, 50)
+    both = combined_grid((one, one))
+    np.testing.assert_allclose(both.mean, one.mean, rtol=1e-12)
+    np.testing.assert_allclose(both.sigma, one.sigma / np.sqrt(2.0), rtol=1e-12)
+
+
+def test_grids_with_other_sub_areas_are_refused() -> None:
+    for call in (lambda a, b: compare_grids(a, b), lambda a, b: combined_grid((a, b))):
+        with pytest.raises(InconsistentBlockError, match="different sub-areas"):
+            call(_grid(1, 10, 5), _grid(2, 10, 6))
+
+
+def test_grids_without_a_common_cell_are_refused() -> None:
+    one = _grid(1, 10, 5)
+    nowhere = ResidualGrid(one.cells, one.count, np.full_like(one.mean, np.nan), one.sigma, one.probability)
+    with pytest.raises(InconsistentBlockError, match="no two sub-areas"):
+        compare_grids(one, nowhere)
