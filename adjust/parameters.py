@@ -46,6 +46,7 @@ class Family:
     entity_kind : what has its own set of them.
     unit : SI unit of its parameters; of additional parameters, whose sets are published with units of their
         own, each has its own in ``own_units``.
+    always_there : whether a block has them even where none is free; else nothing is known of them before.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Family:
     entity_kind: EntityKind
     unit: Unit
     own_units: tuple[str, ...] = ()
+    always_there: bool = True
 
     def unit_of(self, component: int) -> str:
         """Unit of one parameter."""
@@ -73,9 +75,16 @@ FAMILIES: Mapping[str, Family] = {
             ("gnss_strip_bias_x", "gnss_strip_bias_y", "gnss_strip_bias_z"),
             "strip",
             "m",
+            always_there=False,
         ),
-        Family(GNSS_DRIFT, ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"), "strip", "m/s"),
-        Family(TIME_OFFSET, ("time_offset",), "flight", "s"),
+        Family(
+            GNSS_DRIFT,
+            ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"),
+            "strip",
+            "m/s",
+            always_there=False,
+        ),
+        Family(TIME_OFFSET, ("time_offset",), "flight", "s", always_there=False),
     )
 }
 
@@ -88,6 +97,33 @@ def additional_family(components: tuple[str, ...], units: tuple[str, ...]) -> Fa
     return Family(ADDITIONAL_PARAMETERS, components, "camera", "1", units)
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """One system parameter of a block: what it is, and what has it. Its texts are made here and never read.
+
+    Attributes
+    ----------
+    name : of the component, e.g. ``boresight_roll``.
+    camera, flight, strip : what has it, None where it is of none; of a camera and a flight: it holds for the
+        camera in this flight alone. A flight without a name is empty.
+    """
+
+    name: str
+    camera: str | None = None
+    flight: str | None = None
+    strip: str | None = None
+
+    @property
+    def entity(self) -> str:
+        """What has it, for people and as key of tables: a camera, ``CAMERA in FLIGHT``, a flight, a strip."""
+        if self.camera is not None and self.flight is not None:
+            return f"{self.camera} in {self.flight or 'the flight'}"
+        return next((name for name in (self.camera, self.flight, self.strip) if name is not None), "")
+
+    def __str__(self) -> str:
+        return f"{self.name} of {self.entity}"
+
+
 @dataclass(frozen=True, eq=False)
 class SystemParameters:
     """The parameters of one family: their values for every entity, and which are free.
@@ -98,12 +134,21 @@ class SystemParameters:
     entities : names of the e cameras, flights or strips.
     values : (e, d) given values, SI and radians, or the family's own units.
     free : (e, d) true where the parameter is unknown; elsewhere it keeps its value.
+    flights : of cameras that have a set for each flight, the flights of the e sets; None: one set each.
     """
 
     family: Family
     entities: tuple[str, ...]
     values: Floats
     free: Bools
+    flights: tuple[str, ...] | None = None
+
+    def quantity(self, entity: int, component: int) -> Quantity:
+        """One of the parameters by its name and what has it."""
+        owner = {self.family.entity_kind: self.entities[entity]}
+        if self.flights is not None:
+            owner["flight"] = self.flights[entity]
+        return Quantity(self.family.components[component], **owner)
 
 
 class ParameterPlace(NamedTuple):
@@ -195,16 +240,25 @@ class ParameterLayout:
         """Number of unknowns u."""
         return 6 * self.images + 3 * self.points + self.border
 
+    @property
+    def border_quantities(self) -> tuple[Quantity, ...]:
+        """The parameter of every column of the border."""
+        return tuple(
+            parameters.quantity(int(entity), int(component))
+            for parameters in self.system
+            for entity, component in np.argwhere(parameters.free)
+        )
+
     def border_names(self) -> tuple[tuple[str, str, str], ...]:
         """(parameter, entity, unit) of every column of the border."""
-        names: list[tuple[str, str, str]] = []
-        for parameters in self.system:
-            family = parameters.family
-            names += [
-                (family.components[component], parameters.entities[entity], family.unit_of(int(component)))
-                for entity, component in np.argwhere(parameters.free)
-            ]
-        return tuple(names)
+        units = (
+            parameters.family.unit_of(int(component))
+            for parameters in self.system
+            for _, component in np.argwhere(parameters.free)
+        )
+        return tuple(
+            (of.name, of.entity, unit) for of, unit in zip(self.border_quantities, units, strict=True)
+        )
 
     def update(self, state: State, of_exposures: Floats, of_border: Floats, of_points: Floats) -> State:
         """Values after adding (n, 6), (g,) and (m, 3) increments; rotations by R ← R · exp(δ)."""

@@ -17,6 +17,7 @@ from tasks.calibration.observable import is_georeferenced, observable
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.certificate import stage as certificate
 from tasks.errors import NotComputableError
+from tasks.figures import figures_of
 from tasks.registered_cameras import with_initial_calibrations
 from tasks.report.provenance import computed_with
 from tasks.settings.project import Project
@@ -115,7 +116,7 @@ def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> On
             held = {**held, **found}
         undetermined = undetermined_after(judged)
     # First with the stated σ: estimated ones would hide an error of the model as noise of its group.
-    found_first = read_notes(adjusted["notes"]).figures
+    found_first = figures_of(read_notes(adjusted["notes"]).figures)
     calibration = used.calibration
     if calibration.variance_components and not model_refuses(found_first, calibration.limits):
         weighting = used.adjustment.model_copy(update={"variance_components": True})

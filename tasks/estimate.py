@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
@@ -186,7 +184,7 @@ def _written(
     if prepared.calibration is not None and selection is not None:
         offered = write_self_calibration(folder, selection, prepared.calibration, adjusted.sigma0)
         eliminated = eliminated_parameters(offered)
-        own_figures = self_calibration_figures(selection, offered, settings)
+        own_figures = self_calibration_figures(selection, offered, settings).to_json()
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
     write_parameter_influences(folder, adjusted, _options(settings))
@@ -209,10 +207,11 @@ def _written(
         *problems,
         *residual_grid_sentences(cameras, grids, settings.confidence),
     )
+    tests = [item for item in (checked, of_distances) if item is not None]
     figures = adjustment_figures(adjusted, settings, parameters) | {
-        "check_point_test": checked,
-        "distances": of_distances,
-        "check_over_limit": _largest(checked, of_distances),
+        "check_point_test": None if checked is None else checked.model_dump(mode="json"),
+        "distances": None if of_distances is None else of_distances.model_dump(mode="json"),
+        "check_over_limit": max((item.over_limit for item in tests if item.over_limit), default=None),
         "self_calibration": own_figures,
         "model_findings": [item.to_json() for item in findings],
         **examined.figures(),
@@ -220,12 +219,6 @@ def _written(
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
     }
     return Notes(said, figures, slips)
-
-
-def _largest(*tests: Mapping[str, JSON] | None) -> JSON:
-    """The largest figure over its limit of check points and check distances; null without any."""
-    found = [cast(float, test["over_limit"]) for test in tests if test is not None and test["over_limit"]]
-    return max(found, default=None)
 
 
 def _examined_model(

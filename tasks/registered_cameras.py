@@ -9,8 +9,8 @@ import numpy as np
 from tasks.calibration.record import CalibrationRecord
 from tasks.choose_calibrations import approved_calibrations
 from tasks.errors import InputError
-from tasks.georeferencing.calibrated_cameras import is_of_camera
 from tasks.importing.cameras import camera_record
+from tasks.quantities import entity_kind, is_additional
 from tasks.settings.cameras import REGISTRY, CalibrationCovariance, CameraInput
 from tasks.settings.project import Project
 
@@ -49,7 +49,7 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
     """A camera with the values of a record; what the record does not speak of stays."""
     image, recorded = camera_record(camera), record.camera.name
     values = {item.parameter: item.value for item in record.parameters if item.entity == recorded}
-    if any(item.entity.startswith(f"{recorded} in ") for item in record.parameters):
+    if any(map(record.holds_in_one_flight, record.parameters)):
         raise InputError(
             "The calibration of the registry has additional parameters of their own for each flight; they "
             "hold for no other.",
@@ -68,7 +68,7 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
             "principal_point_mm": tuple(
                 values.get(f"principal_point_{axis}", given[k]) for k, axis in enumerate("xy")
             ),
-            "additional_parameters": {key: value for key, value in values.items() if ":" in key},
+            "additional_parameters": {key: value for key, value in values.items() if is_additional(key)},
             "boresight_deg": _triple(values, "boresight", _ANGLES, camera.boresight_deg),
             "lever_arm_m": _triple(values, "lever_arm", tuple("xyz"), camera.lever_arm_m),
             "reduced_by_m": camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m,
@@ -83,7 +83,7 @@ def _covariance(record: CalibrationRecord) -> CalibrationCovariance:
     own = [
         k
         for k, item in enumerate(record.estimated)
-        if item.entity == record.camera.name and is_of_camera(item.parameter)
+        if item.entity == record.camera.name and entity_kind(item.parameter) == "camera"
     ]
     matrix = record.covariance_matrix[np.ix_(own, own)]
     return CalibrationCovariance(

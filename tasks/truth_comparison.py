@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 from scipy import special
 
 from adjust.arrays import Floats
-from tasks.calibration.quantities import is_calibrated
 from tasks.errors import InputError
+from tasks.quantities import is_calibrated
 from tasks.simulation.simulation_truth import TRUTH
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 

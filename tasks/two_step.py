@@ -75,8 +75,8 @@ def calibrate_in_two_steps(
     for schema, table in ((ORIENTATION_DIFFERENCES, differences), (ORIENTATION_DIFFERENCE_MEANS, means)):
         write_table(folder / f"{schema.name}.parquet", schema, columns_of(table))
     remarks = [remark for pair in both for remark in camera_remarks(*pair, mounting.error_probability)]
-    figures = [camera_figures(*pair) for pair in both]
-    write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": list(figures)}))
+    figures = [camera_figures(*pair).to_json() for pair in both]
+    write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": figures}))
 
 
 def _errors(item: CameraDifferences, table: pd.DataFrame) -> StripErrors | None:

@@ -25,9 +25,6 @@ from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     FAMILIES,
-    GNSS_DRIFT,
-    GNSS_STRIP_BIAS,
-    TIME_OFFSET,
     SystemParameters,
 )
 from adjust.planning.network import PlannedDistances, PlannedNetwork
@@ -37,8 +34,6 @@ from adjust.solve.factorization import SingularNormalsError, factorize
 from adjust.solve.normal_equations import reduced_normals
 from adjust.solve.system import Observations, System
 
-# Families that the equations take part in only when they are there.
-_ON_DEMAND = (GNSS_STRIP_BIAS, GNSS_DRIFT, TIME_OFFSET)
 # Points with narrower rays (this from their mean, twice as much between two) are used by no adjustment.
 _LEAST_ANGLE = np.deg2rad(0.5)
 
@@ -168,7 +163,7 @@ def _block(network: PlannedNetwork, model: CalibrationModel) -> Block:
     system = []
     for family in FAMILIES.values():
         components = model.free.get(family.name, ())
-        if family.name in _ON_DEMAND and not components:
+        if not family.always_there and not components:
             continue
         names = entities[family.entity_kind]
         shape = (len(names), len(family.components))

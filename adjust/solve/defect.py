@@ -112,7 +112,7 @@ def open_directions(
 
 
 def _border_names(system: System) -> tuple[str, ...]:
-    return tuple(f"{parameter} of {entity}" for parameter, entity, _ in system.layout.border_names())
+    return tuple(str(quantity) for quantity in system.layout.border_quantities)
 
 
 def _pure_directions(null: _NullSpace, movements: Floats) -> tuple[list[OpenDirection], list[Floats]]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import cast
-
 from rich import box
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from tasks.storage.json_text import JSON
+from tasks.georeferencing.report.material import CheckFigures, DifferenceFigures, Triple
 from tasks.summary import DirectGeoreferencing
 
 #: The page of a check in the output folder.
@@ -41,40 +38,37 @@ def georeferencing_table(found: DirectGeoreferencing, *, in_brief: bool = False)
     ----------
     in_brief : without the points of single models.
     """
-    figures = cast(Mapping[str, JSON], found.model_dump())
+    figures = CheckFigures.model_validate(found.model_dump())
     parts: list[RenderableType] = []
     for name, title in _SETS:
         if in_brief and name == "in_models":
             continue
-        table = _differences(figures if not name else _table(figures[name]))
+        table = _differences(getattr(figures, name) if name else figures)
         if table.row_count:
             parts += [Text(title, style="bold"), Padding(table, (0, 0, 1, 0))]
-    if figures.get("y_parallaxes"):
-        count, models = figures["y_parallaxes"], figures["y_parallax_models"]
-        title = f"y-parallaxes of {count:,} points in {models:,} models [µm]"
+    if figures.y_parallaxes:
+        title = (
+            f"y-parallaxes of {figures.y_parallaxes:,} points in {figures.y_parallax_models:,} models [µm]"
+        )
         parts += [Text(title, style="bold"), _parallaxes(figures)]
-    sentences = [str(_table(item)["sentence"]) for item in cast(Sequence[JSON], figures["statements"])]
-    parts.append(Padding(Group(*(Text(f"• {sentence}") for sentence in sentences)), (1, 0, 0, 0)))
+    said = (Text(f"• {item.sentence}") for item in figures.statements)
+    parts.append(Padding(Group(*said), (1, 0, 0, 0)))
     return Group(*parts)
 
 
-def _table(value: JSON) -> Mapping[str, JSON]:
-    return cast(Mapping[str, JSON], value)
-
-
-def _differences(figures: Mapping[str, JSON]) -> Table:
+def _differences(figures: DifferenceFigures) -> Table:
     table = _empty()
     table.add_column("")
     for way in ("east", "north", "up"):
         table.add_column(way, justify="right", no_wrap=True)
     for name, words, decimals in _ROWS:
-        values = cast(Sequence[JSON], figures.get(name) or (None, None, None))
+        values: Triple = getattr(figures, name)
         if any(values):
             table.add_row(words, *(_number(value, decimals) for value in values))
     return table
 
 
-def _parallaxes(figures: Mapping[str, JSON]) -> Table:
+def _parallaxes(figures: CheckFigures) -> Table:
     table = _empty()
     for column in ("", "found", "predicted", "from", "to (95 %)"):
         table.add_column(column, justify="left" if not column else "right", no_wrap=True)
@@ -82,7 +76,7 @@ def _parallaxes(figures: Mapping[str, JSON]) -> Table:
         ("RMS", ("rms", "predicted_rms", "predicted_low", "predicted_high")),
         ("largest", ("max", "predicted_max", "", "predicted_max_limit")),
     ):
-        values = [figures.get(f"y_parallax_{name}_um") if name else None for name in names]
+        values = [getattr(figures, f"y_parallax_{name}_um") if name else None for name in names]
         table.add_row(words, *(_number(value, 1) for value in values))
     return table
 
@@ -92,5 +86,5 @@ def _empty() -> Table:
     return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
 
 
-def _number(value: JSON, decimals: int) -> str:
-    return f"{value:,.{decimals}f}" if isinstance(value, int | float) else "–"
+def _number(value: float | None, decimals: int) -> str:
+    return "–" if value is None else f"{value:,.{decimals}f}"

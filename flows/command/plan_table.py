@@ -11,9 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from tasks.calibration.pattern_words import direction_words, height_words
-from tasks.calibration.quantities import written_sigma
 from tasks.planning.addition_words import addition_words
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
+from tasks.quantities import written_sigma
 
 _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "held": ""}
 _SHOWN_PROPOSALS = 12

@@ -15,19 +15,11 @@ from flows.command.registry_actions import opened
 from flows.command.registry_words import empty_table
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.registry.drift import DriftLimits
+from tasks.registry.drift import DRIFT_LIMITS, DriftLimits
 from tasks.registry.due import KINDS, CameraDue, DueLimits
 from tasks.registry.watch import as_json as json_of
 from tasks.registry.watch import watch_of
 from tasks.storage.json_text import json_text
-
-#: What people write → field of the limits.
-_LIMITS = {
-    "focal_length": "focal_length_um",
-    "principal_point": "principal_point_um",
-    "boresight": "boresight_deg",
-    "lever_arm": "lever_arm_mm",
-}
 
 
 def show_due(
@@ -64,9 +56,9 @@ def drift_limits(sigma: float | None, texts: Sequence[str]) -> DriftLimits:
     given: dict[str, float] = {}
     for text in texts:
         name, _, number = text.partition("=")
-        if name not in _LIMITS:
-            raise InputError(f"There is no limit '{name}'.", did_you_mean(name, _LIMITS))
-        given[_LIMITS[name]] = _positive(text, number)
+        if name not in DRIFT_LIMITS:
+            raise InputError(f"There is no limit '{name}'.", did_you_mean(name, DRIFT_LIMITS))
+        given[DRIFT_LIMITS[name]] = _positive(text, number)
     return DriftLimits(sigma, **given)
 
 

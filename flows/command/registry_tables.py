@@ -22,8 +22,9 @@ from flows.command.registry_words import (
     parameters_table,
 )
 from tasks.errors import InputError
+from tasks.quantities import quantity_words, shown
 from tasks.registry.approval import predecessor
-from tasks.registry.compatibility import SPOKEN, Compatibility, compatibility, spoken
+from tasks.registry.compatibility import Compatibility, compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.series import ParameterSeries, series_of
@@ -159,12 +160,12 @@ def _show_camera(items: Sequence[StoredCalibration]) -> None:
 
 
 def _add_rows(table: Table, series: ParameterSeries) -> None:
-    unit, factor = SPOKEN.get(series.unit, (series.unit, 1.0))
+    unit, factor, _ = shown(series.unit, "change")
     for index, point in enumerate(series.points):
         decimals = decimals_for(point.sigma)
         change, t = _change(series, index, factor)
         table.add_row(
-            spoken(series.parameter) if index == 0 else "",
+            quantity_words(series.parameter) if index == 0 else "",
             str(point.calibration),
             "–" if point.flown is None else str(point.flown),
             str(Number(point.value, decimals)),

@@ -8,7 +8,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from tasks.registry.compatibility import SPOKEN, Compatibility, spoken
+from tasks.quantities import quantity_words, shown
+from tasks.registry.compatibility import Compatibility
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 from tasks.report.table import Number, decimals_for
@@ -32,11 +33,11 @@ def changes_table(test: Compatibility) -> Table:
     """Every compared parameter with its change."""
     table = empty_table("parameter", "change", "± σ", "", "in σ", right=("change", "± σ", "in σ"))
     for change in test.changes:
-        unit, factor = SPOKEN.get(change.unit, (change.unit, 1.0))
+        unit, factor, _ = shown(change.unit, "change")
         sigma = change.sigma * factor
         style = "bold yellow" if change.outstanding else ""
         table.add_row(
-            spoken(change.parameter),
+            quantity_words(change.parameter),
             str(Number(change.change * factor, decimals_for(sigma), plus=True)),
             str(Number(sigma, decimals_for(sigma))),
             unit,
@@ -81,7 +82,7 @@ def parameters_table(item: StoredCalibration, test: Compatibility | None) -> Tab
         change = changes.get(one.parameter) if one.entity == item.record.camera.name else None
         style = "bold yellow" if change is not None and change.outstanding else ""
         table.add_row(
-            spoken(one.parameter),
+            quantity_words(one.parameter),
             one.entity,
             f"{one.value:g}" if one.sigma is None else str(Number(one.value, decimals)),
             "" if one.sigma is None else str(Number(one.sigma, decimals)),

@@ -10,10 +10,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.calibration_table import calibration_of, calibration_table
+from flows.command.calibration_table import calibration_table
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
-from flows.command.two_step_table import two_step_only, two_step_table
+from flows.command.two_step_table import two_step_table
 from flows.project_run import RunOutcome
+from tasks.figures import figures_of
 from tasks.storage.json_text import json_text
 from tasks.summary import Summary
 
@@ -46,7 +47,8 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     summary = outcome.summary
     word, style = _WORDS[summary.status]
     checked, adjusted = summary.direct_georeferencing, summary.sigma0 is not None
-    calibration, second_step = calibration_of(summary), two_step_only(summary)
+    figures = figures_of(summary.model_extra)
+    calibration, second_step = figures.calibration, figures.two_step_calibration
     adjusted_word = "adjusted" if calibration is None and second_step is None else "calibrated"
     done = " and ".join([adjusted_word] * (adjusted or checked is None) + ["checked"] * (checked is not None))
     parts: list[RenderableType] = [Text(f"\n{word.format(done)}", style=style)]

@@ -9,19 +9,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.calibration_table import calibration_of, calibration_verdict
+from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
 from flows.flight_check import flight_check
 from flows.project_run import RunOutcome
+from tasks.figures import figures_of
+from tasks.quantities import COMPONENTS, Shown, shown
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulation import PublishedCheck
 from tasks.summary import Summary
 from tasks.truth_comparison import JointTest, RecoveredParameter, TruthComparison
-
-# Factor from the unit of the tables, unit, and decimals in which a parameter is shown.
-_SHOWN = {"mm": (1e3, "µm", 2), "deg": (1e3, "mdeg", 3), "m": (1e2, "cm", 2)}
 
 
 def check_and_show(
@@ -42,7 +41,7 @@ def check_and_show(
     if check.comparison.joint is not None:
         console.print(_joint(check.comparison.joint))
     console.print(_kinds(check.comparison))
-    calibration = calibration_of(summary)
+    calibration = figures_of(summary.model_extra).calibration
     if calibration is not None:
         console.print(Text(), calibration_verdict(calibration))
     if summary.direct_georeferencing is not None:
@@ -98,9 +97,9 @@ def _parameters(comparison: TruthComparison, source: str | None) -> Table:
 
 def _numbers(item: RecoveredParameter) -> tuple[str, str, str, str]:
     """True and estimated value, σ and unit; a focal length in mm, because it is no small change."""
-    factor, unit, decimals = _SHOWN.get(item.unit, (1.0, item.unit, 6))
-    if item.parameter == "focal_length":
-        factor, unit, decimals = 1.0, item.unit, 5
+    known = COMPONENTS.get(item.parameter)
+    is_large = known is not None and known.kind.is_large
+    unit, factor, decimals = Shown(item.unit, 1.0, 5) if is_large else shown(item.unit, "screen")
     values = (item.true, item.estimated, item.sigma)
     true, estimated, sigma = (f"{factor * value:.{decimals}f}" for value in values)
     return true, estimated, sigma, unit

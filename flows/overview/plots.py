@@ -11,7 +11,7 @@ from html import escape
 from typing import Any
 
 from tasks.production.project_row import TrendPoint, any_of
-from tasks.registry.compatibility import SPOKEN, spoken
+from tasks.quantities import quantity_words, shown
 from tasks.registry.series import SeriesPoint
 from tasks.registry.watch import RegistryWatch, WatchedSeries
 
@@ -150,11 +150,11 @@ def series_figure(series: WatchedSeries, today: date) -> Figure:
     """One parameter; values count from that of the first calibration that is shown, as people speak of it."""
     points = series.series.points
     zero = points[0].value
-    unit, factor = SPOKEN.get(series.series.unit, (series.series.unit, 1.0))
+    unit, factor, _ = shown(series.series.unit, "change")
     traces = [_of_state(state, points, zero, factor, unit) for state in _STATES]
     figure = layout(f"change [{unit}]")
     figure["title"] = {
-        "text": f"<b>{spoken(series.series.parameter)}</b>",
+        "text": f"<b>{quantity_words(series.series.parameter)}</b>",
         "font": {"size": 13},
         "x": 0.02,
         "y": 0.97,

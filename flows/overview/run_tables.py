@@ -17,6 +17,7 @@ from tasks.dashboard.short_text import REMEDIES
 from tasks.production.project_row import gates_of, in_project, problems_of
 from tasks.production.run_record import RunRecord
 from tasks.quality_gates import GateResult
+from tasks.quantities import unit_words
 
 Part = Any
 _SHOWN = 25
@@ -177,12 +178,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:
 
 
 def _figure(gate: GateResult) -> str:
-    return "not there" if gate.value is None else f"{gate.value:.4g} {_unit(gate)}"
+    return "not there" if gate.value is None else f"{gate.value:.4g} {unit_words(gate.unit)}"
 
 
 def _bound(gate: GateResult) -> str:
-    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {_unit(gate)}"
-
-
-def _unit(gate: GateResult) -> str:
-    return {"1": "", "um": "µm"}.get(gate.unit, gate.unit)
+    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {unit_words(gate.unit)}"

@@ -23,7 +23,9 @@ from tasks.block.variance_figures import (
     variance_figures,
     variance_sentences,
 )
-from tasks.block.weak_modes import Parameter, weak_mode_sentences
+from tasks.block.weak_modes import weak_mode_sentences
+from tasks.figures import DatumFigure, GlobalTestFigure, GroupFigure
+from tasks.quantities import group_words
 from tasks.settings.adjustment import AdjustmentSettings, Rejection
 from tasks.storage.json_text import JSON
 
@@ -33,12 +35,6 @@ _GROUP_REDUNDANCY = 10.0
 _MOST_NAMES = 5
 # Fewer rejected observations are gross errors, whatever part of their group they are.
 _SEVERAL = 3
-_IN_WORDS = {
-    "image_points": "image points",
-    "control_points": "control points",
-    "gnss_positions": "GNSS positions",
-    "ins_attitudes": "INS attitudes",
-}
 
 
 def adjustment_figures(
@@ -82,21 +78,14 @@ def adjustment_figures(
         "taken_back": result.taken_back,
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
-        "global_test": {
-            "lower": test.lower,
-            "upper": test.upper,
-            "confidence": test.confidence,
-            "passed": test.passed,
-        },
-        "groups": [_group_figures(group) for group in result.groups],
+        "global_test": GlobalTestFigure(
+            lower=test.lower, upper=test.upper, confidence=test.confidence, passed=test.passed
+        ).to_json(),
+        "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
         "correlation_times": correlation_figures(result, settings.correlation_times_s),
         "datum": [
-            {
-                "direction": share.direction,
-                "sigma": share.sigma,
-                "held_by": dict(share.shares),
-            }
+            DatumFigure(direction=share.direction, sigma=share.sigma, held_by=dict(share.shares)).to_json()
             for share in result.datum
         ],
         "free_network": free_network_figures(result),
@@ -104,16 +93,15 @@ def adjustment_figures(
     }
 
 
-def _group_figures(group: GroupResult) -> dict[str, JSON]:
-    present = np.isfinite(group.redundancy)
-    return {
-        "group": group.group.name,
-        "observations": int(present.sum()),
-        "redundancy": group.redundancy_sum,
-        "sigma0": group.sigma0,
-        "rejected": group.rejected,
-        "uncontrolled": uncontrolled(group),
-    }
+def _group_figure(group: GroupResult) -> GroupFigure:
+    return GroupFigure(
+        group=group.group.name,
+        observations=int(np.isfinite(group.redundancy).sum()),
+        redundancy=group.redundancy_sum,
+        sigma0=group.sigma0,
+        rejected=group.rejected,
+        uncontrolled=uncontrolled(group),
+    )
 
 
 def uncontrolled(group: GroupResult) -> int:
@@ -167,7 +155,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
         if group.redundancy_sum >= _GROUP_REDUNDANCY and not (
             _GROUP_LIMITS[0] <= group.sigma0 <= _GROUP_LIMITS[1]
         ):
-            words = _IN_WORDS.get(group.group.name, group.group.name)
+            words = group_words(group.group.name)
             verdict = "worse" if group.sigma0 > 1.0 else "better"
             problems.append(
                 f"The {words} fit {verdict} than their σ say: σ0 of the group is {group.sigma0:.2f} "
@@ -181,8 +169,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
 
 def _correlated(adjusted: AdjustedBlock) -> list[str]:
     """Sentences about the system parameters that the block separates least."""
-    names = adjusted.result.layout.border_names()
-    parameters = tuple(Parameter(name, entity) for name, entity, _ in names)
+    parameters = adjusted.result.layout.border_quantities
     return weak_mode_sentences(parameters, correlation_matrix(adjusted.cofactor.reduced.corner))
 
 
@@ -193,7 +180,7 @@ def _mostly_rejected(result: AdjustmentResult) -> list[str]:
         count = int(group.group.stochastic.taking_part.sum())
         part = int((group.status == ObservationStatus.REJECTED).any(axis=1).sum())
         if count and part >= _SEVERAL and part > 0.5 * count:
-            words = _IN_WORDS.get(group.group.name, group.group.name)
+            words = group_words(group.group.name)
             sentences.append(
                 f"{part:,} of {count:,} {words} were rejected, and the result is as if there were none: so "
                 "many have one cause, such as their datum, height system, lever arm or σ."
@@ -206,9 +193,7 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
     if settings.rejection.critical_value is None:
         return _misfitting(adjusted)
     counts = [
-        f"{group.rejected:,} {_IN_WORDS.get(group.group.name, group.group.name)}"
-        for group in result.groups
-        if group.rejected
+        f"{group.rejected:,} {group_words(group.group.name)}" for group in result.groups if group.rejected
     ]
     if not counts:
         return []

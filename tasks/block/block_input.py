@@ -6,7 +6,6 @@ the local frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +23,8 @@ from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
-    GNSS_DRIFT,
-    GNSS_SHIFT,
-    GNSS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
-    TIME_OFFSET,
     SystemParameters,
 )
 from tasks.block.given_orientations import GivenOrientations
@@ -38,20 +33,9 @@ from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
-from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
+from tasks.quantities import KINDS, reported_unit
+from tasks.settings.adjustment import AdjustmentSettings, Priors
 from tasks.tables.places import places_of
-
-#: What each name in `adjustment.free` stands for: family and components.
-FREE_FAMILIES: Mapping[FreeParameter, tuple[str, tuple[int, ...]]] = {
-    "boresight": (BORESIGHT, (0, 1, 2)),
-    "lever_arm": (LEVER_ARM, (0, 1, 2)),
-    "gnss_shift": (GNSS_SHIFT, (0, 1, 2)),
-    "gnss_strip_bias": (GNSS_STRIP_BIAS, (0, 1, 2)),
-    "gnss_drift": (GNSS_DRIFT, (0, 1, 2)),
-    "time_offset": (TIME_OFFSET, (0,)),
-    "focal_length": (INTERIOR_ORIENTATION, (0,)),
-    "principal_point": (INTERIOR_ORIENTATION, (1, 2)),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,27 +149,25 @@ def image_point_observations(
 def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) -> tuple[SystemParameters, ...]:
     """All families with their given values; free are those the settings name.
 
-    The families of strips and times are there only when they are free: nothing is known of them.
+    The values of mountings are given, all others are zero; what is not `always_there` is there only when it
+    is free: nothing is known of it.
     """
-    flights, strips = given.flights, given.strips
     mountings = given.mountings
-    interior = np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras])
-    values = {
-        INTERIOR_ORIENTATION: (mountings.names, interior),
-        BORESIGHT: (mountings.names, mountings.boresight),
-        LEVER_ARM: (mountings.names, mountings.lever_arm),
-        GNSS_SHIFT: (flights, np.zeros((len(flights), 3))),
+    entities = {"camera": mountings.names, "flight": given.flights, "strip": given.strips}
+    stated = {
+        INTERIOR_ORIENTATION: np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras]),
+        BORESIGHT: mountings.boresight,
+        LEVER_ARM: mountings.lever_arm,
     }
-    if "gnss_strip_bias" in settings.free:
-        values[GNSS_STRIP_BIAS] = (strips, np.zeros((len(strips), 3)))
-    if "gnss_drift" in settings.free:
-        values[GNSS_DRIFT] = (strips, np.zeros((len(strips), 3)))
-    if "time_offset" in settings.free:
-        values[TIME_OFFSET] = (flights, np.zeros((len(flights), 1)))
-    free = {name: np.zeros(entry[1].shape, dtype=bool) for name, entry in values.items()}
-    for parameter in settings.free:
-        family, components = FREE_FAMILIES[parameter]
-        free[family][:, components] = True
+    chosen = [KINDS[name] for name in settings.free]
+    values = {
+        name: stated.get(name, np.zeros((len(entities[family.entity_kind]), len(family.components))))
+        for name, family in FAMILIES.items()
+        if family.always_there or any(kind.family == name for kind in chosen)
+    }
+    free = {name: np.zeros(array.shape, dtype=bool) for name, array in values.items()}
+    for one in chosen:
+        free[one.family][:, one.components] = True
     # A flight or strip all of whose images were oriented without GNSS has nothing to shift.
     seen = given.position_observed
     for kind, index in (("flight", given.flight_of_image), ("strip", given.strip_of_image)):
@@ -193,8 +175,8 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
             if FAMILIES[name].entity_kind == kind and seen.any():
                 free[name][np.setdiff1d(index, index[seen])] = False
     return tuple(
-        SystemParameters(FAMILIES[name], entities, array, free[name])
-        for name, (entities, array) in values.items()
+        SystemParameters(FAMILIES[name], entities[FAMILIES[name].entity_kind], array, free[name])
+        for name, array in values.items()
     )
 
 
@@ -299,19 +281,13 @@ def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances,
 
 def prior_sigmas(given: Priors) -> dict[str, Floats]:
     """Standard deviations (components,) of the given values of every family, SI and radians; NaN for none."""
-    degree, millimetre = np.deg2rad(1.0), 1e-3
-    nothing = (np.nan, np.nan, np.nan)
-    focal = np.nan if given.focal_length_mm is None else given.focal_length_mm * millimetre
-    point = given.principal_point_mm or (np.nan, np.nan)
-    return {
-        INTERIOR_ORIENTATION: np.array([focal, point[0] * millimetre, point[1] * millimetre]),
-        BORESIGHT: np.array(given.boresight_deg or nothing) * degree,
-        LEVER_ARM: np.array(given.lever_arm_m or nothing),
-        GNSS_SHIFT: np.array(given.gnss_shift_m or nothing),
-        GNSS_STRIP_BIAS: np.array(given.gnss_strip_bias_m),
-        GNSS_DRIFT: np.array(given.gnss_drift_m_s or nothing),
-        TIME_OFFSET: np.array([np.nan if given.time_offset_s is None else given.time_offset_s]),
-    }
+    sigmas = {name: np.full(len(family.components), np.nan) for name, family in FAMILIES.items()}
+    for kind in KINDS.values():
+        own = getattr(given, kind.key(kind.unit), None)
+        if own is not None:
+            factor = reported_unit(FAMILIES[kind.family])[1]
+            sigmas[kind.family][list(kind.components)] = np.array(own) / factor
+    return sigmas
 
 
 def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservations, ...]:

@@ -9,6 +9,7 @@ from adjust.quality.considered import contradiction_of_prior
 from adjust.quality.considered_errors import Contradiction
 from tasks.block.known_calibrations import KnownCalibration
 from tasks.block.result_tables import AdjustedBlock
+from tasks.figures import RegisteredCalibrationFigure
 from tasks.storage.json_text import JSON
 
 #: Probability below which T contradicts: one false alarm in a thousand cameras.
@@ -61,15 +62,15 @@ def contradiction_figures(found: tuple[CameraContradiction, ...]) -> dict[str, J
     """For summary.json: every test, and the smallest probability, which a gate may limit."""
     return {
         "registered_calibrations": [
-            {
-                "camera": item.known.camera,
-                "use": "prior" if item.known.is_prior else "consider",
-                "parameters": len(item.known.places),
-                "statistic": item.test.statistic,
-                "freedom": item.test.freedom,
-                "probability": item.test.probability,
-                "contradicted": item.contradicted,
-            }
+            RegisteredCalibrationFigure(
+                camera=item.known.camera,
+                use="prior" if item.known.is_prior else "consider",
+                parameters=len(item.known.places),
+                statistic=item.test.statistic,
+                freedom=item.test.freedom,
+                probability=item.test.probability,
+                contradicted=item.contradicted,
+            ).to_json()
             for item in found
         ],
         "registered_calibration": min((item.test.probability for item in found), default=None),

@@ -8,7 +8,6 @@ the survey of the check points was not, and stands as stated.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -21,7 +20,7 @@ from adjust.quality.control_checks import spread_folds
 from tasks.block.block_input import SurveyedPoints
 from tasks.block.result_tables import AdjustedBlock
 from tasks.block.surveyed_differences import surveyed_differences
-from tasks.storage.json_text import JSON
+from tasks.summary import CheckPointTest
 from tasks.tables.places import places_of
 
 #: Check points of a larger number are tested at so many, spread over the area: their joint cofactors take
@@ -41,7 +40,7 @@ def tested_points(block: Block, surveyed: SurveyedPoints) -> tuple[int, ...]:
     return tuple(int(point) for point in points)
 
 
-def check_point_test(adjusted: AdjustedBlock, confidence: float) -> dict[str, JSON] | None:
+def check_point_test(adjusted: AdjustedBlock, confidence: float) -> CheckPointTest | None:
     """Found and predicted figures along east, north, up; None without check points, or without a datum.
 
     The limits of root mean square and mean hold for all figures together with the probability `confidence`
@@ -65,8 +64,8 @@ def check_point_test(adjusted: AdjustedBlock, confidence: float) -> dict[str, JS
         _axis_figures(difference[known[:, k], k], covariance[k][np.ix_(known[:, k], known[:, k])], each)
         for k in range(3)
     ]
-    found: dict[str, JSON] = {name: [axis[name] for axis in axes] for name in axes[0]}
-    return found | {"confidence": confidence, "over_limit": _over_limit(axes)}
+    found = {name: tuple(axis[name] for axis in axes) for name in axes[0]}
+    return CheckPointTest.model_validate({**found, "confidence": confidence, "over_limit": _over_limit(axes)})
 
 
 def _covariance(adjusted: AdjustedBlock, points: Ints, cofactor: Floats) -> Floats:
@@ -79,10 +78,10 @@ def _covariance(adjusted: AdjustedBlock, points: Ints, cofactor: Floats) -> Floa
     return np.asarray(adjusted.sigma0**2 * of_points + np.einsum("ac,ab->cab", survey, np.eye(len(points))))
 
 
-def _axis_figures(difference: Floats, covariance: Floats, confidence: float) -> dict[str, JSON]:
+def _axis_figures(difference: Floats, covariance: Floats, confidence: float) -> dict[str, float | None]:
     """Figures of one coordinate; null without any point that has it."""
     names = ("rmse_m", "predicted_rmse_m", "predicted_low_m", "predicted_high_m", "ratio", "mean_m")
-    figures: dict[str, JSON] = dict.fromkeys((*names, "predicted_mean_sigma_m", "mean_limit_m"))
+    figures: dict[str, float | None] = dict.fromkeys((*names, "predicted_mean_sigma_m", "mean_limit_m"))
     figures |= {"degrees_of_freedom": None, "points": len(difference)}
     if len(difference) == 0:
         return figures
@@ -97,26 +96,23 @@ def _axis_figures(difference: Floats, covariance: Floats, confidence: float) -> 
     }
 
 
-def _over_limit(axes: Sequence[Mapping[str, JSON]]) -> float:
+def _over_limit(axes: Sequence[Mapping[str, float | None]]) -> float:
     """Largest found figure over its upper limit."""
     pairs = [
-        (abs(cast(float, axis[found])), cast(float, axis[limit]))
+        (axis[found], axis[limit])
         for axis in axes
         for found, limit in (("rmse_m", "predicted_high_m"), ("mean_m", "mean_limit_m"))
-        if axis[found] is not None
     ]
-    return max(found / limit for found, limit in pairs)
+    return max(abs(found) / limit for found, limit in pairs if found is not None and limit is not None)
 
 
-def check_point_sentences(test: Mapping[str, JSON] | None) -> list[str]:
+def check_point_sentences(test: CheckPointTest | None) -> list[str]:
     """Root mean squares and means that the standard deviations do not let expect, too small ones as well."""
     if test is None:
         return []
-    names = ("rmse_m", "predicted_low_m", "predicted_high_m", "mean_m", "mean_limit_m")
-    rms, low, high, mean, limit = (
-        np.array(cast(Sequence[float | None], test[name]), dtype=np.float64) for name in names
-    )
-    with_probability = f"{100 * cast(float, test['confidence']):g} % for all directions together"
+    found = (test.rmse_m, test.predicted_low_m, test.predicted_high_m, test.mean_m, test.mean_limit_m)
+    rms, low, high, mean, limit = (np.array(values, dtype=np.float64) for values in found)
+    with_probability = f"{100 * test.confidence:g} % for all directions together"
     beyond = [
         *(
             f"RMS {WAYS[k]} {rms[k]:.3f} m, expected {low[k]:.3f} to {high[k]:.3f} m"

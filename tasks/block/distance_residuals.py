@@ -12,7 +12,7 @@ from adjust.observations.distance import Distances
 from adjust.quality.single_error import hat_matrices
 from adjust.result import GroupResult, ObservationStatus
 from tasks.block.result_tables import AdjustedBlock
-from tasks.storage.json_text import JSON
+from tasks.summary import DistanceFigures
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 
@@ -65,7 +65,7 @@ def _rows(adjusted: AdjustedBlock, item: GroupResult) -> pd.DataFrame:
     return table[kept]
 
 
-def distance_figures(table: pd.DataFrame, confidence: float) -> dict[str, JSON] | None:
+def distance_figures(table: pd.DataFrame, confidence: float) -> DistanceFigures | None:
     """For summary.json; None without distances.
 
     ``over_limit`` is the largest |difference| of a check distance over its limit; all limits together hold
@@ -75,16 +75,16 @@ def distance_figures(table: pd.DataFrame, confidence: float) -> dict[str, JSON] 
         return None
     used, check = (table[table["status"] == status] for status in ("used", "check"))
     beyond = _over_limit(check, confidence)
-    return {
-        "used": len(used),
-        "rejected": int((table["status"] == "rejected").sum()),
-        "check": len(check),
-        "rms_used_m": _rms(used),
-        "rms_check_m": _rms(check),
-        "max_check_m": float(check["difference_m"].abs().max()) if len(check) else None,
-        "confidence": confidence,
-        "over_limit": float(beyond.max()) if len(beyond) else None,
-    }
+    return DistanceFigures(
+        used=len(used),
+        rejected=int((table["status"] == "rejected").sum()),
+        check=len(check),
+        rms_used_m=_rms(used),
+        rms_check_m=_rms(check),
+        max_check_m=float(check["difference_m"].abs().max()) if len(check) else None,
+        confidence=confidence,
+        over_limit=float(beyond.max()) if len(beyond) else None,
+    )
 
 
 def distance_sentences(table: pd.DataFrame, confidence: float) -> list[str]:

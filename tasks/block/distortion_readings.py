@@ -45,8 +45,8 @@ def other_readings(block: Block, rays: ImagePoints) -> Iterator[tuple[str, str, 
         )
         sign, direction = sign - 2.0 * at_ideal, direction + at_measured - at_ideal
     entity = model.entity_of_image[image]
-    for number, name in enumerate(parameters.entities):
+    for number in range(len(parameters.entities)):
         for quantity, change in (("distortion_direction", direction), ("distortion_sign", sign)):
             own = np.where((entity == number)[:, None], change, 0.0)
             if np.abs(own).max(initial=0.0) > _NO_CHANGE:
-                yield quantity, name, own
+                yield quantity, parameters.quantity(number, 0).entity, own

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from adjust.result import AdjustmentResult
+from tasks.figures import FreeNetworkFigure
 from tasks.storage.json_text import JSON
 
 _WORDS = {
@@ -17,11 +18,9 @@ def free_network_figures(result: AdjustmentResult) -> JSON:
     free = result.free_network
     if free is None:
         return None
-    return {
-        "inner_constraints": free.constrained,
-        "defect": free.defect,
-        "open": [str(direction) for direction in free.directions],
-    }
+    return FreeNetworkFigure(
+        inner_constraints=free.constrained, defect=free.defect, open=tuple(map(str, free.directions))
+    ).to_json()
 
 
 def free_network_sentences(result: AdjustmentResult) -> list[str]:

@@ -15,16 +15,14 @@ from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.options import AdjustmentOptions
-from adjust.parameters import GNSS_DRIFT, GNSS_STRIP_BIAS
+from adjust.parameters import GNSS_STRIP_BIAS
 from adjust.quality.parameter_influences import ParameterInfluence, parameter_influences
-from tasks.block.parameter_tables import reported_unit
 from tasks.block.result_tables import AdjustedBlock
+from tasks.quantities import reported_unit
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import PARAMETER_INFLUENCES
 
-# Parameters of strips are not applied to another flight, nor to this one.
-_OF_STRIPS = (GNSS_STRIP_BIAS, GNSS_DRIFT)
 _KINDS = {
     GnssPositions.name: "position",
     InsAttitudes.name: "attitude",
@@ -58,12 +56,13 @@ def _estimated(adjusted: AdjustedBlock) -> tuple[list[tuple[str, str, str]], Flo
     names, factors, columns = list[tuple[str, str, str]](), list[float](), list[int]()
     for parameters in adjusted.block.system:
         family = parameters.family
-        if family.name in _OF_STRIPS:
+        if family.entity_kind == "strip":  # applied to no other flight, nor to this one
             continue
         for (entity, component), column in np.ndenumerate(adjusted.result.layout.columns[family.name]):
             if column >= 0:
                 unit, factor = reported_unit(family, component)
-                names.append((family.components[component], parameters.entities[entity], unit))
+                quantity = parameters.quantity(entity, component)
+                names.append((quantity.name, quantity.entity, unit))
                 factors.append(factor)
                 columns.append(int(column))
     return names, np.array(factors), np.array(columns, dtype=np.int64)

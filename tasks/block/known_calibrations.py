@@ -22,8 +22,8 @@ from adjust.parameters import (
     ParameterPlace,
     SystemParameters,
 )
-from tasks.block.parameter_tables import reported_unit
 from tasks.errors import InputError
+from tasks.quantities import reported_unit
 from tasks.storage.json_text import from_json
 
 
@@ -92,7 +92,7 @@ def _places(parameters: SystemParameters, name: str, camera: str) -> list[Parame
     return [
         ParameterPlace(family.name, entity, family.components.index(name))
         for entity, of in enumerate(parameters.entities)
-        if of == camera or of.startswith(f"{camera} in ")
+        if of == camera
     ]
 
 

@@ -35,10 +35,10 @@ from adjust.quality.model_alternatives import ModelAlternative, ObservationAlter
 from adjust.solve.system import Observations
 from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.parameter_tables import reported_unit
 from tasks.block.refracted_rays import coefficients_of_rays, ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.block.strip_motion import strip_motion
+from tasks.quantities import reported_unit
 
 Scope: TypeAlias = Literal["all", "flight", "height", "direction", "strip"]
 
@@ -206,7 +206,7 @@ def _parameter(
     unit, factor = reported_unit(family, component)
     return Alternative(
         family.components[component],
-        "" if entity is None else parameters.entities[entity],
+        "" if entity is None else parameters.quantity(entity, component).entity,
         "all" if part is None else part.scope,
         "" if part is None else part.name,
         unit,

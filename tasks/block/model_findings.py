@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from tasks.storage.json_text import JSON
+from tasks.figures import ModelFinding
+from tasks.quantities import COMPONENTS, additional_set, named, quantity_words, shown, with_unit
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """One kind of alternative: its words and what to check."""
+    """One kind of alternative: its words, what to check, and its axes where it is no kind of parameters."""
 
     words: str
     remedy: str
+    axes: tuple[str, ...] = ()
 
 
-#: By the beginning of the quantity; the first that fits counts.
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
         "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
@@ -58,9 +59,12 @@ _KINDS: Mapping[str, _Kind] = {
     "control_shift": _Kind(
         "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
         "Check datum and height system (geoid undulation) of both.",
+        ("x", "y", "z"),
     ),
     "control_tilt": _Kind(
-        "The heights of the control points are tilted by {size}", "Check the geoid model of both deliveries."
+        "The heights of the control points are tilted by {size}",
+        "Check the geoid model of both deliveries.",
+        ("east", "north"),
     ),
     "control_turn": _Kind(
         "The control points are turned about the vertical by {size}", "Check the CRS of both deliveries."
@@ -92,45 +96,12 @@ _IMAGE_ERRORS = _Kind(
     "The images of camera {entity} have systematic errors that no parameter describes: {size}",
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
 )
-_SIZES = {"mm": (1e3, "µm"), "s": (1e3, "ms"), "1": (100.0, "%")}
-
-
-@dataclass(frozen=True)
-class ModelFinding:
-    """One cause that the tests of the model have found.
-
-    Attributes
-    ----------
-    rank : 1 is the likeliest.
-    quantity, entity, scope, part : see model_alternatives.parquet; the kind without its axis.
-    t : largest of its components, beside all other causes.
-    moves, moved_by : parameter it moves most, and how far, in σ.
-    sentence : in words, with what to check.
-    """
-
-    rank: int
-    quantity: str
-    entity: str
-    scope: str
-    part: str
-    t: float
-    moves: str
-    moved_by: float
-    sentence: str
-
-    def to_json(self) -> JSON:
-        """For summary.json."""
-        return {
-            "rank": self.rank,
-            "quantity": self.quantity,
-            "entity": self.entity,
-            "scope": self.scope,
-            "part": self.part,
-            "t": self.t,
-            "moves": self.moves,
-            "moved_by": self.moved_by,
-            "sentence": self.sentence,
-        }
+# Quantity → its kind and axis, of what is no parameter.
+_QUANTITIES = {
+    "_".join(filter(None, (name, axis))): (name, axis)
+    for name, kind in _KINDS.items()
+    for axis in kind.axes or ("",)
+}
 
 
 def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
@@ -138,7 +109,7 @@ def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
     chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
     causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}
     for row in chosen.to_dict("records"):
-        kind = _kind_of(str(row["quantity"]))
+        kind, _ = _kind_and_axis(str(row["quantity"]))
         key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
         causes.setdefault(key, []).append(row)
     return tuple(_finding(number, key, rows) for number, (key, rows) in enumerate(causes.items(), start=1))
@@ -149,30 +120,14 @@ def alternative_words(row: Mapping[Hashable, object]) -> str:
     return f"{quantity_words(str(row['quantity']))}{_where(str(row['scope']), str(row['part']))}"
 
 
-def quantity_words(quantity: str) -> str:
-    """A quantity as people write it."""
-    return quantity.replace("_", " ").replace("gnss", "GNSS")
-
-
-def entity_words(quantity: str, entity: str) -> str:
-    """A quantity with what it is of: ``GNSS shift x of flight 1``, ``principal point x of UCE-80``."""
-    of_flight = quantity.startswith(("gnss_", "time_offset"))
-    return (
-        f"{quantity_words(quantity)} of {'flight ' if of_flight else ''}{entity}"
-        if entity
-        else quantity_words(quantity)
-    )
-
-
-def shown_unit(unit: str) -> tuple[float, str]:
-    """Factor from the unit of the table, and the unit in which people speak of it."""
-    return _SIZES.get(unit, (1.0, {"deg": "°", "1e-6": "ppm"}.get(unit, unit)))
-
-
-def _kind_of(quantity: str) -> str:
-    """The quantity without its axis."""
-    fitting = [kind for kind in _KINDS if quantity.startswith(kind)]
-    return max(fitting, key=len) if fitting else quantity.partition(":")[0]
+def _kind_and_axis(quantity: str) -> tuple[str, str]:
+    """The kind of a quantity and its axis; of an additional parameter its set and name."""
+    if quantity in COMPONENTS:
+        return COMPONENTS[quantity].kind.name, COMPONENTS[quantity].axis
+    if quantity in _QUANTITIES:
+        return _QUANTITIES[quantity]
+    of_set = additional_set(quantity)
+    return of_set, quantity[len(of_set) + 1 :]
 
 
 def _finding(
@@ -185,25 +140,34 @@ def _finding(
         entity=entity,
         of_entity=f" of flight {entity}" if entity else "",
         where=_where(scope, part),
-        size=", ".join(_size(kind, row) for row in rows),
+        size=", ".join(map(_size, rows)),
     )
     t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
     moved_by = float(str(moving["moved_by_estimate"]))
-    moved = quantity_words(str(moving["moves"]))
-    moves = f"{moved} of {moving['moves_entity']}" if moving["moves"] else ""
+    moves = named(quantity_words(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
     effect = f" It moves {moves} by {moved_by:.1f} σ." if moves else ""
     # Components of the same thing are no other cause.
     own = {quantity_words(str(row["quantity"])) for row in rows}
-    named = dict.fromkeys(
+    others = dict.fromkeys(
         other
         for row in rows
         if isinstance(row["alike"], str)
         for other in row["alike"].split(", ")
         if other not in own
     )
-    alike = f" Nearly the same would be: {', '.join(named)}." if named else ""
+    alike = f" Nearly the same would be: {', '.join(others)}." if others else ""
     sentence = f"{text} (t = {abs(t):.1f}).{alike}{effect} {words.remedy}"
-    return ModelFinding(number, kind, entity, scope, part, t, moves, moved_by, sentence)
+    return ModelFinding(
+        rank=number,
+        quantity=kind,
+        entity=entity,
+        scope=scope,
+        part=part,
+        t=t,
+        moves=moves,
+        moved_by=moved_by,
+        sentence=sentence,
+    )
 
 
 def _where(scope: str, part: str) -> str:
@@ -216,10 +180,9 @@ def _where(scope: str, part: str) -> str:
     }[scope]
 
 
-def _size(kind: str, row: Mapping[Hashable, object]) -> str:
+def _size(row: Mapping[Hashable, object]) -> str:
     """Axis, size and its σ: ``x +0.100 ± 0.004 m``."""
-    axis = str(row["quantity"]).removeprefix(kind).strip("_:")
-    factor, unit = shown_unit(str(row["unit"]))
+    _, axis = _kind_and_axis(str(row["quantity"]))
+    unit, factor, _ = shown(str(row["unit"]))
     value, sigma = (float(str(row[name])) * factor for name in ("explained", "explained_sigma"))
-    gap = "" if unit == "°" else " "
-    return f"{f'{axis} ' if axis else ''}{value:+.3g} ± {sigma:.2g}{gap}{unit}"
+    return with_unit(f"{f'{axis} ' if axis else ''}{value:+.3g} ± {sigma:.2g}", unit)

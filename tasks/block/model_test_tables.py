@@ -12,10 +12,12 @@ from scipy import special
 
 from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
+from adjust.parameters import Quantity
 from tasks.block.model_alternatives import Alternative
 from tasks.block.model_findings import alternative_words
-from tasks.block.parameter_tables import reported_unit
 from tasks.block.result_tables import AdjustedBlock
+from tasks.figures import RestoredGroup, StripScatter
+from tasks.quantities import reported_unit
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
@@ -88,9 +90,12 @@ class ExaminedModel:
         moved = np.abs(self._moved_sigmas[:, list(self.order)] @ self.joint[1])
         return {
             "moved_by_findings": float(moved.max(initial=0.0)),
-            "strip_scatter": [item for key in self._of_strips() if (item := self._scatter(*key)) is not None],
+            "strip_scatter": [
+                item.to_json() for key in self._of_strips() if (item := self._scatter(*key)) is not None
+            ],
             "restored_groups": [
-                {"group": item.name, "sigma0": item.sigma0(self.joint[0])} for item in self.found.restored
+                RestoredGroup(group=item.name, sigma0=item.sigma0(self.joint[0])).to_json()
+                for item in self.found.restored
             ],
         }
 
@@ -99,7 +104,7 @@ class ExaminedModel:
         found = (item for item in self.alternatives if item.scope == "strip")
         return list(dict.fromkeys((item.quantity, item.entity) for item in found))
 
-    def _scatter(self, quantity: str, entity: str) -> JSON:
+    def _scatter(self, quantity: str, entity: str) -> StripScatter | None:
         """By how much a quantity differs from strip to strip beyond its σ, if it does so significantly.
 
         An error of each strip moves what is common to k of them by 1/√k of it, which no σ says.
@@ -122,17 +127,17 @@ class ExaminedModel:
         scatter = float(np.sqrt(max(float(np.median(own)), own.mean(), 0.0)))
         every = self._moved_sigmas[:, members]
         factor = self.alternatives[members[0]].factor
-        return {
-            "quantity": quantity,
-            "entity": entity,
-            "unit": self.alternatives[members[0]].unit,
-            "strips": len(members),
-            "statistic": statistic,
-            "freedom": freedom,
-            "probability": probability,
-            "scatter": scatter * factor,
-            "moved_by": float(scatter * np.sqrt((every**2).sum(axis=1)).max(initial=0.0)),
-        }
+        return StripScatter(
+            quantity=quantity,
+            entity=entity,
+            unit=self.alternatives[members[0]].unit,
+            strips=len(members),
+            statistic=statistic,
+            freedom=freedom,
+            probability=probability,
+            scatter=scatter * factor,
+            moved_by=float(scatter * np.sqrt((every**2).sum(axis=1)).max(initial=0.0)),
+        )
 
     def table(self) -> pd.DataFrame:
         """The rows of model_alternatives.parquet."""
@@ -147,7 +152,7 @@ class ExaminedModel:
         moved = self._moved_sigmas
         most = np.argmax(np.abs(moved), axis=0) if len(moved) else np.zeros(len(factor), dtype=np.int64)
         by = moved[most, np.arange(len(factor))] if len(moved) else np.zeros(len(factor))
-        names = [name for name, own in zip(self._names(), self._calibrated(), strict=True) if own]
+        names = [name for name, own in zip(self._names, self._calibrated(), strict=True) if own]
         size = np.where(rank > 0, explained, tests.estimate)
         return pd.DataFrame(
             {
@@ -160,8 +165,8 @@ class ExaminedModel:
                 "explained": explained * factor,
                 "explained_sigma": beside * self.scale * factor,
                 "alike": [self._alike(k) if rank[k] else None for k in range(len(factor))],
-                "moves": [names[k][0] if names else None for k in most],
-                "moves_entity": [names[k][1] if names else None for k in most],
+                "moves": [names[k].name if names else None for k in most],
+                "moves_entity": [names[k].entity if names else None for k in most],
                 "moved_by_detectable": np.abs(by) * self.found_from * tests.sigma * self.scale,
                 "moved_by_estimate": np.abs(by * size),
             }
@@ -181,14 +186,14 @@ class ExaminedModel:
     def effects(self) -> pd.DataFrame:
         """The rows of model_alternative_effects.parquet."""
         own = np.flatnonzero(self._calibrated())
-        names = [self._names()[k] for k in own]
+        names = [self._names[k] for k in own]
         effect = self.found.tests.effect[own] * self._units()[own, None]
         parts = [
             pd.DataFrame(
                 {
                     **{name: getattr(item, name) for name in (*_KEY, "unit")},
-                    "parameter": [name for name, _ in names],
-                    "parameter_entity": [entity for _, entity in names],
+                    "parameter": [name.name for name in names],
+                    "parameter_entity": [name.entity for name in names],
                     "effect": effect[:, k] / item.factor,
                 }
             )
@@ -206,16 +211,18 @@ class ExaminedModel:
         own = self._calibrated()
         spread = self.adjusted.sigma0 * np.sqrt(np.diagonal(self.adjusted.cofactor.reduced.corner)[own])
         effect = self.found.tests.effect[own].copy()
-        names = [name for name, kept in zip(self._names(), own, strict=True) if kept]
+        names = [name for name, kept in zip(self._names, own, strict=True) if kept]
         for k, item in enumerate(self.alternatives):
-            for row, (name, entity) in enumerate(names):
-                differs = item.scope in _DIVISIONS and name == item.quantity and item.entity in ("", entity)
+            for row, of in enumerate(names):
+                same = of.name == item.quantity and item.entity in ("", of.entity)
+                differs = item.scope in _DIVISIONS and same
                 if differs and abs(effect[row, k] - 1.0) > abs(effect[row, k]):
                     effect[row, k] -= 1.0
         return effect / spread[:, None]
 
-    def _names(self) -> list[tuple[str, str]]:
-        return [(name, entity) for name, entity, _ in self.adjusted.result.layout.border_names()]
+    @cached_property
+    def _names(self) -> tuple[Quantity, ...]:
+        return self.adjusted.result.layout.border_quantities
 
     def _calibrated(self) -> Bools:
         """(g,) which columns of the border belong to a calibration: what is random in a strip does not."""

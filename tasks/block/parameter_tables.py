@@ -11,11 +11,12 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.observations.direct import DirectObservations
 from adjust.observations.joint_prior import JointPrior
-from adjust.parameters import GNSS_SHIFT, INTERIOR_ORIENTATION, Family, ParameterPlace
+from adjust.parameters import GNSS_SHIFT, ParameterPlace, Quantity
 from adjust.result import AdjustmentResult
 from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.block.result_tables import AdjustedBlock
+from tasks.quantities import reported_unit
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 
@@ -48,9 +49,9 @@ def parameter_table(
             given = float(parameters.values[entity, component])
             value = float(adjusted_values[entity, component])
             unit, factor = reported_unit(family, component)
+            quantity = parameters.quantity(entity, component)
             row: dict[str, object] = {
-                "parameter": family.components[component],
-                "entity": parameters.entities[entity],
+                **columns_of(quantity),
                 "value": value * factor,
                 "change": (value - given) * factor,
                 "unit": unit,
@@ -74,7 +75,7 @@ def parameter_table(
             elif ParameterPlace(family.name, entity, component) in considered:
                 known = considered[ParameterPlace(family.name, entity, component)]
                 row |= {"sigma": known * factor, "status": "considered"}
-            elif (row["parameter"], row["entity"]) in eliminated:
+            elif (quantity.name, quantity.entity) in eliminated:
                 row["status"] = "eliminated"
             rows.append(row)
     return pd.DataFrame(rows)
@@ -110,29 +111,32 @@ def _considered_sigmas(adjusted: AdjustedBlock) -> dict[ParameterPlace, float]:
     return dict(zip(known.places, np.sqrt(np.diagonal(known.covariance)).tolist(), strict=True))
 
 
-def _correlated(adjusted: AdjustedBlock) -> tuple[list[tuple[str, str]], Floats]:
-    """Names (parameter, entity) of the free and the considered parameters, and their correlations.
+def columns_of(quantity: Quantity) -> dict[str, str | None]:
+    """Name and owner of a parameter, for a row of a table."""
+    return {
+        "parameter": quantity.name,
+        "entity": quantity.entity,
+        "camera": quantity.camera,
+        "flight": quantity.flight,
+        "strip": quantity.strip,
+    }
+
+
+def _correlated(adjusted: AdjustedBlock) -> tuple[list[Quantity], Floats]:
+    """The free and the considered parameters, and their correlations.
 
     An estimate follows the errors of what is considered, so both are correlated: Cov(x, g) = −K C.
     """
-    names = [(name, entity) for name, entity, _ in adjusted.result.layout.border_names()]
+    names = list(adjusted.result.layout.border_quantities)
     corner, errors = adjusted.cofactor.reduced.corner, adjusted.result.cofactor.considered
     if errors is None:
         return names, correlation_matrix(corner)
     system = {item.family.name: item for item in adjusted.block.system}
     for family, entity, component in errors.known.places:
-        names.append((system[family].family.components[component], system[family].entities[entity]))
+        names.append(system[family].quantity(entity, component))
     mixed = errors.of_unknowns.of_border @ errors.known.root.T
     covariance = np.block([[adjusted.sigma0**2 * corner, mixed], [mixed.T, errors.known.covariance]])
     return names, correlation_matrix(covariance)
-
-
-def reported_unit(family: Family, component: int = 0) -> tuple[str, float]:
-    """Unit of a parameter in the tables and the factor from SI and radians."""
-    if family.name == INTERIOR_ORIENTATION:
-        return "mm", 1e3
-    unit = family.unit_of(component)
-    return ("deg", float(np.rad2deg(1.0))) if unit == "rad" else (unit, 1.0)
 
 
 def write_parameters(
@@ -154,10 +158,10 @@ def write_parameters(
         folder / "correlations.parquet",
         schemas.CORRELATIONS,
         {
-            "parameter_a": [names[i][0] for i in first],
-            "entity_a": [names[i][1] for i in first],
-            "parameter_b": [names[i][0] for i in second],
-            "entity_b": [names[i][1] for i in second],
+            "parameter_a": [names[i].name for i in first],
+            "entity_a": [names[i].entity for i in first],
+            "parameter_b": [names[i].name for i in second],
+            "entity_b": [names[i].entity for i in second],
             "correlation": correlations[first, second],
         },
     )

@@ -14,6 +14,13 @@ from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.iteration import GridIteration
 from adjust.residual_grid.residual_grid import ResidualGrid
 from tasks.block.residual_grid import BlockGrids
+from tasks.figures import (
+    CameraGridFigure,
+    CrossStepFigure,
+    GridIterationFigure,
+    GridStepFigure,
+    ResidualGridFigure,
+)
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
@@ -69,60 +76,57 @@ def _rows(camera: str, component: int, name: str, own: Autocorrelation) -> pd.Da
 
 def residual_grid_figures(cameras: tuple[FrameCamera, ...], grids: BlockGrids, confidence: float) -> JSON:
     """What the mean residuals of each camera amount to, and how corrections were found."""
-    rows: list[JSON] = [
-        _camera_figures(camera.name, grid, field, confidence)
+    rows = tuple(
+        _camera_figure(camera.name, grid, field, confidence)
         for camera, grid, field in zip(cameras, grids.grids, grids.fields, strict=True)
         if grid is not None
-    ]
-    return {"cameras": rows, "iteration": _iteration_figures(grids.iteration)}
+    )
+    return ResidualGridFigure(cameras=rows, iteration=_iteration_figure(grids.iteration)).to_json()
 
 
-def _camera_figures(
+def _camera_figure(
     camera: str, grid: ResidualGrid, field: CorrectionField | None, confidence: float
-) -> JSON:
-    return {
-        "camera": camera,
-        "columns": grid.cells.columns,
-        "rows": grid.cells.rows,
-        "residuals": [int(count) for count in grid.count.sum(axis=0)],
-        "known": int(grid.known.sum()),
-        "significant": int(grid.significant(confidence).sum()),
-        "expected_by_chance": grid.expected_by_chance(confidence),
-        "significant_jointly": int(grid.jointly_significant(confidence).sum()),
-        "largest_um": grid.largest / _UM,
-        "rms_um": _pair(grid.rms),
-        "noise_um": _pair(grid.noise),
-        "signal_um": _pair(grid.signal),
-        "correction_rms_um": None if field is None else _pair(field.rms),
-    }
+) -> CameraGridFigure:
+    return CameraGridFigure(
+        camera=camera,
+        columns=grid.cells.columns,
+        rows=grid.cells.rows,
+        residuals=tuple(int(count) for count in grid.count.sum(axis=0)),
+        known=int(grid.known.sum()),
+        significant=int(grid.significant(confidence).sum()),
+        expected_by_chance=grid.expected_by_chance(confidence),
+        significant_jointly=int(grid.jointly_significant(confidence).sum()),
+        largest_um=grid.largest / _UM,
+        rms_um=_pair(grid.rms),
+        noise_um=_pair(grid.noise),
+        signal_um=_pair(grid.signal),
+        correction_rms_um=None if field is None else _pair(field.rms),
+    )
 
 
-def _pair(values: Floats) -> list[JSON]:
-    return [float(value) / _UM for value in values]
+def _pair(values: Floats) -> tuple[float, ...]:
+    return tuple(float(value) / _UM for value in values)
 
 
-def _iteration_figures(iteration: GridIteration | None) -> JSON:
+def _iteration_figure(iteration: GridIteration | None) -> GridIterationFigure | None:
     if iteration is None:
         return None
-    return {
-        "taken": iteration.taken,
-        "reason": iteration.reason,
-        "stopped_because": _REASONS[iteration.reason],
-        "gain": iteration.gain,
-        "steps": [
-            {
-                "number": step.number,
-                "sigma0": step.sigma0,
-                "rms_um": step.rms / _UM,
-                "noise_um": step.noise / _UM,
-            }
+    return GridIterationFigure(
+        taken=iteration.taken,
+        reason=iteration.reason,
+        stopped_because=_REASONS[iteration.reason],
+        gain=iteration.gain,
+        steps=tuple(
+            GridStepFigure(
+                number=step.number, sigma0=step.sigma0, rms_um=step.rms / _UM, noise_um=step.noise / _UM
+            )
             for step in iteration.steps
-        ],
-        "cross_validation": [
-            {"number": step.number, "mean_rms_um": step.mean_rms / _UM, "residual_rms": step.rms}
+        ),
+        cross_validation=tuple(
+            CrossStepFigure(number=step.number, mean_rms_um=step.mean_rms / _UM, residual_rms=step.rms)
             for step in iteration.cross_validation
-        ],
-    }
+        ),
+    )
 
 
 def residual_grid_sentences(

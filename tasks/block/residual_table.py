@@ -155,7 +155,8 @@ def _titles(block: Block, group: ObservationGroup) -> tuple[Names, Ints]:
     Distances have the point at their other end.
     """
     if isinstance(group, DirectObservations):
-        entities = next(p.entities for p in block.system if p.family.name == group.family.name)
+        of = next(p for p in block.system if p.family.name == group.family.name)
+        entities = [of.quantity(number, 0).entity for number in range(len(of.entities))]
         return Names.of([f"{group.name}:{entity}" for entity in entities]), group.entity
     if isinstance(group, Distances):
         others, row = np.unique(group.other_point, return_inverse=True)

@@ -116,7 +116,8 @@ def self_calibration_of(
     of_camera, known : of every camera its parameters, and the values that are given of them.
     """
     free_names = set(_names_of(settings.parameters))
-    entities, camera_of_entity, entity_of_image = _entities(images, settings.per)
+    camera_of_entity, flights, entity_of_image = _entities(images, settings.per)
+    entities = tuple(images.cameras[camera] for camera in camera_of_entity)
     units = {n: u for item in of_camera for n, u in zip(item.names, item.units, strict=True)}
     names = tuple(units)
     values = np.zeros((len(entities), len(names)))
@@ -135,7 +136,7 @@ def self_calibration_of(
     return BlockSelfCalibration(
         SelfCalibration.of(names, of_entity, entity_of_image),
         of_entity,
-        SystemParameters(additional_family(names, tuple(units.values())), entities, values, free),
+        SystemParameters(additional_family(names, tuple(units.values())), entities, values, free, flights),
         largest,
         rms,
     )
@@ -201,16 +202,12 @@ def image_format_of(camera: dict[object, object], turn: int) -> ImageFormat:
     return format_in_calibration_axes(half, turn, tiles, focal_length)
 
 
-def _entities(images: CalibratedImages, per: str) -> tuple[tuple[str, ...], tuple[int, ...], Ints]:
-    """Names of the entities, the camera of each, and the entity of every image."""
-    names, flights = images.cameras, images.flights
+def _entities(images: CalibratedImages, per: str) -> tuple[tuple[int, ...], tuple[str, ...] | None, Ints]:
+    """Camera and flight of every entity, and the entity of every image; flights None: one set a camera."""
     if per == "camera":
-        return names, tuple(range(len(names))), images.camera
-    pairs = images.camera * len(flights) + images.flight
-    present, entity_of_image = np.unique(pairs, return_inverse=True)
-    cameras = tuple(int(pair) // len(flights) for pair in present)
-    entities = tuple(
-        f"{names[int(pair) // len(flights)]} in {flights[int(pair) % len(flights)] or 'the flight'}"
-        for pair in present
-    )
-    return entities, cameras, entity_of_image.astype(np.int64)
+        return tuple(range(len(images.cameras))), None, images.camera
+    count = len(images.flights)
+    present, entity_of_image = np.unique(images.camera * count + images.flight, return_inverse=True)
+    cameras = tuple(int(pair) // count for pair in present)
+    flights = tuple(images.flights[int(pair) % count] for pair in present)
+    return cameras, flights, entity_of_image.astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,15 +12,16 @@ import pandas as pd
 from adjust.arrays import Floats, Ints
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected_items
-from adjust.parameters import ADDITIONAL_PARAMETERS, SystemParameters
+from adjust.parameters import ADDITIONAL_PARAMETERS, Quantity, SystemParameters
 from adjust.quality.considered import with_considered
 from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.elimination import Criterion, Decision
 from adjust.selection.parameter_selection import SelectedAdjustment
 from adjust.selection.significance import difference_test, group_test, t_values
+from tasks.block.parameter_tables import columns_of
 from tasks.block.self_calibration import BlockSelfCalibration
+from tasks.figures import DecisionFigure, FlightTestFigure, GroupTestFigure, SelfCalibrationFigures
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 
@@ -33,7 +35,7 @@ def write_self_calibration(
 ) -> pd.DataFrame:
     """self_calibration.parquet: every additional parameter that was offered; returns it."""
     table = self_calibration_table(selection, calibration, sigma0)
-    columns = {name: table[name].to_numpy() for name in table.columns}
+    columns = {column.name: table[column.name].to_numpy() for column in schemas.SELF_CALIBRATION.columns}
     write_table(folder / "self_calibration.parquet", schemas.SELF_CALIBRATION, columns)
     return table
 
@@ -60,8 +62,7 @@ def self_calibration_table(
         step, decision = steps.get(column, (0, None))
         rows.append(
             {
-                "parameter": calibration.model.names[component],
-                "entity": calibration.parameters.entities[entity],
+                **columns_of(calibration.parameters.quantity(entity, component)),
                 "meaning": term.meaning,
                 "formula": term.status,
                 "unit": term.unit,
@@ -84,7 +85,7 @@ def self_calibration_table(
 class _AllTogether:
     """Every offered parameter in the adjustment with all of them."""
 
-    names: tuple[tuple[str, str, str], ...]
+    names: tuple[Quantity, ...]
     change: Floats
     sigma: Floats
     t: Floats
@@ -98,7 +99,7 @@ class _AllTogether:
         np.fill_diagonal(correlation, 0.0)
         scale = estimate.sigma0 if selection.sigma0 is None else selection.sigma0
         sigma = np.asarray(scale * np.sqrt(variance))
-        names = selection.offered.border_names()
+        names = selection.offered.border_quantities
         return cls(names, estimate.change, sigma, t_values(estimate, selection.sigma0), correlation)
 
     def row(self, column: int) -> dict[str, object]:
@@ -110,7 +111,9 @@ class _AllTogether:
             "sigma_of_all": float(self.sigma[column]),
             "t_of_all": float(self.t[column]),
             "strongest_correlation": float(self.correlation[column, other]) if known else np.nan,
-            "correlated_with": " of ".join(self.names[other][:2]) if known else None,
+            "correlated_with": str(self.names[other]) if known else None,
+            "correlated_parameter": self.names[other].name if known else None,
+            "correlated_entity": self.names[other].entity if known else None,
         }
 
 
@@ -134,30 +137,30 @@ def eliminated_parameters(table: pd.DataFrame) -> frozenset[tuple[str, str]]:
 
 def self_calibration_figures(
     selection: SelectedAdjustment, table: pd.DataFrame, settings: AdjustmentSettings
-) -> dict[str, JSON]:
+) -> SelfCalibrationFigures:
     """Figures of the self-calibration for summary.json."""
     elimination = selection.elimination
     decisions = () if elimination is None else elimination.decisions
     kept = table["decision"] != "is eliminated"
-    return {
-        "parameters": settings.self_calibration.parameters,
-        "elimination": settings.self_calibration.elimination,
-        "offered": len(table),
-        "kept": int(kept.sum()),
-        "sigma0_of_all": selection.full.sigma0,
-        "decisions": [
-            {"parameter": item.name, "action": item.action.value, "reason": item.reason} for item in decisions
-        ],
-        "groups": _group_tests(selection, settings.self_calibration.parameters),
-        "flights": _difference_of_flights(selection),
-    }
+    return SelfCalibrationFigures(
+        parameters=settings.self_calibration.parameters,
+        elimination=settings.self_calibration.elimination,
+        offered=len(table),
+        kept=int(kept.sum()),
+        sigma0_of_all=selection.full.sigma0,
+        decisions=tuple(
+            DecisionFigure(parameter=item.name, action=item.action.value, reason=item.reason)
+            for item in decisions
+        ),
+        groups=tuple(_group_tests(selection, settings.self_calibration.parameters)),
+        flights=tuple(_differences_of_flights(selection)),
+    )
 
 
-def _group_tests(selection: SelectedAdjustment, text: str) -> list[JSON]:
+def _group_tests(selection: SelectedAdjustment, text: str) -> Iterator[GroupTestFigure]:
     """F-tests of the parts of the selection, all parameters of one part together against zero."""
     columns = selection.offered.columns[ADDITIONAL_PARAMETERS]
     (parameters,) = _additional(selection)
-    found: list[JSON] = []
     for part in selected_items(text, REGISTER):
         names = {f"{part.set.name}:{name}" for name in part.names}
         chosen = columns[:, [name in names for name in parameters.family.components]]
@@ -166,45 +169,37 @@ def _group_tests(selection: SelectedAdjustment, text: str) -> list[JSON]:
         if not (members & selection.full.free).any():
             continue
         test = group_test(selection.full, members, _ERROR_PROBABILITY, selection.sigma0)
-        found.append(
-            {
-                "group": part.title,
-                "parameters": test.parameters,
-                "statistic": test.statistic,
-                "critical": test.critical,
-                "probability": test.probability,
-                "significant": bool(test.is_significant),
-            }
+        yield GroupTestFigure(
+            group=part.title,
+            parameters=test.parameters,
+            statistic=test.statistic,
+            critical=test.critical,
+            probability=test.probability,
+            significant=bool(test.is_significant),
         )
-    return found
 
 
-def _difference_of_flights(selection: SelectedAdjustment) -> list[JSON]:
+def _differences_of_flights(selection: SelectedAdjustment) -> Iterator[FlightTestFigure]:
     """Whether the sets of one camera in two flights differ, for every pair."""
     columns = selection.offered.columns[ADDITIONAL_PARAMETERS]
     (parameters,) = _additional(selection)
-    found: list[JSON] = []
     for first in range(len(columns)):
         for second in range(first + 1, len(columns)):
             both = (columns[first] >= 0) & (columns[second] >= 0)
-            one, two = parameters.entities[first], parameters.entities[second]
-            of_one_camera = " in " in one and one.split(" in ")[0] == two.split(" in ")[0]
-            if not of_one_camera or not both.any():
+            one, two = (parameters.quantity(entity, 0) for entity in (first, second))
+            if one.camera != two.camera or not both.any():
                 continue
             pair: tuple[Ints, Ints] = (columns[first][both], columns[second][both])
-            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0)
-            found.append(
-                {
-                    "first": one,
-                    "second": two,
-                    "parameters": test.joint.parameters,
-                    "statistic": test.joint.statistic,
-                    "critical": test.joint.critical,
-                    "probability": test.joint.probability,
-                    "differ": bool(test.joint.is_significant),
-                }
+            test = difference_test(selection.full, *pair, _ERROR_PROBABILITY, selection.sigma0).joint
+            yield FlightTestFigure(
+                first=one.entity,
+                second=two.entity,
+                parameters=test.parameters,
+                statistic=test.statistic,
+                critical=test.critical,
+                probability=test.probability,
+                differ=bool(test.is_significant),
             )
-    return found
 
 
 def _additional(selection: SelectedAdjustment) -> tuple[SystemParameters, ...]:

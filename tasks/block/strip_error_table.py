@@ -13,8 +13,8 @@ from adjust.calibration.adjusted_strips import StripErrors, adjusted_strip_error
 from adjust.georeferencing.error_sources import CalibrationErrors
 from adjust.options import AdjustmentOptions
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.parameter_tables import reported_unit
 from tasks.block.result_tables import AdjustedBlock
+from tasks.quantities import reported_unit
 from tasks.tables import schemas
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import write_table
@@ -60,7 +60,8 @@ def _held(
     for item in adjusted.block.system:
         column = np.full(item.values.shape, -1, dtype=np.int64)
         for entity, component in np.ndindex(item.values.shape):
-            key = item.family.components[component], item.entities[entity]
+            quantity = item.quantity(entity, component)
+            key = quantity.name, quantity.entity
             if item.family.entity_kind == "camera" and key in sigmas and not item.free[entity, component]:
                 column[entity, component] = len(keys)
                 keys.append(key)

@@ -12,6 +12,7 @@ from adjust.observations.control_point import ControlPoints
 from adjust.quality.control_checks import ControlCheck
 from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.result_tables import AdjustedBlock, variances, xyz_columns
+from tasks.figures import LeftOutFigure
 from tasks.storage.json_text import JSON
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
@@ -128,13 +129,13 @@ def left_out_figures(check: ControlCheck | None, result: AdjustmentResult, sigma
         return None
     known = np.isfinite(check.difference)
     ratio = check.difference / _sigma(check, control, sigma0)
-    return {
-        "folds": len(np.unique(check.fold)),
-        "points": int(known.any(axis=1).sum()),
-        "rmse_m": _each_axis(check.difference, known, "rms"),
-        "max_m": _each_axis(check.difference, known, "largest"),
-        "rms_over_sigma": _each_axis(ratio, known, "rms"),
-    }
+    return LeftOutFigure(
+        folds=len(np.unique(check.fold)),
+        points=int(known.any(axis=1).sum()),
+        rmse_m=_each_axis(check.difference, known, "rms"),
+        max_m=_each_axis(check.difference, known, "largest"),
+        rms_over_sigma=_each_axis(ratio, known, "rms"),
+    ).to_json()
 
 
 def _sigma(check: ControlCheck, control: ControlPoints, sigma0: float) -> Floats:
@@ -149,13 +150,13 @@ def _control(result: AdjustmentResult) -> ControlPoints | None:
     return next((item.group for item in result.groups if isinstance(item.group, ControlPoints)), None)
 
 
-def _each_axis(values: Floats, known: Bools, figure: str) -> list[JSON]:
+def _each_axis(values: Floats, known: Bools, figure: str) -> tuple[float | None, ...]:
     """A figure of the known values of each axis; null without any."""
-    found: list[JSON] = []
+    found: list[float | None] = []
     for axis in range(3):
         own = np.abs(values[known[:, axis], axis])
         if len(own) == 0:
             found.append(None)
         else:
             found.append(float(own.max() if figure == "largest" else np.sqrt(np.mean(own**2))))
-    return found
+    return tuple(found)

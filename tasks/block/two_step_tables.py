@@ -14,6 +14,7 @@ from adjust.calibration.orientation_differences import COMPONENTS, misalignment_
 from adjust.calibration.two_step import GroupMean, TwoStep
 from tasks.block.offset_words import offset_sentence
 from tasks.block.orientation_pairs import CameraDifferences
+from tasks.figures import TwoStepFigure
 from tasks.storage.json_text import JSON
 
 # Radians are shown in degrees.
@@ -119,19 +120,19 @@ def _in_units(mean: Floats) -> Floats:
     return np.concatenate([np.rad2deg(misalignment_angles(mean[:3])), mean[3:]])
 
 
-def camera_figures(item: CameraDifferences, result: TwoStep) -> dict[str, JSON]:
+def camera_figures(item: CameraDifferences, result: TwoStep) -> TwoStepFigure:
     """Figures of one camera for summary.json."""
     main, everything = result.main, result.groups[0]
     of_mountings = [_mounting_figures(item, result, group) for group in (main, *result.others)]
-    return {
+    figures = {
         "camera": item.camera,
         "images": everything.images,
         "strips": everything.strips,
         "directions": result.directions,
         "images_of_main_mounting": main.images,
         "mountings_tested": result.mountings.tested,
-        "mountings": [*of_mountings],
-        "other_mountings": [*of_mountings[1:]],
+        "mountings": of_mountings,
+        "other_mountings": of_mountings[1:],
         "flights": [
             {
                 "flight": item.flight_names[group.number],
@@ -155,6 +156,7 @@ def camera_figures(item: CameraDifferences, result: TwoStep) -> dict[str, JSON]:
             "main_robust": _in_camera_axes(item, main.mean.robust),
         },
     }
+    return TwoStepFigure.model_validate(figures)
 
 
 def _means(group: GroupMean) -> dict[str, JSON]:

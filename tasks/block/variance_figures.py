@@ -14,6 +14,7 @@ from adjust.quality.variance_components import VarianceComponent
 from adjust.result import AdjustmentResult
 from tasks.block.block_input import SurveyedPoints
 from tasks.block.result_tables import reported_unit_of
+from tasks.figures import ComponentFigure, VarianceFigures
 from tasks.storage.json_text import JSON
 
 
@@ -21,26 +22,26 @@ def variance_figures(result: AdjustmentResult) -> JSON:
     """A row for each part of the observations, and how often they were weighted anew; null without."""
     if not result.variance_components:
         return None
-    return {
-        "rounds": result.reweighted,
-        "confidence": result.test.confidence,
-        "components": [_row(result, component) for component in result.variance_components],
-    }
+    return VarianceFigures(
+        rounds=result.reweighted,
+        confidence=result.test.confidence,
+        components=tuple(_row(result, component) for component in result.variance_components),
+    ).to_json()
 
 
-def _row(result: AdjustmentResult, component: VarianceComponent) -> JSON:
+def _row(result: AdjustmentResult, component: VarianceComponent) -> ComponentFigure:
     unit, factor = reported_unit_of(result.groups[component.part.group].group)
-    return {
-        "part": component.part.name,
-        "estimated": component.estimated,
-        "factor": component.factor,
-        "factor_lower": component.lower,
-        "factor_upper": component.upper,
-        "sigma": component.sigma * factor,
-        "unit": unit,
-        "redundancy": component.redundancy,
-        "degrees_of_freedom": component.degrees_of_freedom,
-    }
+    return ComponentFigure(
+        part=component.part.name,
+        estimated=component.estimated,
+        factor=component.factor,
+        factor_lower=component.lower,
+        factor_upper=component.upper,
+        sigma=component.sigma * factor,
+        unit=unit,
+        redundancy=component.redundancy,
+        degrees_of_freedom=component.degrees_of_freedom,
+    )
 
 
 def correlation_figures(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> JSON:

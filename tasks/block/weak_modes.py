@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.parameters import Quantity
 from tasks.block.separability import listed, percent, separating
 
 # Two parameters correlated by more than this are hardly separated; it is also 1 − λ of the weakest direction.
@@ -16,18 +15,7 @@ _INVOLVED = 0.3
 _MOST_PAIRS, _MOST_MODES = 5, 3
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """A free system parameter and what it belongs to."""
-
-    name: str
-    entity: str
-
-    def __str__(self) -> str:
-        return f"{self.name} of {self.entity}"
-
-
-def weak_mode_sentences(parameters: tuple[Parameter, ...], correlation: Floats) -> list[str]:
+def weak_mode_sentences(parameters: tuple[Quantity, ...], correlation: Floats) -> list[str]:
     """Sentences about pairs and about combinations of parameters that the block hardly separates.
 
     Parameters

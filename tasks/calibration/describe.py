@@ -18,7 +18,6 @@ from tasks.calibration.evidence import Evidence
 from tasks.calibration.held_quantities import held_sigmas, with_held
 from tasks.calibration.judge import recognised_pattern
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
-from tasks.calibration.quantities import is_calibrated
 from tasks.calibration.record import (
     CalibratedCamera,
     CalibratedParameter,
@@ -26,9 +25,18 @@ from tasks.calibration.record import (
     CalibrationRecord,
     RecordedHeld,
 )
-from tasks.calibration.two_step_comparison import StepComparison, compared_steps, images_of_mountings
+from tasks.calibration.two_step_comparison import compared_steps, images_of_mountings
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
+from tasks.figures import (
+    AdjustmentFigures,
+    CalibrationFigures,
+    CalibrationVerdictFigure,
+    ReleaseFigure,
+    StepComparisonFigure,
+    figures_of,
+)
 from tasks.quality_gates import DIRECT, tested_gates
+from tasks.quantities import is_calibrated, kind_of
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import Inputs
@@ -95,9 +103,10 @@ def describe_calibration(
     if means is not None:
         mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
         steps = compared_steps(table, pairs, read_table(means), mountings)
-    figures = cast(Mapping[str, Any], read_notes(adjusted).figures)
+    summary = merged_figures([read_notes(adjusted)])
+    figures = figures_of(summary)
     evidence = _evidence(stages, outputs, figures, gates, steps)
-    by_gnss = any(item["group"] == "gnss_positions" for item in figures["groups"])
+    by_gnss = any(item.group == "gnss_positions" for item in figures.groups)
     of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss)
     of_flight = _with_held(of_flight, held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
@@ -119,7 +128,6 @@ def describe_calibration(
         pattern,
         images,
         read_table(outputs["cameras"]),
-        figures,
         known.held,
     )
     files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
@@ -137,8 +145,8 @@ def describe_calibration(
             covariance=_covariance(material, camera),
             held=known.held,
             flight=_flight(material, camera, name, crs, flown, counts),
-            sigma0=float(figures["sigma0"]),
-            redundancy=round(float(figures["redundancy"])),
+            sigma0=float(str(summary["sigma0"])),
+            redundancy=round(float(str(summary["redundancy"]))),
             verdict=of_flight.verdict,
             reasons=of_flight.reasons,
             restrictions=of_flight.restrictions,
@@ -155,7 +163,7 @@ def describe_calibration(
         folder,
         Notes(
             (*problems, *of_flight.remarks, *remarks),
-            {CALIBRATION: _figures(material, releases, steps, remarks)},
+            {CALIBRATION: _figures(material, releases, steps, remarks).to_json()},
         ),
     )
 
@@ -171,7 +179,7 @@ def file_stem(camera: str, *, alone: bool) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Material:
-    """What all records are made from; figures are those of the adjustment."""
+    """What all records are made from."""
 
     parameters: pd.DataFrame
     correlations: pd.DataFrame
@@ -180,31 +188,24 @@ class _Material:
     pattern: FlightPattern
     images: pd.DataFrame
     cameras: pd.DataFrame
-    figures: Mapping[str, Any]
     held: tuple[RecordedHeld, ...]
 
-    def rows(self, camera: str) -> pd.DataFrame:
-        """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
-        table = self.parameters
-        others = set(self.images["camera"]) - {camera}
-        of_others = table["entity"].map(
-            lambda entity: any(entity == other or entity.startswith(f"{other} in ") for other in others)
-        )
-        return table[~of_others & table["parameter"].map(is_calibrated)]
+
+def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:
+    """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
+    own = parameters["camera"].isna() | (parameters["camera"] == camera)
+    return parameters[own & parameters["parameter"].map(is_calibrated)]
 
 
 def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
     """Families that were held because the flight did not determine them, with the reasons."""
-    held: dict[str, str] = {}
-    for release in releases:
-        held |= cast("Mapping[str, str]", cast("Mapping[str, JSON]", release)["held"])
-    return held
+    return {name: why for item in releases for name, why in ReleaseFigure.model_validate(item).held.items()}
 
 
 def _refused(item: ParameterVerdict, held: Mapping[str, str]) -> ParameterVerdict:
     """The verdict of a parameter that was held in the end because it had not been determined before."""
     for family, reason in held.items():
-        if item.parameter == family or item.parameter.startswith(f"{family}_"):
+        if kind_of(item.parameter) == family:
             return ParameterVerdict(item.parameter, item.entity, "not_determinable", reason)
     return item
 
@@ -219,9 +220,9 @@ def _with_held(verdict: FlightVerdict, held: Mapping[str, str]) -> FlightVerdict
 def _evidence(
     stages: tuple[Mapping[str, Artifact], ...],
     outputs: Mapping[str, Artifact],
-    adjusted: Mapping[str, Any],
+    adjusted: AdjustmentFigures,
     gates: Gates,
-    steps: StepComparison | None,
+    steps: StepComparisonFigure | None,
 ) -> Evidence:
     """What the other stages have found."""
     notes = [read_notes(one["notes"]) for one in stages if "notes" in one]
@@ -265,13 +266,13 @@ def _parameters(material: _Material, camera: str) -> tuple[CalibratedParameter, 
             verdict=verdict.verdict,
             because=verdict.because,
         )
-        for row in material.rows(camera).to_dict("records")
+        for row in rows_of(material.parameters, camera).to_dict("records")
         for verdict in (material.verdicts[row["parameter"], row["entity"]],)
     )
 
 
 def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ...]:
-    rows = material.rows(camera)
+    rows = rows_of(material.parameters, camera)
     rows = rows[rows["sigma"].notna()]
     keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
     matrix = covariance_of(keys, sigmas_of(rows), correlation_pairs(material.correlations))
@@ -302,35 +303,39 @@ def _flight(
 
 
 def _figures(
-    material: _Material, releases: tuple[JSON, ...], steps: StepComparison | None, remarks: tuple[str, ...]
-) -> JSON:
+    material: _Material,
+    releases: tuple[JSON, ...],
+    steps: StepComparisonFigure | None,
+    remarks: tuple[str, ...],
+) -> CalibrationFigures:
     """For summary.json: verdicts, pattern, releases, and the comparison with the second step."""
-    return {
-        "verdict": material.of_flight.verdict,
-        "reasons": list(material.of_flight.reasons),
-        "restrictions": list(material.of_flight.restrictions),
-        "remarks": [*material.of_flight.remarks, *remarks],
-        "directions": direction_words(material.pattern),
-        "heights": height_words(material.pattern),
-        "parameters": [
-            {
-                "parameter": item.parameter,
-                "entity": item.entity,
-                "verdict": item.verdict,
-                "because": item.because,
-                "sigma": item.sigma,
-                "limit": item.limit,
-                "sigma_over_prior": item.sigma_over_prior,
-                "correlated_with": None if item.strongest is None else str(item.strongest),
-                "correlation": None if item.strongest is None else item.strongest.correlation,
-            }
+    of_flight = material.of_flight
+    return CalibrationFigures(
+        verdict=of_flight.verdict,
+        reasons=of_flight.reasons,
+        restrictions=of_flight.restrictions,
+        remarks=(*of_flight.remarks, *remarks),
+        directions=direction_words(material.pattern),
+        heights=height_words(material.pattern),
+        parameters=tuple(
+            CalibrationVerdictFigure(
+                parameter=item.parameter,
+                entity=item.entity,
+                verdict=item.verdict,
+                because=item.because,
+                sigma=item.sigma,
+                limit=item.limit,
+                sigma_over_prior=item.sigma_over_prior,
+                correlated_with=None if item.strongest is None else str(item.strongest),
+                correlation=None if item.strongest is None else item.strongest.correlation,
+            )
             for item in material.verdicts.values()
             if is_calibrated(item.parameter)
-        ],
-        "held": [item.model_dump() for item in material.held],
-        "releases": list(releases),
-        "two_step": None if steps is None else steps.to_json(),
-    }
+        ),
+        held=tuple(item.model_dump() for item in material.held),
+        releases=tuple(ReleaseFigure.model_validate(release) for release in releases),
+        two_step=steps,
+    )
 
 
 def _known(value: float) -> float | None:

@@ -15,23 +15,17 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from tasks.block.model_findings import quantity_words, shown_unit
 from tasks.block.variance_figures import part_words
-from tasks.calibration.two_step_comparison import StepComparison
+from tasks.figures import AdjustmentFigures, StepComparisonFigure
 from tasks.quality_gates import GateResult
+from tasks.quantities import group_words, is_calibrated, quantity_words, shown
 from tasks.settings.calibration import AcceptanceLimits
 
 #: A sentence, and whether it refuses the calibration or restricts it only.
 Objection: TypeAlias = tuple[bool, str]
 _PRIOR = "prior:"
-_OF_STRIPS = ("prior:gnss_strip", "prior:gnss_drift")
 _AXES = ("east", "north", "up")
-_DIRECT_GROUPS = {
-    "control_points": "control points",
-    "gnss_positions": "GNSS positions",
-    "ins_attitudes": "INS attitudes",
-}
-_GROUPS = {"image_points": "image points", **_DIRECT_GROUPS}
+_GROUPS = ("image_points", "control_points", "gnss_positions", "ins_attitudes")
 _CHECKED = ("rmse_m", "predicted_rmse_m", "degrees_of_freedom", "mean_m", "predicted_mean_sigma_m")
 # Fewer rejected observations are single gross errors, whatever part of a strip they are.
 _SEVERAL = 3
@@ -54,12 +48,12 @@ class Evidence:
     """
 
     suspicions: tuple[str, ...]
-    adjusted: Mapping[str, Any]
+    adjusted: AdjustmentFigures
     residuals: pd.DataFrame
     images: pd.DataFrame
     direct: Mapping[str, Any]
     gates: tuple[GateResult, ...]
-    steps: StepComparison | None
+    steps: StepComparisonFigure | None
 
     def objections(self, limits: AcceptanceLimits) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Reasons to refuse the calibration, and restrictions, each the gravest first."""
@@ -81,41 +75,40 @@ class Evidence:
         )
 
 
-def _of_restored(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+def _of_restored(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
     """Groups of which much was rejected, and no error of the model explains why: their σ are wrong."""
-    for item in adjusted["restored_groups"]:
-        if float(item["sigma0"]) > limits.sigma0_factor:
-            name = _GROUPS.get(str(item["group"]), str(item["group"]))
+    for item in adjusted.restored_groups:
+        if item.sigma0 > limits.sigma0_factor:
+            name = group_words(item.group)
             yield (
                 True,
                 f"The stated σ of the {name} are too small: with all of them σ0 of the group is "
-                f"{float(item['sigma0']):.2f}, and no error of the model explains it. Correct them.",
+                f"{item.sigma0:.2f}, and no error of the model explains it. Correct them.",
             )
 
 
-def model_refuses(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> bool:
+def model_refuses(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> bool:
     """Whether an error of the model was found that refuses a calibration, whatever else is right."""
     return any(refuses for refuses, _ in _of_model(adjusted, limits))
 
 
-def _of_model(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+def _of_model(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
     """Significant alternatives of the model: refused if a parameter is moved too far, by one or by all."""
-    together = float(adjusted["moved_by_findings"]) > limits.moved_sigmas
-    for item in adjusted["model_findings"]:
-        yield together or float(item["moved_by"]) > limits.moved_sigmas, str(item["sentence"])
-    for item in adjusted["strip_scatter"]:
-        words = quantity_words(str(item["quantity"]))
-        factor, unit = shown_unit(str(item["unit"]))
+    together = (adjusted.moved_by_findings or 0.0) > limits.moved_sigmas
+    for finding in adjusted.model_findings:
+        yield together or finding.moved_by > limits.moved_sigmas, finding.sentence
+    for item in adjusted.strip_scatter:
+        unit, factor, _ = shown(item.unit)
         yield (
-            float(item["moved_by"]) > limits.moved_sigmas,
-            f"The {words} differs from strip to strip by {float(item['scatter']) * factor:.2g} {unit} (RMS) "
-            f"more than its σ let expect (χ² {float(item['statistic']):.0f} of {item['freedom']}): together "
-            f"that moves the calibration by {float(item['moved_by']):.1f} σ. State errors that last as "
+            item.moved_by > limits.moved_sigmas,
+            f"The {quantity_words(item.quantity)} differs from strip to strip by {item.scatter * factor:.2g} "
+            f"{unit} (RMS) more than its σ let expect (χ² {item.statistic:.0f} of {item.freedom}): together "
+            f"that moves the calibration by {item.moved_by:.1f} σ. State errors that last as "
             "long as a strip (adjustment.ins_correlation_s, gnss_correlation_s, priors.gnss_strip_bias_m).",
         )
 
 
-def _of_steps(steps: StepComparison | None, limits: AcceptanceLimits) -> Iterator[Objection]:
+def _of_steps(steps: StepComparisonFigure | None, limits: AcceptanceLimits) -> Iterator[Objection]:
     if steps is not None and steps.probability < limits.error_probability:
         yield True, steps.sentence
 
@@ -145,41 +138,36 @@ def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Ite
             )
 
 
-def _of_groups(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+def _of_groups(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
     """Groups whose σ are stated too large or too small: every certified σ rests on them."""
-    restored = {str(item["group"]) for item in adjusted["restored_groups"]}
-    for item in adjusted["groups"]:
-        name, sigma0 = str(item["group"]), item["sigma0"]
-        if (
-            name not in _GROUPS
-            or name in restored
-            or sigma0 is None
-            or float(item["redundancy"]) < _LEAST_REDUNDANCY
-        ):
+    restored = {item.group for item in adjusted.restored_groups}
+    for item in adjusted.groups:
+        name, sigma0 = item.group, item.sigma0
+        known = name in _GROUPS and name not in restored
+        if not known or sigma0 is None or (item.redundancy or 0.0) < _LEAST_REDUNDANCY:
             continue
         factor = limits.sigma0_factor
-        if not 1.0 / factor <= float(sigma0) <= factor:
-            what = "small" if float(sigma0) > 1.0 else "large"
+        if not 1.0 / factor <= sigma0 <= factor:
+            what = "small" if sigma0 > 1.0 else "large"
             yield (
                 True,
-                f"The stated σ of the {_GROUPS[name]} are too {what}: σ0 of the group is "
-                f"{float(sigma0):.2f}, not within {1.0 / factor:.2f} and {factor:.2f}. Correct them.",
+                f"The stated σ of the {group_words(name)} are too {what}: σ0 of the group is "
+                f"{sigma0:.2f}, not within {1.0 / factor:.2f} and {factor:.2f}. Correct them.",
             )
 
 
-def _of_components(adjusted: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
+def _of_components(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
     """Stated σ in whose place estimated ones were used; where larger, an unknown error may be in them."""
-    for item in (adjusted["variance_components"] or {"components": ()})["components"]:
-        if not item["estimated"]:
+    for item in adjusted.variance_components.components if adjusted.variance_components else ():
+        factor, lower, upper = item.factor, item.factor_lower, item.factor_upper
+        if not item.estimated or factor is None or lower is None or upper is None:
             continue
-        small = float(item["factor_lower"]) > limits.sigma0_factor
-        if small or float(item["factor_upper"]) < 1.0 / limits.sigma0_factor:
-            part = part_words(str(item["part"]))
+        small = lower > limits.sigma0_factor
+        if small or upper < 1.0 / limits.sigma0_factor:
             yield (
-                small and not str(item["part"]).startswith(_PRIOR),
-                f"The stated σ of {part} are too {'small' if small else 'large'}: they are "
-                f"{float(item['factor']):.2f} ({float(item['factor_lower']):.2f} to "
-                f"{float(item['factor_upper']):.2f}) times as large, which was used. Correct them.",
+                small and not item.part.startswith(_PRIOR),
+                f"The stated σ of {part_words(item.part)} are too {'small' if small else 'large'}: they are "
+                f"{factor:.2f} ({lower:.2f} to {upper:.2f}) times as large, which was used. Correct them.",
             )
 
 
@@ -215,8 +203,8 @@ def _of_entities(group: str, own: pd.DataFrame) -> Iterator[Objection]:
 
 def _rejected(group: str, count: int, of: int, where: str) -> str:
     return (
-        f"{count:,} of {of:,} {_GROUPS[group]}{where} ({100.0 * count / of:.0f} %) were rejected as gross "
-        "errors: that many have one cause."
+        f"{count:,} of {of:,} {group_words(group)}{where} ({100.0 * count / of:.0f} %) were rejected as "
+        "gross errors: that many have one cause."
     )
 
 
@@ -227,11 +215,11 @@ def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Ob
         return
     largest = float(special.ndtri(1.0 - 0.5 * limits.error_probability / len(known)))
     known = known.assign(size=known["standardized"].abs())
-    for (group, component), own in known[known["size"] > largest].groupby(["group", "component"], sort=False):
+    for (_, component), own in known[known["size"] > largest].groupby(["group", "component"], sort=False):
         worst = own.sort_values("size").to_dict("records")[-1]
         several = f" ({len(own)} of them)" if len(own) > 1 else ""
         yield (
-            not str(group).startswith(_OF_STRIPS),
+            is_calibrated(str(component)),
             f"Given values of {quantity_words(str(component))} contradict the flight{several}: they differ "
             f"by up to {abs(worst['residual']):.3g} {worst['unit']}, {worst['size']:.1f} of what their σ "
             f"({worst['sigma']:.3g} {worst['unit']}) allows. Check adjustment.priors.",

@@ -9,8 +9,9 @@ import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern, flight_pattern
 from tasks.calibration.release import HELD, UNDETERMINED, Release, Undetermined
-from tasks.calibration.verdicts import ParameterVerdict, parameter_verdicts
+from tasks.calibration.verdicts import parameter_verdicts
 from tasks.errors import InputError
+from tasks.quantities import kind_of
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.calibration import CalibrationSettings
 from tasks.storage.artifact import Artifact
@@ -51,7 +52,7 @@ def judge_release(
     reasons: dict[str, str] = {}
     inseparable = set()
     for family in release.free:
-        own = [item for item in verdicts.values() if _is_of(item, family)]
+        own = [item for item in verdicts.values() if kind_of(item.parameter) == family]
         own = [item for item in own if item.verdict == "not_determinable"]
         if own:
             reasons[family] = " ".join(f"{item}: {item.because}" for item in own)
@@ -83,8 +84,3 @@ def recognised_pattern(images: pd.DataFrame) -> FlightPattern:
         known["height_above_ground_m"].to_numpy(np.float64),
         np.unique(labels, return_inverse=True)[1].astype(np.int64),
     )
-
-
-def _is_of(item: ParameterVerdict, family: FreeParameter) -> bool:
-    """Whether a parameter belongs to a family: its own name, or with an axis or angle behind it."""
-    return item.parameter == family or item.parameter.startswith(f"{family}_")

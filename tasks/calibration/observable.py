@@ -6,14 +6,10 @@ from collections.abc import Mapping
 
 from adjust.camera.additional.selection import NOTHING
 from tasks.errors import InputError
-from tasks.settings.adjustment import FreeParameter, ObservedGroup
+from tasks.quantities import KINDS
+from tasks.settings.adjustment import ObservedGroup
 from tasks.settings.project import Project
 
-#: Parameters that nothing else observes.
-_ONLY: Mapping[ObservedGroup, tuple[FreeParameter, ...]] = {
-    "gnss": ("gnss_shift", "gnss_strip_bias", "gnss_drift", "lever_arm", "time_offset"),
-    "ins": ("boresight",),
-}
 _WORDS: Mapping[ObservedGroup, str] = {"gnss": "GNSS positions", "ins": "INS attitudes"}
 
 
@@ -27,12 +23,12 @@ def observable(project: Project) -> tuple[Project, tuple[str, ...]]:
     """
     calibration, remarks = project.calibration, []
     free = calibration.free
-    for group, names in _ONLY.items():
-        dropped = [name for name in free if name in names]
+    for group, words in _WORDS.items():
+        dropped = [name for name in free if KINDS[name].observed_by == group]
         if group not in project.adjustment.observe and dropped:
-            free = tuple(name for name in free if name not in names)
+            free = tuple(name for name in free if name not in dropped)
             remarks.append(
-                f"No {_WORDS[group]} are observed (adjustment.observe), so there is nothing to calibrate "
+                f"No {words} are observed (adjustment.observe), so there is nothing to calibrate "
                 f"{' and '.join(dropped)} with."
             )
     if not free and project.adjustment.self_calibration.parameters == NOTHING:

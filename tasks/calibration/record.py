@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from adjust.arrays import Floats
+from tasks.quantities import entity_kind
 from tasks.settings.cameras import CameraIdentity
 from tasks.storage.json_text import json_text
 
@@ -196,6 +197,10 @@ class CalibrationRecord(RecordModel):
         ):
             raise ValueError("the covariance matrix is not symmetric or does not have the squares of the σ")
         return self
+
+    def holds_in_one_flight(self, item: CalibratedParameter) -> bool:
+        """Whether a parameter of the camera has other values in other flights."""
+        return entity_kind(item.parameter) == "camera" and item.entity != self.camera.name
 
     @property
     def estimated(self) -> tuple[CalibratedParameter, ...]:

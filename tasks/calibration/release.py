@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias, cast
 
 from adjust.camera.additional.selection import NOTHING
+from adjust.parameters import INTERIOR_ORIENTATION
+from tasks.quantities import KINDS
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.direct_georeferencing import CalibrationInput
@@ -29,7 +31,7 @@ HELD = "held"
 UNDETERMINED = "undetermined"
 #: Name under which all additional parameters are held together.
 ADDITIONAL = "additional_parameters"
-_INTERIOR: tuple[FreeParameter, ...] = ("focal_length", "principal_point")
+_INTERIOR = tuple(name for name, kind in KINDS.items() if kind.family == INTERIOR_ORIENTATION)
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from tasks.block.separability import (
     separating,
 )
 from tasks.calibration.pattern_words import direction_words, height_words
-from tasks.calibration.quantities import INTERIOR, OF_STRIPS, is_calibrated, sigma_limit, written_sigma
 from tasks.calibration.record import Verdict
+from tasks.quantities import COMPONENTS, KINDS, is_calibrated, kind_of, named, quantity_words, written_sigma
 from tasks.settings.calibration import AcceptanceLimits
 
 ParameterVerdictWord: TypeAlias = Literal["determined", "weak", "not_determinable", "held"]
@@ -43,11 +43,6 @@ _WORTH_SAYING = 0.1
 _WIDE_PRIOR_M = 0.3
 # With an error common to a strip their number counts, not that of the images.
 _MORE_STRIPS = "more strips, such as every line forward and reverse or lines across"
-_MORE = {
-    "boresight": "more exposures, or more accurate attitudes",
-    "gnss_shift": "more strips, or more control points",
-}
-_NEEDS_HEADINGS = ("principal_point", "gnss_shift", "lever_arm")
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class Correlated:
     correlation: float
 
     def __str__(self) -> str:
-        return f"{self.parameter} of {self.entity}"
+        return named(self.parameter, self.entity)
 
 
 @dataclass(frozen=True)
@@ -86,7 +81,7 @@ class ParameterVerdict:
     strongest: Correlated | None = None
 
     def __str__(self) -> str:
-        return f"{self.parameter} of {self.entity}"
+        return named(self.parameter, self.entity)
 
 
 @dataclass(frozen=True)
@@ -129,6 +124,15 @@ def parameter_verdicts(
         key = (str(row["parameter"]), str(row["entity"]))
         found[key] = _of_parameter(row, strongest.get(key), pattern, limits)
     return found
+
+
+def sigma_limit(parameter: str, limits: AcceptanceLimits) -> float | None:
+    """Largest σ that is accepted, in the unit of parameters.parquet; None where there is no limit."""
+    known = COMPONENTS.get(parameter)
+    if known is None or not known.sigma_limit:
+        return None
+    limit: float = getattr(limits, known.sigma_limit)
+    return limit * 1e-3 if known.kind.unit == "mm" else limit
 
 
 def strongest_correlations(correlations: pd.DataFrame) -> Mapping[Key, Correlated]:
@@ -221,8 +225,8 @@ class _Said:
         missing = [remedy for remedy in remedies or determining(self.name) if not self._has(remedy)]
         if missing:
             return f"to determine it: {listed(missing)}"
-        more = next((text for start, text in _MORE.items() if self.name.startswith(start)), _MORE_STRIPS)
-        return f"to determine it better: {more}"
+        kind = KINDS.get(kind_of(self.name))
+        return f"to determine it better: {(kind.more if kind else '') or _MORE_STRIPS}"
 
     def _has(self, remedy: str) -> bool:
         if remedy == HEADINGS:
@@ -269,19 +273,17 @@ def flight_verdict(
 
 def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:
     """Sentences about directions and heights that were not flown and that parameters of these names need."""
-    reasons = []
-    turning = sorted({kind for kind in _NEEDS_HEADINGS for name in names if name.startswith(kind)})
+    reasons, kinds = [], {kind_of(name) for name in names}
+    turning = sorted(name for name, kind in KINDS.items() if kind.needs_headings and name in kinds)
     directions = len(pattern.directions)
     if turning and directions < limits.headings:
-        kinds = listed([kind.replace("_", " ") for kind in turning])
+        those = listed([quantity_words(name) for name in turning])
         what = "one direction" if directions == 1 else f"{directions} directions"
         reasons.append(
-            f"Flown in {what} only ({direction_words(pattern)}), but {kinds} need {limits.headings}: fly the "
+            f"Flown in {what} only ({direction_words(pattern)}), but {those} need {limits.headings}: fly the "
             "lines in the opposite direction, too, or lines across."
         )
-    both = any(name.startswith("principal_point") for name in names) and any(
-        name.startswith("lever_arm") for name in names
-    )
+    both = {"principal_point", "lever_arm"} <= kinds
     if ("focal_length" in names or both) and pattern.height_ratio < limits.height_ratio:
         what = "the focal length" if "focal_length" in names else "principal point and lever arm"
         reasons.append(
@@ -297,9 +299,12 @@ def _about_strips(
     parameters: pd.DataFrame, calibrated: list[ParameterVerdict]
 ) -> tuple[list[str], list[str]]:
     """Reasons and remarks about shifts of strips beside an interior orientation."""
-    interior = [item for item in calibrated if item.parameter in INTERIOR]
-    by_gnss = interior + [item for item in calibrated if item.parameter.startswith(("gnss", "lever"))]
-    of_strips = parameters[parameters["parameter"].isin(OF_STRIPS[:3]) & parameters["sigma"].notna()]
+    interior = [item for item in calibrated if kind_of(item.parameter) in ("focal_length", "principal_point")]
+    by_gnss = interior + [
+        item for item in calibrated if kind_of(item.parameter) in ("gnss_shift", "lever_arm")
+    ]
+    is_bias = parameters["parameter"].map(kind_of) == "gnss_strip_bias"
+    of_strips = parameters[is_bias & parameters["sigma"].notna()]
     if of_strips.empty:
         remark = (
             "No GNSS error common to a strip was allowed for (`gnss_strip_bias`): if there is one, the "

@@ -12,13 +12,14 @@ from tasks.certificate.content import Block, Listing
 from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result
+from tasks.quantities import additional_set, is_additional
 from tasks.report.self_calibration import common_level
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
 
 def additional_blocks(material: CertificateMaterial) -> list[Block]:
     """The table of additional parameters; nothing where the record has none."""
-    own = [item for item in quantities.in_order(material.parameters) if quantities.is_additional(item)]
+    own = [item for item in quantities.in_order(material.parameters) if is_additional(item.parameter)]
     if not own:
         return []
     return [Listing(additional_table(material, own), ("meaning", "finding"))]
@@ -61,7 +62,7 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
 
 def distorting_sets(items: Iterable[CalibratedParameter]) -> tuple[str, ...]:
     """Names of the sets among parameters that go from the ideal to the measured point."""
-    names = dict.fromkeys(item.parameter.partition(":")[0] for item in items)
+    names = dict.fromkeys(additional_set(item.parameter) for item in items)
     forward = (name for name, known in REGISTER.sets.items() if known.direction == "forward")
     return tuple(name for name in forward if name in names)
 

@@ -10,6 +10,7 @@ from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
 from tasks.certificate.content import Block, Coefficient, CorrelationMatrix, Figure, Listing, Section, Words
 from tasks.certificate.material import CertificateMaterial
+from tasks.quantities import is_additional
 from tasks.report import palette
 from tasks.report.correlations import matrix_plot
 from tasks.report.table import Column, Number, Row, Table, text_column
@@ -33,7 +34,7 @@ def correlation_section(material: CertificateMaterial) -> Section:
     matrix = correlation_of(material.record)
     places = [material.record.estimated.index(item) for item in estimated]
     ordered = matrix[np.ix_(places, places)]
-    shown = [index for index, item in enumerate(estimated) if not quantities.is_additional(item)]
+    shown = [index for index, item in enumerate(estimated) if not is_additional(item.parameter)]
     shown = (shown or list(range(len(estimated))))[:MOST_IN_MATRIX]
     names = _names(estimated)
     if len(shown) > 1:
@@ -73,7 +74,7 @@ def _names(estimated: tuple[CalibratedParameter, ...]) -> list[str]:
 
 def _map(values: Floats, estimated: tuple[CalibratedParameter, ...]) -> Figure:
     """All correlations as colours."""
-    names = [f"{quantities.short_name(item)} of {item.entity}" for item in estimated]
+    names = pd.Index([(quantities.short_name(item), item.entity) for item in estimated])
     words = f"Correlations of all {len(names)} estimated parameters"
     drawing = matrix_plot(pd.DataFrame(values, index=names, columns=names), words)
     caption = f"{words}; the coefficients follow from the covariance matrix of the record."

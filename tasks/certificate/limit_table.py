@@ -8,20 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tasks.block.model_findings import entity_words
 from tasks.calibration.record import CalibrationRecord
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import in_order, quantity_of
-from tasks.report.figures import gate_words, group_words
+from tasks.quantities import KINDS, entity_words, group_words, kind_of, unit_words
+from tasks.report.figures import gate_words
 from tasks.report.material import IMAGE_POINTS
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
 from tasks.settings.calibration import AcceptanceLimits
 
 _OBSERVED = (IMAGE_POINTS, "control_points", "gnss_positions", "ins_attitudes")
-_NEED_HEADINGS = ("principal_point", "gnss_shift", "lever_arm")
 #: The gate that stands for all limits of the flight together.
 _TOGETHER = "missed_limits_of_calibration"
-_UNITS = {"1": "", "um": "µm"}
 
 
 def limit_table(material: CertificateMaterial) -> Table:
@@ -85,9 +83,9 @@ def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
         quantity = quantity_of(item)
         words, key = f"σ of {entity_words(*item.key)}", f"sigma:{item.parameter}@{item.entity}"
         if judged.limit is not None:
-            sigma, limit = (value * quantity.fine_factor for value in (judged.sigma, judged.limit))
+            sigma, limit = (value * quantity.fine.factor for value in (judged.sigma, judged.limit))
             decimals = decimals_for(min(sigma, limit), 3)
-            yield _row(key, words, sigma, (None, limit), quantity.fine_unit, decimals)
+            yield _row(key, words, sigma, (None, limit), quantity.fine.unit, decimals)
         if judged.sigma_over_prior is not None:
             bounds = (None, limits.sigma_over_prior)
             yield _row(f"{key}:prior", f"{words} / σ before", judged.sigma_over_prior, bounds)
@@ -95,13 +93,13 @@ def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
 
 def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator[Row]:
     """Flight directions and heights, where what is calibrated needs them."""
-    known = [item.parameter for item in record.estimated]
-    if any(name.startswith(_NEED_HEADINGS) for name in known):
+    known = {kind_of(item.parameter) for item in record.estimated}
+    if any(kind.needs_headings for name, kind in KINDS.items() if name in known):
         directions = float(len(record.flight.headings_deg))
         yield _row(
             "headings", "number of flight directions", directions, (float(limits.headings), None), decimals=0
         )
-    arm_and_point = all(any(n.startswith(f) for n in known) for f in ("principal_point", "lever_arm"))
+    arm_and_point = {"principal_point", "lever_arm"} <= known
     if record.flight.heights_m and ("focal_length" in known or arm_and_point):
         ratio = max(record.flight.heights_m) / min(record.flight.heights_m)
         yield _row(
@@ -144,7 +142,8 @@ def _of_model(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterat
     """What the significant errors of the model move, together and each by itself."""
     figures = material.results.figures
     if figures.moved_by_findings is not None:
-        each = (item.moved_by for item in (*figures.model_findings, *figures.strip_scatter))
+        each = [item.moved_by for item in figures.model_findings]
+        each += [item.moved_by for item in figures.strip_scatter]
         largest = max(figures.moved_by_findings, *each, 0.0)
         words = "significant errors of the model move a parameter by at most"
         yield _row("model", words, largest, (None, limits.moved_sigmas), "σ", 1)
@@ -154,5 +153,5 @@ def _of_gates(material: CertificateMaterial) -> Iterator[Row]:
     for gate in material.results.summary.gates:
         if gate.name != _TOGETHER:
             bounds = (None, gate.limit) if gate.bound == "max" else (gate.limit, None)
-            words, unit = f"{gate_words(gate.name)} (project)", _UNITS.get(gate.unit, gate.unit)
+            words, unit = f"{gate_words(gate.name)} (project)", unit_words(gate.unit)
             yield _row(f"{gate.name}:{gate.bound}", words, gate.value, bounds, unit, 3)

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from adjust.parameters import FAMILIES, GNSS_DRIFT, GNSS_STRIP_BIAS
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.georeferencing.report.material import CheckMaterial, read_check
+from tasks.quantities import is_calibrated
 from tasks.report.material import Material, read_material
 from tasks.settings.certificate import CertificateSettings
 from tasks.settings.project import Project, ProjectSource
@@ -19,7 +19,6 @@ from tasks.storage.artifact import Artifact, verified
 from tasks.storage.json_text import from_json
 from tasks.tables.parquet import read_table
 
-_OF_STRIPS = {c for name in (GNSS_STRIP_BIAS, GNSS_DRIFT) for c in FAMILIES[name].components}
 _OF_CHECKS = ("direct_georeferencing", "y_parallaxes", "stereo_models")
 
 
@@ -47,13 +46,13 @@ class CertificateMaterial:
     @cached_property
     def parameters(self) -> tuple[CalibratedParameter, ...]:
         """The parameters of the record without those of single strips, which nobody can use again."""
-        return tuple(item for item in self.record.parameters if item.parameter not in _OF_STRIPS)
+        return tuple(item for item in self.record.parameters if is_calibrated(item.parameter))
 
     @cached_property
     def strip_parameters(self) -> pd.DataFrame:
         """The estimated parameters of single strips (parameters.parquet)."""
         table = self.results.parameters
-        return table[table["parameter"].isin(_OF_STRIPS) & table["sigma"].notna()]
+        return table[~table["parameter"].map(is_calibrated) & table["sigma"].notna()]
 
     @cached_property
     def images(self) -> pd.DataFrame:

@@ -12,6 +12,7 @@ from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import short_name
 from tasks.certificate.words import AXES_NOTE, in_words
 from tasks.coordinates.crs import MapFrame
+from tasks.quantities import kind_of
 from tasks.report.model_tests import strongest_table, unnoticed_table
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
 
@@ -66,7 +67,7 @@ def _origin(material: CertificateMaterial) -> tuple[Row, ...]:
             1e-3,
         )
         for item in material.parameters
-        if item.parameter.startswith("principal_point") and item.sigma is not None
+        if kind_of(item.parameter) == "principal_point" and item.sigma is not None
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from adjust.camera.interior import nominal_mounting
 from adjust.geometry import rotation
-from tasks.block.model_findings import entity_words, shown_unit
+from adjust.parameters import BORESIGHT, FAMILIES, GNSS_SHIFT, INTERIOR_ORIENTATION, TIME_OFFSET
 from tasks.calibration.record import CalibratedParameter
 from tasks.certificate import quantities
 from tasks.certificate.additional_parameters import additional_blocks, distorting_sets
@@ -21,10 +21,9 @@ from tasks.certificate.coverage import coverage_of
 from tasks.certificate.material import CertificateMaterial
 from tasks.certificate.quantities import change_over_sigma, finding, has_result, quantity_of
 from tasks.certificate.words import AXES_NOTE
+from tasks.quantities import KINDS, entity_words, shown
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
-#: Decimals of a value without σ: what is held is printed as finely as what is usually determined.
-_HELD_DECIMALS = {"mm": 4, "µm": 1, "°": 5, "m": 3, "ms": 2}
 _GON = 10.0 / 9.0
 _SHIFT_NOTE = (
     "Too much in the positions given: to be subtracted from them, antenna = projection centre + lever arm "
@@ -44,40 +43,25 @@ _WHY = (
 
 def parameter_section(material: CertificateMaterial) -> Section:
     """All calibrated quantities."""
-    groups = (
-        ("interior", "Interior orientation", quantities.INTERIOR, _interior_note(material)),
-        (
-            "boresight",
-            "Boresight misalignment, body axes of the inertial unit",
-            quantities.BORESIGHT,
-            _MISALIGNMENT_NOTE.format(mount=material.record.camera.mount_deg),
-        ),
-        (
-            "lever-arm",
-            "Lever arm from the projection centre to the point the positions are of, body axes",
-            quantities.LEVER_ARM,
-            "",
-        ),
-        ("gnss-shift", f"GNSS shift, axes of {_axes(material)}", quantities.GNSS_SHIFT, _SHIFT_NOTE),
-        (
-            "time-offset",
-            "Time offset",
-            quantities.TIME_OFFSET,
-            "Positions given are those of the exposure + Δt.",
-        ),
-    )
+    notes = {
+        INTERIOR_ORIENTATION: _interior_note(material),
+        BORESIGHT: _MISALIGNMENT_NOTE.format(mount=material.record.camera.mount_deg),
+        GNSS_SHIFT: _SHIFT_NOTE,
+        TIME_OFFSET: "Positions given are those of the exposure + Δt.",
+    }
     k = coverage_of(material).k
     blocks: list[Block] = [Words(_reading(material), "note")]
-    for name, caption, known, note in groups:
-        own = [item for item in material.parameters if item.parameter in known]
+    for family in FAMILIES:
+        own = [item for item in quantities.in_order(material.parameters) if quantities.is_of(item, family)]
         if not own:
             continue
-        own = list(quantities.in_order(tuple(own)))
-        blocks.append(Listing(parameter_table(name, caption, own, note, k), ("finding",)))
-        if name == "boresight" and any(has_result(item) for item in own):
+        caption, name = _caption(family, material), family.replace("_orientation", "").replace("_", "-")
+        blocks.append(Listing(parameter_table(name, caption, own, notes.get(family, ""), k), ("finding",)))
+        if family == BORESIGHT and any(has_result(item) for item in own):
             blocks.append(Listing(conventions_table(material, own), ("convention",)))
     blocks += additional_blocks(material)
-    blocks += _others(material)
+    if len(material.strip_parameters):
+        blocks.append(Words(_strip_words(material), "note"))
     if material.record.held:
         blocks.append(Listing(held_table(material), ("quantity", "moves")))
     if any(_needs_words(item) for item in material.parameters):
@@ -96,7 +80,7 @@ def held_table(material: CertificateMaterial) -> Table:
     )
     rows = []
     for item in material.record.held:
-        factor, unit = shown_unit(item.unit)
+        unit, factor, _ = shown(item.unit)
         cells: tuple[Cell, ...] = (
             entity_words(item.quantity, item.entity),
             Number(item.sigma * factor, decimals_for(item.sigma * factor)),
@@ -110,6 +94,15 @@ def held_table(material: CertificateMaterial) -> Table:
         "not a result."
     )
     return Table("held-quantities", "What was held, as part of every σ", columns, tuple(rows), note)
+
+
+def _caption(family: str, material: CertificateMaterial) -> str:
+    """Heading of the parameters of a family."""
+    if family == INTERIOR_ORIENTATION:
+        return "Interior orientation"
+    kind = next(kind for kind in KINDS.values() if kind.family == family)
+    caption = kind.caption or f"{kind.words[0].upper()}{kind.words[1:]}"
+    return f"{caption}, axes of {_axes(material)}" if family == GNSS_SHIFT else caption
 
 
 def _axes(material: CertificateMaterial) -> str:
@@ -166,20 +159,20 @@ def parameter_table(
 def _row(item: CalibratedParameter, k: float, *, with_entity: bool) -> Row:
     quantity, known = quantity_of(item), has_result(item)
     decimals = _decimals(item)
-    sigma = item.sigma * quantity.fine_factor if known and item.sigma is not None else None
+    sigma = item.sigma * quantity.fine.factor if known and item.sigma is not None else None
     fine = decimals_for(sigma)
-    value = item.value * quantity.factor if known else None
-    change = (item.value - item.given) * quantity.fine_factor if known else None
+    value = item.value * quantity.value.factor if known else None
+    change = (item.value - item.given) * quantity.fine.factor if known else None
     words = f"{quantity.words} ({item.entity})" if with_entity else quantity.words
     cells: tuple[Cell, ...] = (
         words,
         quantity.symbol,
-        *numbers((item.given * quantity.factor, value), decimals),
-        quantity.unit,
+        *numbers((item.given * quantity.value.factor, value), decimals),
+        quantity.value.unit,
         Number(change, fine, plus=True),
         Number(sigma, fine),
         Number(None if sigma is None else k * sigma, decimals_for(None if sigma is None else k * sigma)),
-        quantity.fine_unit if known else "",
+        quantity.fine.unit if known else "",
         Number(change_over_sigma(item), 1, plus=True),
         finding(item),
     )
@@ -190,14 +183,16 @@ def _decimals(item: CalibratedParameter) -> int:
     """Decimals of the value: those that give its σ two digits."""
     quantity = quantity_of(item)
     if has_result(item) and item.sigma is not None:
-        return decimals_for(item.sigma * quantity.factor)
-    return _HELD_DECIMALS.get(quantity.unit, 6)
+        return decimals_for(item.sigma * quantity.value.factor)
+    # What is held is printed as finely as what is usually determined.
+    return quantity.value.decimals
 
 
 def conventions_table(material: CertificateMaterial, items: Sequence[CalibratedParameter]) -> Table:
     """The misalignment as other programs write it, in degrees and gon."""
     by_name = {item.parameter: item for item in items}
-    roll, pitch, yaw = (by_name[name].value if name in by_name else 0.0 for name in quantities.BORESIGHT)
+    names = FAMILIES[BORESIGHT].components
+    roll, pitch, yaw = (by_name[name].value if name in by_name else 0.0 for name in names)
     body_from_camera = nominal_mounting(material.record.camera.mount_deg)
     matrix = rotation.from_roll_pitch_yaw(np.deg2rad([roll, pitch, yaw]))
     image_side = np.rad2deg(rotation.to_omega_phi_kappa(body_from_camera.T @ matrix @ body_from_camera)) + 0.0
@@ -230,28 +225,6 @@ def conventions_table(material: CertificateMaterial, items: Sequence[CalibratedP
     unknown = [quantity_of(item).words for item in items if not has_result(item)]
     note = f"With the value before for {', '.join(unknown)}." if unknown else ""
     return Table("boresight-conventions", "The same misalignment in other conventions", columns, rows, note)
-
-
-def _others(material: CertificateMaterial) -> list[Block]:
-    """Parameters of no group above, and a line about those of single strips."""
-    known = {**quantities.INTERIOR, **quantities.BORESIGHT, **quantities.LEVER_ARM}
-    known |= {**quantities.GNSS_SHIFT, **quantities.TIME_OFFSET}
-    rest = [
-        item
-        for item in material.parameters
-        if item.parameter not in known and not quantities.is_additional(item)
-    ]
-    blocks: list[Block] = []
-    if rest:
-        blocks.append(
-            Listing(
-                parameter_table("others", "Other parameters", rest, "", coverage_of(material).k), ("finding",)
-            )
-        )
-    strips = material.strip_parameters
-    if len(strips):
-        blocks.append(Words(_strip_words(material), "note"))
-    return blocks
 
 
 def _strip_words(material: CertificateMaterial) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from tasks.block.variance_figures import part_words
 from tasks.certificate.content import Fact, Facts, Section
 from tasks.certificate.material import CertificateMaterial
-from tasks.certificate.words import parameter_family
 from tasks.coordinates.crs import MapFrame
-from tasks.report.figures import group_words
+from tasks.quantities import KINDS, unit_words
 from tasks.report.table import Number, decimals_for, numbers
 from tasks.settings.adjustment import AdjustmentSettings
 
@@ -31,8 +31,6 @@ _DATUM = {
     "free_network": "free network, inner constraints on approximate values",
 }
 _ROBUST = {"huber": "Huber", "cauchy": "Cauchy", "tukey": "Tukey", "biber": "modified M-estimation (BIBER)"}
-#: Ends of the names of priors, and their units.
-_PRIOR_UNITS = {"deg": "°", "m": "m", "m_s": "m/s", "s": "s", "mm": "mm"}
 _ELIMINATION = {
     "default": "default (correlation 0.90, total correlation 0.95, t of 99 %)",
     "bluh": "as BLUH (t below 1, correlations above 0.85)",
@@ -70,7 +68,7 @@ def _model(material: CertificateMaterial) -> tuple[Fact, ...]:
         if settings.refraction == "standard"
         else "not corrected: image coordinates are delivered free of it"
     )
-    free = [parameter_family(name) for name in settings.free]
+    free = [KINDS[name].words for name in settings.free]
     return (
         Fact("frame", "coordinates", (frame.description,)),
         Fact("curvature", "Earth curvature and map projection", (curvature,)),
@@ -164,11 +162,10 @@ def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
 def _priors(settings: AdjustmentSettings) -> tuple[str, ...]:
     """σ of the initial values of what is estimated, those that have one."""
     found = []
-    for name in settings.free:
-        for unit, shown in _PRIOR_UNITS.items():
-            value = getattr(settings.priors, f"{name}_{unit}", None)
-            if value is not None:
-                found.append(f"{parameter_family(name)} {_sizes(value)} {shown}")
+    for kind in (KINDS[name] for name in settings.free):
+        value = getattr(settings.priors, kind.key(kind.unit), None)
+        if value is not None:
+            found.append(f"{kind.words} {_sizes(value)} {unit_words(kind.unit)}")
     return tuple(found) or (_NONE,)
 
 
@@ -199,20 +196,14 @@ def _seconds(value: float | None) -> tuple[str, ...]:
 
 def _components(material: CertificateMaterial) -> tuple[str, ...]:
     """Factors of the stated σ where they were estimated."""
-    found = (material.results.summary.model_extra or {}).get("variance_components")
-    if not found:
+    found = material.results.figures.variance_components
+    if found is None:
         return ("not estimated: the stated σ hold",)
     return tuple(
-        f"{_part_words(str(item['part']))} σ × {item['factor']:.{decimals_for(item['factor'], 3)}f}"
-        + ("" if item["estimated"] else " (as stated)")
-        for item in found["components"]
+        f"{part_words(item.part)} σ × {item.factor:.{decimals_for(item.factor, 3)}f}"
+        + ("" if item.estimated else " (as stated)")
+        for item in found.components
     )
-
-
-def _part_words(part: str) -> str:
-    """A part of the observations, such as ``gnss_positions plan``: a group, and what of it."""
-    group, _, rest = part.partition(" ")
-    return f"{group_words(group)} {rest}".rstrip()
 
 
 def _tests(material: CertificateMaterial) -> tuple[Fact, ...]:

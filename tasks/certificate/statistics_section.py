@@ -11,16 +11,18 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from adjust.parameters import GNSS_STRIP_BIAS
 from tasks.certificate.content import Block, Fact, Facts, Listing, Section
 from tasks.certificate.material import CertificateMaterial
-from tasks.report.figures import group_words
+from tasks.quantities import group_words, unit_words
 from tasks.report.material import TOOK_PART, Material
 from tasks.report.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.settings.quality import AxisGate
 
 _XYZ = ("x", "y", "z")
 #: Units of residuals as they are shown, and decimals.
-_UNITS = {"um": ("µm", 2), "m": ("m", 3), "deg": ("°", 4)}
+_STRIP_PRIORS = f"prior:{GNSS_STRIP_BIAS}"
+_DECIMALS = {"um": 2, "m": 3, "deg": 4}
 _BODY = ("roll", "pitch", "yaw")
 
 
@@ -173,12 +175,8 @@ def _largest_residuals(results: Material, group: str) -> tuple[Cell, ...]:
     if len(units) != 1:
         return Number(None), "", Number(standardized, 1)
     largest = float(own["residual"].abs().max())
-    shown, decimals = _UNITS.get(str(units[0]), (str(units[0]), 3))
-    return (
-        Number(largest, decimals),
-        shown,
-        Number(standardized, 1),
-    )
+    shown, decimals = unit_words(str(units[0])), _DECIMALS.get(str(units[0]), 3)
+    return Number(largest, decimals), shown, Number(standardized, 1)
 
 
 def group_table(results: Material) -> Table:
@@ -194,7 +192,7 @@ def group_table(results: Material) -> Table:
         Column("largest_standardized", "largest standardized residual"),
         Column("critical_value", "rejected beyond"),
     )
-    shown = [group for group in results.figures.groups if not group.group.startswith("prior:gnss_strip")]
+    shown = [group for group in results.figures.groups if group.group != _STRIP_PRIORS]
     rows = tuple(
         Row(
             group.group,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from tasks.certificate import quantities
+from adjust.parameters import BORESIGHT, GNSS_SHIFT, LEVER_ARM
 from tasks.certificate.content import Block, Section, Sentences
 from tasks.certificate.identity_section import NOT_DECLARED
 from tasks.certificate.material import CertificateMaterial
-from tasks.certificate.quantities import has_result
+from tasks.certificate.quantities import has_result, is_of
 
 _OF_PRODUCT = {
     "virtual_image": (
@@ -37,12 +37,12 @@ def _holds_for(material: CertificateMaterial) -> tuple[str, ...]:
         f"Interior orientation and additional parameters: images of {camera.name}, {body}, "
         f"{camera.columns:,} × {camera.rows:,} px, until camera or lens is repaired or adjusted."
     ]
-    if _any(material, quantities.BORESIGHT) or _any(material, quantities.LEVER_ARM):
+    if _any(material, BORESIGHT, LEVER_ARM):
         sentences.append(
             f"Boresight and lever arm: the same camera with {_numbered('inertial unit', identity.imu)} in "
             f"{_numbered('installation', identity.mount)}, until either is dismounted."
         )
-    if _any(material, quantities.GNSS_SHIFT):
+    if _any(material, GNSS_SHIFT):
         sentences.append(
             "GNSS shift: flights whose positions come from the same reference frame, base stations and "
             "processing; else it is that of the calibration flight alone."
@@ -55,9 +55,8 @@ def _numbered(what: str, number: str | None) -> str:
     return f"{what} {number}" if number else f"the {what} of this flight (number {NOT_DECLARED})"
 
 
-def _any(material: CertificateMaterial, known: object) -> bool:
-    names = set(known) if isinstance(known, dict) else set()
-    return any(item.parameter in names and has_result(item) for item in material.parameters)
+def _any(material: CertificateMaterial, *families: str) -> bool:
+    return any(is_of(item, *families) and has_result(item) for item in material.parameters)
 
 
 def _not_for(material: CertificateMaterial) -> tuple[str, ...]:

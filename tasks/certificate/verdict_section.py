@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
+from adjust.parameters import FAMILIES, INTERIOR_ORIENTATION
 from tasks.calibration.describe import REFUSED, RESTRICTED
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.certificate import quantities
@@ -12,8 +12,9 @@ from tasks.certificate.content import Block, Fact, Facts, Listing, Section, Sent
 from tasks.certificate.coverage import coverage_of
 from tasks.certificate.limit_table import limit_table
 from tasks.certificate.material import CertificateMaterial
-from tasks.certificate.quantities import Quantity, finding, has_result, quantity_of
+from tasks.certificate.quantities import finding, has_result, quantity_of
 from tasks.certificate.words import in_words
+from tasks.quantities import COMPONENTS, is_additional, quantity_words
 from tasks.report.table import Cell, Number, Row, Table, decimals_for, text_column
 
 _VERDICTS = {
@@ -53,15 +54,8 @@ def reasons_section(material: CertificateMaterial) -> Section | None:
 
 def brief_section(material: CertificateMaterial) -> Section:
     """The main parameters with their expanded uncertainty, for the first page."""
-    known = (
-        quantities.INTERIOR,
-        quantities.BORESIGHT,
-        quantities.LEVER_ARM,
-        quantities.GNSS_SHIFT,
-        quantities.TIME_OFFSET,
-    )
-    facts = [fact for group in known for fact in _of_group(material, group)]
-    additional = [item for item in material.parameters if quantities.is_additional(item)]
+    facts = [fact for family in FAMILIES for fact in _of_family(material, family)]
+    additional = [item for item in material.parameters if is_additional(item.parameter)]
     if additional:
         count = Number(sum(has_result(item) for item in additional))
         offered = Number(len(additional))
@@ -75,9 +69,9 @@ def brief_section(material: CertificateMaterial) -> Section:
     return Section("brief", heading, tuple(blocks))
 
 
-def _of_group(material: CertificateMaterial, group: Mapping[str, Quantity]) -> list[Fact]:
-    """One fact for each parameter of a group; one for all of an entity if nothing is said about any."""
-    own = quantities.in_order(tuple(item for item in material.parameters if item.parameter in group))
+def _of_family(material: CertificateMaterial, family: str) -> list[Fact]:
+    """One fact for each parameter of a family; one for all of an entity if nothing is said about any."""
+    own = quantities.in_order(tuple(item for item in material.parameters if quantities.is_of(item, family)))
     facts, k = [], coverage_of(material).k
     for entity in dict.fromkeys(item.entity for item in own):
         items = [item for item in own if item.entity == entity]
@@ -91,14 +85,13 @@ def _of_group(material: CertificateMaterial, group: Mapping[str, Quantity]) -> l
 
 
 def _label(item: CalibratedParameter, words: str) -> str:
-    """A quantity with the name of its group, and of a flight where it belongs to one."""
-    if item.parameter in quantities.INTERIOR:
+    """A quantity with the name of its kind, and of a flight where it belongs to one."""
+    if quantities.is_of(item, INTERIOR_ORIENTATION):
         return words
-    if item.parameter not in quantities.TIME_OFFSET:
-        group = item.parameter.rsplit("_", 1)[0].replace("_", " ").replace("gnss", "GNSS")
-        words = f"{group}, {words}"
-    of_flight = item.parameter in quantities.GNSS_SHIFT or item.parameter in quantities.TIME_OFFSET
-    return f"{words} (flight {item.entity})" if of_flight else words
+    component = COMPONENTS[item.parameter]
+    if component.direction:
+        words = f"{quantity_words(component.kind.name)}, {words}"
+    return f"{words} (flight {item.entity})" if component.kind.entity_kind == "flight" else words
 
 
 def _brief(item: CalibratedParameter, k: float) -> Fact:
@@ -108,10 +101,10 @@ def _brief(item: CalibratedParameter, k: float) -> Fact:
     key = f"{item.parameter}@{item.entity}"
     if not has_result(item) or item.sigma is None:
         return Fact(key, label, (finding(item),))
-    expanded = k * item.sigma * quantity.factor
+    expanded = k * item.sigma * quantity.value.factor
     decimals = decimals_for(expanded)
-    values = (Number(item.value * quantity.factor, decimals), Number(expanded, decimals))
-    return Fact(key, label, values, quantity.unit, " ± ")
+    values = (Number(item.value * quantity.value.factor, decimals), Number(expanded, decimals))
+    return Fact(key, label, values, quantity.value.unit, " ± ")
 
 
 def verdict_section(material: CertificateMaterial) -> Section:
@@ -144,7 +137,7 @@ def determinability_table(material: CertificateMaterial) -> Table:
     for item in quantities.in_order(material.parameters):
         words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
         # There may be scores of additional parameters; their σ stand in a table of their own.
-        plain = quantities.is_additional(item) and item.verdict in ("determined", "held")
+        plain = is_additional(item.parameter) and item.verdict in ("determined", "held")
         because = _IN_THEIR_TABLE if plain else in_words(item.because)
         together.setdefault((words, because), []).append(quantities.short_name(item))
     rows = []

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 
-from adjust.parameters import FAMILIES
-from tasks.block.model_findings import quantity_words
+from tasks.quantities import COMPONENTS, KINDS, entity_kind, quantity_words
 from tasks.report.figures import gate_words
 from tasks.settings.adjustment import AdjustmentSettings, Priors
 from tasks.settings.cameras import CameraInput
@@ -17,16 +16,6 @@ from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import ControlInput, ExposureSigma
 from tasks.settings.quality import ChecksSettings
 
-_FAMILIES = {
-    "boresight": "boresight misalignment",
-    "lever_arm": "lever arm",
-    "gnss_shift": "GNSS shift of each flight",
-    "gnss_strip_bias": "GNSS bias of each strip",
-    "gnss_drift": "GNSS drift of each strip",
-    "time_offset": "time offset of each flight",
-    "focal_length": "focal length",
-    "principal_point": "principal point",
-}
 # What is a setting, and its words; the longest first.
 _SETTINGS = {
     "adjustment.variance_components = true": "variance components",
@@ -47,20 +36,20 @@ _SETTINGS = {
     "model_alternatives.parquet": "the tables of the results",
     "model_alternative_effects.parquet": "the effects beside them",
 }
-_COMPONENTS = sorted(
-    {c for family in FAMILIES.values() for c in family.components if "_" in c} | set(_FAMILIES),
-    key=len,
-    reverse=True,
-)
+_QUANTITIES = sorted({*COMPONENTS, *KINDS}, key=len, reverse=True)
 _NAMES = re.compile(
     "|".join(
         [*(re.escape(name) for name in sorted(_SETTINGS, key=len, reverse=True))]
-        + [rf"\b{re.escape(name)}\b" for name in _COMPONENTS]
+        + [rf"\b{re.escape(name)}\b" for name in _QUANTITIES]
     )
 )
 
 # What belongs to a flight is named by it: "GNSS shift z of 1" reads like a number.
-_OF_FLIGHT = re.compile(r"\b(GNSS shift [xyz]|time offset) of (?!flight )(?=\S)")
+_OF_FLIGHT = re.compile(
+    r"\b("
+    + "|".join(quantity_words(name) for name in COMPONENTS if entity_kind(name) == "flight")
+    + r") of (?!flight )(?=\S)"
+)
 # Beside expanded uncertainties a standard deviation does not stand behind ± (JCGM 100:2008, 7.2.2).
 _NUMBER = r"\d[\d.,]*(?:e[+-]?\d+)?"
 _SIGMA = re.compile(rf"([+−-]?{_NUMBER})°? ± ({_NUMBER})( ?)(°|[^\s.,;)]+)")
@@ -94,11 +83,6 @@ AXES_NOTE = (
     "x, y, z: east, north, up of GNSS and control; forward, right, down of the lever arm; along columns and "
     "against rows of the principal point."
 )
-
-
-def parameter_family(name: str) -> str:
-    """A family of system parameters in words."""
-    return _FAMILIES.get(name, name.replace("_", " "))
 
 
 def in_words(sentence: str) -> str:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from adjust.parameters import FAMILIES, GNSS_DRIFT, GNSS_STRIP_BIAS
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.directly_oriented import DirectlyOriented
+from tasks.quantities import is_calibrated
 from tasks.storage.json_text import JSON
-
-_OF_ITS_STRIPS = {c for name in (GNSS_STRIP_BIAS, GNSS_DRIFT) for c in FAMILIES[name].components}
 
 
 def applied_parameters(oriented: DirectlyOriented, calibration: Calibration) -> list[JSON]:
@@ -26,5 +24,5 @@ def applied_parameters(oriented: DirectlyOriented, calibration: Calibration) -> 
             "status": calibration.statuses[parameter, entity],
         }
         for (parameter, entity), value in calibration.values.items()
-        if entity in entities and parameter not in _OF_ITS_STRIPS
+        if entity in entities and is_calibrated(parameter)
     ]

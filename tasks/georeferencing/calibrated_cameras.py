@@ -6,35 +6,15 @@ import json
 
 import pandas as pd
 
-from adjust.parameters import (
-    BORESIGHT,
-    FAMILIES,
-    GNSS_DRIFT,
-    GNSS_SHIFT,
-    GNSS_STRIP_BIAS,
-    INTERIOR_ORIENTATION,
-    LEVER_ARM,
-    TIME_OFFSET,
-)
 from tasks.errors import InputError
 from tasks.georeferencing.calibration import Calibration
 from tasks.nearest_name import did_you_mean
-from tasks.tables.covariance import Key
+from tasks.quantities import COMPONENTS, is_additional
 
-#: Column of cameras.parquet of every parameter of a camera; both are in the same unit.
+# Column of cameras.parquet of every parameter of a camera; both are in the same unit.
 _COLUMNS = {
-    "focal_length": "focal_length_mm",
-    "principal_point_x": "principal_point_x_mm",
-    "principal_point_y": "principal_point_y_mm",
-    **{f"boresight_{name}": f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")},
-    **{f"lever_arm_{axis}": f"lever_arm_{axis}_m" for axis in "xyz"},
+    name: f"{name}_{item.kind.unit}" for name, item in COMPONENTS.items() if item.kind.entity_kind == "camera"
 }
-#: Families that stay behind with the flight that was calibrated.
-OF_ITS_FLIGHT = (GNSS_STRIP_BIAS, GNSS_DRIFT)
-_OTHERS = {
-    component for name in (GNSS_SHIFT, TIME_OFFSET, *OF_ITS_FLIGHT) for component in FAMILIES[name].components
-}
-_OF_CAMERAS = {c for name in (INTERIOR_ORIENTATION, BORESIGHT, LEVER_ARM) for c in FAMILIES[name].components}
 
 
 def calibrated_cameras(cameras: pd.DataFrame, calibration: Calibration) -> pd.DataFrame:
@@ -74,27 +54,16 @@ def calibrated_cameras(cameras: pd.DataFrame, calibration: Calibration) -> pd.Da
 def _additional(calibration: Calibration, camera: str) -> dict[str, float]:
     """Additional parameters of a camera."""
     found = {}
-    for key, value in calibration.values.items():
-        if not is_additional(key):
+    for (parameter, entity), value in calibration.values.items():
+        if not is_additional(parameter):
             continue
-        parameter, entity = key
-        if entity == camera:
-            found[parameter] = value
-        elif entity.startswith(f"{camera} in "):
+        if calibration.of_one_flight.get((parameter, entity), "") in (camera, None):
             raise InputError(
                 f"The calibration has additional parameters of their own for '{entity}'; they hold for no "
                 "other flight.",
                 'Calibrate with adjustment.self_calibration.per = "camera".',
                 entity=f"cameras.{camera}",
             )
+        if entity == camera:
+            found[parameter] = value
     return found
-
-
-def is_additional(key: Key) -> bool:
-    """Whether a parameter is an additional parameter SET:NAME."""
-    return key[0] not in _OTHERS and key[0] not in _OF_CAMERAS
-
-
-def is_of_camera(parameter: str) -> bool:
-    """Whether a parameter belongs to a camera and its mounting, and not to a flight."""
-    return parameter not in _OTHERS

@@ -10,15 +10,12 @@ import numpy as np
 from adjust.arrays import Ints
 from adjust.block import Block
 from adjust.georeferencing.error_sources import CalibrationErrors
-from adjust.parameters import FAMILIES, GNSS_SHIFT, TIME_OFFSET, SystemParameters
-from tasks.block.parameter_tables import reported_unit
+from adjust.parameters import FAMILIES, TIME_OFFSET, SystemParameters
 from tasks.errors import InputError
-from tasks.georeferencing.calibrated_cameras import OF_ITS_FLIGHT
 from tasks.georeferencing.calibration import Calibration
 from tasks.nearest_name import did_you_mean
+from tasks.quantities import reported_unit
 from tasks.tables.covariance import Key
-
-_OF_FLIGHTS = (GNSS_SHIFT, TIME_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +92,12 @@ def _filled(
     """One family with its calibrated values in SI, and the column of each in the covariance."""
     family, values = parameters.family, parameters.values.copy()
     column = np.full(values.shape, -1, dtype=np.int64)
-    if family.name in OF_ITS_FLIGHT:
+    if family.entity_kind == "strip":  # they stay behind with the flight that was calibrated
         return parameters, column
     for entity, component in np.ndindex(values.shape):
-        name = parameters.entities[entity]
-        key = (family.components[component], flights.get(name, "") if family.name in _OF_FLIGHTS else name)
+        quantity = parameters.quantity(entity, component)
+        of_flight = family.entity_kind == "flight"
+        key = (quantity.name, flights.get(quantity.entity, "") if of_flight else quantity.entity)
         if key not in calibration.values:
             continue
         factor = reported_unit(family, component)[1]

@@ -15,6 +15,7 @@ import pandas as pd
 
 from adjust.arrays import Bools, Floats
 from tasks.errors import InputError
+from tasks.quantities import entity_kind, named
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.tables import schemas
@@ -88,6 +89,7 @@ class Calibration:
     correlations : of pairs of estimated parameters, each pair once.
     statuses : what the calibration says about each, such as "significant".
     control : what it was made with.
+    of_one_flight : parameters of a camera that hold in one flight alone → the camera; None: not known.
     flight : the observations it was made with; None: not known.
     """
 
@@ -97,6 +99,7 @@ class Calibration:
     correlations: Mapping[tuple[Key, Key], float]
     statuses: Mapping[Key, str]
     control: SurveyedControl
+    of_one_flight: Mapping[Key, str | None] = field(default_factory=dict)
     flight: CalibrationFlight | None = None
 
     @property
@@ -144,8 +147,19 @@ def calibration_of(
         correlation_pairs(correlations),
         {key: str(row["status"]) for key, row in zip(keys, rows, strict=True)},
         control,
+        _of_one_flight(parameters),
         flight,
     )
+
+
+def _of_one_flight(parameters: pd.DataFrame) -> dict[Key, str | None]:
+    """Camera of every parameter that holds in one flight alone; None: a table of before does not say it."""
+    of_camera = parameters["parameter"].map(entity_kind) == "camera"
+    cameras = parameters.loc[parameters["parameter"] == "focal_length", "entity"]
+    unsaid = parameters["camera"].isna() & ~parameters["entity"].isin(cameras)
+    own = parameters[of_camera & (parameters["flight"].notna() | unsaid)]
+    keys: list[Key] = list(zip(own["parameter"], own["entity"], strict=True))
+    return dict(zip(keys, own["camera"].where(own["camera"].notna(), None), strict=True))
 
 
 def calibration_of_results(source: CalibrationInput) -> Calibration:
@@ -187,5 +201,5 @@ def _refuse_impossible(parameters: pd.DataFrame, file: Path) -> None:
                 f"The value {row['value']:g} {row['unit']} cannot be.",
                 _REMEDY,
                 file=file,
-                entity=f"{row['parameter']} of {row['entity']}",
+                entity=named(row["parameter"], row["entity"]),
             )

@@ -13,6 +13,7 @@ import pandas as pd
 
 from tasks.calibration.record import CalibrationRecord
 from tasks.georeferencing.calibration import Calibration, SurveyedControl
+from tasks.quantities import entity_kind
 from tasks.storage.json_text import JSON, from_json
 from tasks.tables.covariance import Key
 
@@ -70,7 +71,7 @@ def calibration_of_registered(
         calibration was made with their file.
     crs : of their coordinates.
     """
-    values, sigmas = dict[Key, float](), dict[Key, float]()
+    values, sigmas, of_one_flight = dict[Key, float](), dict[Key, float](), dict[Key, str | None]()
     units, statuses = dict[Key, str](), dict[Key, str]()
     correlations: dict[tuple[Key, Key], float] = {}
     ambiguous = _ambiguous_flights(chosen)
@@ -80,6 +81,8 @@ def calibration_of_registered(
         for item in record.parameters:
             key = name.of(item.key)
             values[key], units[key], statuses[key] = item.value, item.unit, item.status
+            if record.holds_in_one_flight(item):
+                of_one_flight[key] = one.camera
         keys = [name.of(item.key) for item in record.estimated]
         own = np.array([item.sigma for item in record.estimated], dtype=np.float64)
         matrix = record.covariance_matrix / np.outer(own, own)
@@ -92,7 +95,7 @@ def calibration_of_registered(
             correlations[pair] = 0.0
     shares = any(one.shares_control for one in chosen)
     control = _control(surveyed, crs) if shares else SurveyedControl()
-    return Calibration(values, sigmas, units, correlations, statuses, control)
+    return Calibration(values, sigmas, units, correlations, statuses, control, of_one_flight)
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ class _Names:
 
     def of(self, key: Key) -> Key:
         parameter, entity = key
-        if entity == self.recorded or entity.startswith(f"{self.recorded} in "):
+        if entity_kind(parameter) == "camera":
             return parameter, self.camera + entity[len(self.recorded) :]
         return parameter, f"{entity} of {self.camera}" if key in self.ambiguous else entity
 
@@ -118,7 +121,7 @@ def _ambiguous_flights(chosen: tuple[RegisteredCalibration, ...]) -> frozenset[K
 
 def _of_flights(record: CalibrationRecord) -> Iterator[tuple[Key, float]]:
     for item in record.parameters:
-        if item.entity != record.camera.name and not item.entity.startswith(f"{record.camera.name} in "):
+        if entity_kind(item.parameter) != "camera":
             yield item.key, item.value
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from adjust.parameters import FAMILIES
 from adjust.planning.a_priori import APriori
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
-from tasks.block.parameter_tables import reported_unit
+from tasks.quantities import reported
 
 
 def expected_parameters(expected: APriori) -> pd.DataFrame:
@@ -16,7 +15,7 @@ def expected_parameters(expected: APriori) -> pd.DataFrame:
     own_part = expected.own_part
     rows = []
     for k, (parameter, entity, own_unit) in enumerate(expected.names):
-        unit, factor = _unit(parameter, own_unit)
+        unit, factor = reported(parameter, own_unit)
         sigma, prior = float(expected.sigma[k]), float(expected.prior_sigma[k])
         status = "not_significant"
         if own_part[k] < INSEPARABLE:
@@ -53,11 +52,3 @@ def expected_correlations(expected: APriori) -> pd.DataFrame:
             "correlation": correlation[first, second],
         }
     )
-
-
-def _unit(parameter: str, own_unit: str) -> tuple[str, float]:
-    """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
-    for family in FAMILIES.values():
-        if parameter in family.components:
-            return reported_unit(family, family.components.index(parameter))
-    return own_unit, 1.0

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast, get_args
-
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import selected
 from adjust.errors import AdditionalParametersError
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
+from tasks.quantities import KINDS
 from tasks.settings.adjustment import FreeParameter
 
 
@@ -20,14 +19,13 @@ def free_from_text(text: str) -> tuple[FreeParameter, ...]:
     InputError
         If one of them does not exist, or there is none.
     """
-    known = [str(name) for name in get_args(FreeParameter)]
     names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names:
-        if name not in known:
-            raise InputError(f"There is no parameter '{name}' to calibrate.", did_you_mean(name, known))
+        if name not in KINDS:
+            raise InputError(f"There is no parameter '{name}' to calibrate.", did_you_mean(name, KINDS))
     if not names:
-        raise InputError("--free names no parameter.", f"Name some of: {', '.join(known)}.")
-    return cast(tuple[FreeParameter, ...], tuple(names))
+        raise InputError("--free names no parameter.", f"Name some of: {', '.join(KINDS)}.")
+    return tuple(names)
 
 
 def selection_from_text(text: str) -> str:

@@ -13,7 +13,6 @@ from adjust.planning.a_priori import a_priori_covariance
 from adjust.planning.additions import Addition, additions
 from adjust.planning.extension import extended
 from adjust.planning.network import PlannedNetwork
-from tasks.calibration.quantities import is_calibrated
 from tasks.calibration.verdicts import (
     FlightVerdict,
     Key,
@@ -26,6 +25,7 @@ from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
 from tasks.planning.expected import expected_correlations, expected_parameters
 from tasks.planning.request import PlanRequest
+from tasks.quantities import is_calibrated
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tasks.calibration.quantities import is_calibrated
 from tasks.calibration.verdicts import ParameterVerdict
 from tasks.planning.addition_words import addition_json
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
+from tasks.quantities import is_calibrated
 from tasks.storage.json_text import JSON
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from adjust.camera.additional.selection import NOTHING
 from adjust.planning.a_priori import CalibrationModel, PlannedAdditional
 from adjust.planning.network import PlannedNetwork
-from tasks.block.block_input import FREE_FAMILIES, prior_sigmas
+from tasks.block.block_input import prior_sigmas
 from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
+from tasks.quantities import KINDS
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
@@ -97,8 +98,8 @@ class PlanRequest:
         """
         free: dict[str, tuple[int, ...]] = {}
         for name in self.estimated:
-            family, components = FREE_FAMILIES[name]
-            free[family] = tuple(sorted((*free.get(family, ()), *components)))
+            kind = KINDS[name]
+            free[kind.family] = tuple(sorted((*free.get(kind.family, ()), *kind.components)))
         given = {key: value for key, value in self.priors.model_dump().items() if value is not None}
         bias = max(self.strip_bias_m, np.finfo(float).tiny)
         known = WEAK_PRIORS.model_copy(update={**given, "gnss_strip_bias_m": (bias, bias, bias)})

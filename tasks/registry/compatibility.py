@@ -9,7 +9,6 @@ is the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
+from tasks.quantities import entity_kind, is_additional, quantity_words, shown, with_unit
 from tasks.registry.identity import CameraBody
 from tasks.report.table import Number, decimals_for
 
@@ -25,18 +25,8 @@ from tasks.report.table import Number, decimals_for
 ERROR_PROBABILITY = 0.01
 # Directions of the difference that both calibrations together know so badly do not count.
 _RANK = 1e-12
-#: Parameters that hold for one mounting, and those of flights and strips.
+#: Parameters that hold for one mounting.
 OF_MOUNTING = {name for family in (BORESIGHT, LEVER_ARM) for name in FAMILIES[family].components}
-OF_OTHERS = {
-    name for family in FAMILIES.values() if family.entity_kind != "camera" for name in family.components
-}
-#: Unit of a record → unit that people say, and its factor.
-SPOKEN: Mapping[str, tuple[str, float]] = {
-    "mm": ("µm", 1e3),
-    "m": ("mm", 1e3),
-    "deg": ("°", 1.0),
-    "s": ("ms", 1e3),
-}
 
 
 @dataclass(frozen=True)
@@ -65,11 +55,10 @@ class ParameterChange:
     @property
     def sentence(self) -> str:
         """Focal length changed by +4.1 µm, 3.2 σ."""
-        unit, factor = SPOKEN.get(self.unit, (self.unit, 1.0))
+        unit, factor, _ = shown(self.unit, "change")
         change, sigma = self.change * factor, self.sigma * factor
-        space = "" if unit == "°" else " "
-        number = Number(change, decimals_for(sigma), plus=True)
-        return f"{spoken(self.parameter)} changed by {number}{space}{unit}, {abs(self.t):.1f} σ"
+        number = with_unit(Number(change, decimals_for(sigma), plus=True), unit)
+        return f"{quantity_words(self.parameter)} changed by {number}, {abs(self.t):.1f} σ"
 
 
 @dataclass(frozen=True)
@@ -117,7 +106,7 @@ class Compatibility:
             )
         if self.new_only or self.old_only:
             parts = [
-                f"{', '.join(spoken(n) for n in names)} by the {which} one only"
+                f"{', '.join(quantity_words(n) for n in names)} by the {which} one only"
                 for which, names in (("new", self.new_only), ("old", self.old_only))
                 if names
             ]
@@ -186,23 +175,18 @@ def single_limit(count: int, probability: float = ERROR_PROBABILITY) -> float:
     return float(special.ndtri(1.0 - 0.5 * each))
 
 
-def spoken(parameter: str) -> str:
-    """A parameter as people say it."""
-    return parameter if ":" in parameter else parameter.replace("_", " ")
-
-
 def _comparable(record: CalibrationRecord, same_mounting: bool, same_axes: bool) -> dict[str, int]:
     """Parameter → place among the estimated ones, of those that are the camera's own and determined."""
     return {
         item.parameter: index
         for index, item in enumerate(record.estimated)
         if item.entity == record.camera.name
-        and item.parameter not in OF_OTHERS
+        and entity_kind(item.parameter) == "camera"
         and item.verdict in ("determined", "weak")
         and item.sigma
         and (same_mounting or item.parameter not in OF_MOUNTING)
         # Additional parameters are functions of the calibration axes.
-        and (same_axes or ":" not in item.parameter)
+        and (same_axes or not is_additional(item.parameter))
     }
 
 

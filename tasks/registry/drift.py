@@ -14,14 +14,12 @@ from typing import Literal, TypeAlias
 
 from scipy import special
 
-from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
+from tasks.quantities import KINDS, kind_of, quantity_words, shown, with_unit
 from tasks.registry.compatibility import (
-    SPOKEN,
     Compatibility,
     ParameterChange,
     compatibility,
     single_limit,
-    spoken,
 )
 from tasks.registry.contents import StoredCalibration
 from tasks.report.table import Number, decimals_for
@@ -54,21 +52,21 @@ class DriftLimits:
     def of(self, change: ParameterChange, count: int) -> float:
         """The limit of one of `count` compared parameters, in its unit."""
         in_sigma = single_limit(count, DRIFT_PROBABILITY) if self.sigma is None else self.sigma
-        absolute = self._absolute(change.parameter)
+        absolute: float | None = getattr(self, DRIFT_LIMITS.get(kind_of(change.parameter), ""), None)
         statistical = in_sigma * change.sigma
         if absolute is None:
             return statistical
         # They are given as people say them.
-        return min(statistical, absolute / SPOKEN[change.unit][1])
+        return min(statistical, absolute / shown(change.unit, "change").factor)
 
-    def _absolute(self, parameter: str) -> float | None:
-        if parameter == "focal_length":
-            return self.focal_length_um
-        if parameter.startswith("principal_point_"):
-            return self.principal_point_um
-        if parameter in FAMILIES[BORESIGHT].components:
-            return self.boresight_deg
-        return self.lever_arm_mm if parameter in FAMILIES[LEVER_ARM].components else None
+
+#: Kind of a parameter → field of its limit.
+DRIFT_LIMITS = {
+    kind.name: field
+    for kind in KINDS.values()
+    for field in (kind.key(shown(kind.unit, "change").unit),)
+    if field in DriftLimits.__dataclass_fields__
+}
 
 
 @dataclass(frozen=True)
@@ -94,14 +92,13 @@ class ParameterDrift:
     @property
     def words(self) -> str:
         """Focal length +7.8 µm (σ 1.7 µm, limit 6.2 µm)."""
-        unit, factor = SPOKEN.get(self.change.unit, (self.change.unit, 1.0))
-        unit = unit if unit == "°" else f" {unit}"
+        unit, factor, _ = shown(self.change.unit, "change")
         decimals = decimals_for(self.change.sigma * factor)
         change, sigma, limit = (
-            Number(value * factor, decimals, plus=signed)
+            with_unit(Number(value * factor, decimals, plus=signed), unit)
             for value, signed in ((self.change.change, True), (self.change.sigma, False), (self.limit, False))
         )
-        return f"{spoken(self.change.parameter)} {change}{unit} (σ {sigma}{unit}, limit {limit}{unit})"
+        return f"{quantity_words(self.change.parameter)} {change} (σ {sigma}, limit {limit})"
 
 
 @dataclass(frozen=True)

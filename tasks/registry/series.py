@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from datetime import date
 from math import hypot
 
-from adjust.parameters import FAMILIES
-from tasks.registry.compatibility import OF_MOUNTING, OF_OTHERS
+from tasks.quantities import COMPONENTS, entity_kind
+from tasks.registry.compatibility import OF_MOUNTING
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 
 #: Those that every camera has come first, the others in the order in which they are met.
-_FIRST = tuple(name for f in FAMILIES.values() if f.entity_kind == "camera" for name in f.components)
+_FIRST = tuple(name for name, item in COMPONENTS.items() if item.kind.entity_kind == "camera")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def series_of(items: Sequence[StoredCalibration]) -> tuple[ParameterSeries, ...]
     found: dict[tuple[str, str], list[SeriesPoint]] = {}
     for item in items:
         for one in item.record.estimated:
-            own = one.entity == item.record.camera.name and one.parameter not in OF_OTHERS
+            own = one.entity == item.record.camera.name and entity_kind(one.parameter) == "camera"
             if own and one.sigma and one.verdict in ("determined", "weak"):
                 found.setdefault((one.parameter, one.unit), []).append(_point(item, one.value, one.sigma))
     keys = sorted(found, key=lambda key: _FIRST.index(key[0]) if key[0] in _FIRST else len(_FIRST))

@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.errors import InputError
-from tasks.registry.compatibility import spoken
+from tasks.quantities import quantity_words
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.series import ParameterSeries, series_of
 from tasks.registry.time_series_plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
@@ -53,7 +53,7 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
             "No calibration of this camera has determined a parameter.", "There is nothing to draw."
         )
     x = time_scale(series)
-    panels = [Panel(spoken(one.parameter), _reference(one), series_plot(one, x)) for one in series]
+    panels = [Panel(quantity_words(one.parameter), _reference(one), series_plot(one, x)) for one in series]
     camera = items[-1].camera
     page: str = _environment().get_template("time_series.html.j2").render(
         camera=camera,
@@ -111,7 +111,7 @@ def _values(series: Sequence[ParameterSeries]) -> Table:
                 Row(
                     f"{one.parameter}:{point.calibration}",
                     (
-                        spoken(one.parameter) if index == 0 else "",
+                        quantity_words(one.parameter) if index == 0 else "",
                         str(point.calibration),
                         str(point.day),
                         Number(point.value, decimals),

@@ -7,7 +7,7 @@ from datetime import date
 
 from markupsafe import Markup
 
-from tasks.registry.compatibility import SPOKEN, spoken
+from tasks.quantities import quantity_words, shown
 from tasks.registry.series import ParameterSeries, SeriesPoint
 from tasks.report import axes, markup, palette
 from tasks.report.axes import Scale, tick_step
@@ -37,7 +37,7 @@ def time_scale(series: Sequence[ParameterSeries]) -> Scale:
 def series_plot(series: ParameterSeries, x: Scale) -> Markup:
     """One parameter; the zero of the scale is the value that was approved last, else the last one."""
     reference = reference_of(series)
-    unit, factor = SPOKEN.get(series.unit, (series.unit, 1.0))
+    unit, factor, _ = shown(series.unit, "change")
     bottom = _TOP + _HEIGHT
     extent = [
         (point.value - reference.value + side * reach * point.sigma) * factor
@@ -50,7 +50,7 @@ def series_plot(series: ParameterSeries, x: Scale) -> Markup:
     step = tick_step(y.upper - y.lower, 5)
     # Powers of ten that no tick can be written with belong to the unit.
     power = 10.0 ** (3 * round(-(decimals_for(step, 1) // 3))) if decimals_for(step, 1) > 5 else 1.0
-    shown = Scale(y.lower / power, y.upper / power, y.start, y.end)
+    scale = Scale(y.lower / power, y.upper / power, y.start, y.end)
     label = f"[{unit}]" if power == 1.0 else f"[{power:.0e} {unit}]"
 
     def place(value: float) -> float:
@@ -59,9 +59,9 @@ def series_plot(series: ParameterSeries, x: Scale) -> Markup:
     return markup.svg(
         axes.WIDTH,
         bottom + 26,
-        f"{spoken(series.parameter)} over the calibrations",
+        f"{quantity_words(series.parameter)} over the calibrations",
         *_bands(series, x, place),
-        axes.vertical_axis(shown, x.start, x.end, f"change {label}", about=5),
+        axes.vertical_axis(scale, x.start, x.end, f"change {label}", about=5),
         _dates(x, bottom),
         *(_symbol(point, series, x, place) for point in series.points),
         axes.frame(x.start, _TOP, x.end, bottom),

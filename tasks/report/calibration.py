@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import Any
 
-from tasks.report.figures import CalibrationFigures, CalibrationVerdictFigure
+from tasks.figures import CalibrationFigures, CalibrationVerdictFigure
+from tasks.quantities import quantity_words
 from tasks.report.material import Material
-from tasks.report.system_parameters import parameter_words
 from tasks.report.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 
 _VERDICTS = {"not_determinable": "not determinable"}
@@ -48,7 +48,7 @@ def _verdict_row(item: CalibrationVerdictFigure, row: Mapping[Hashable, Any]) ->
     known = item.sigma is not None and item.verdict != "not_determinable"
     decimals = decimals_for(item.sigma)
     cells: tuple[Cell, ...] = (
-        parameter_words(item.parameter),
+        quantity_words(item.parameter),
         item.entity,
         *numbers((float(row["change"]) if known else None,), decimals, plus=True),
         *numbers((item.sigma,), decimals),
@@ -56,7 +56,7 @@ def _verdict_row(item: CalibrationVerdictFigure, row: Mapping[Hashable, Any]) ->
         *numbers((item.sigma_over_prior,), 2),
         str(row["unit"]),
         *numbers((item.correlation,), 2, plus=True),
-        parameter_words(item.correlated_with or ""),
+        quantity_words(item.correlated_with or ""),
         _VERDICTS.get(item.verdict, item.verdict),
     )
     return Row(f"{item.parameter}@{item.entity}", cells)
@@ -74,9 +74,9 @@ def _releases(found: CalibrationFigures) -> Table:
             str(number),
             (
                 str(number),
-                ", ".join(parameter_words(name) for name in release.free) or "nothing",
+                ", ".join(quantity_words(name) for name in release.free) or "nothing",
                 release.additional,
-                " ".join(f"{parameter_words(name)}: {reason}" for name, reason in release.held.items())
+                " ".join(f"{quantity_words(name)}: {reason}" for name, reason in release.held.items())
                 or "nothing",
             ),
         )
@@ -102,7 +102,7 @@ def _steps(found: CalibrationFigures) -> Table:
     for item in compared:
         decimals = decimals_for(min(item.one_step_sigma, item.two_step_sigma))
         cells: tuple[Cell, ...] = (
-            parameter_words(item.parameter),
+            quantity_words(item.parameter),
             item.entity,
             *numbers((item.one_step, item.one_step_sigma, item.two_step, item.two_step_sigma), decimals),
             *numbers((item.difference,), decimals, plus=True),

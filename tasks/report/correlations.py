@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from adjust.arrays import Floats
+from tasks.quantities import additional_set, named, quantity_words
 from tasks.report import axes, markup, palette
 from tasks.report.material import Material
-from tasks.report.system_parameters import parameter_words
 
+#: A parameter in words, and its entity.
+Label: TypeAlias = tuple[str, str]
 _MOST_IN_MATRIX = 120
 # Cells this large carry their coefficient, labels of rows this high are written in the usual size.
 _LEAST_WITH_NUMBER = 30.0
@@ -27,10 +30,12 @@ _MOST_WITH_ALL_TOLD = 36
 
 
 def correlation_matrix(table: pd.DataFrame) -> pd.DataFrame:
-    """The symmetric matrix of all pairs, named "parameter of entity", numbers in names by size."""
-    of_a = table["parameter_a"].map(parameter_words) + " of " + table["entity_a"].astype(str)
-    of_b = table["parameter_b"].map(parameter_words) + " of " + table["entity_b"].astype(str)
-    names = sorted({*of_a, *of_b}, key=natural_key)
+    """The symmetric matrix of all pairs by (parameter, entity), numbers in names by size."""
+    of_a, of_b = (
+        list(zip(table[name].map(quantity_words), table[of].astype(str), strict=True))
+        for name, of in (("parameter_a", "entity_a"), ("parameter_b", "entity_b"))
+    )
+    names = sorted({*of_a, *of_b}, key=lambda name: natural_key(named(*name)))
     index = pd.Index(names)
     matrix = np.eye(len(names))
     first, second = index.get_indexer(pd.Index(of_a)), index.get_indexer(pd.Index(of_b))
@@ -51,7 +56,7 @@ def correlation_plot(material: Material) -> Markup | None:
 
 
 def matrix_plot(matrix: pd.DataFrame, words: str) -> Markup:
-    """The triangle under the diagonal of a matrix of correlations, two or more names "parameter of entity".
+    """The triangle under the diagonal of a matrix of correlations, two or more by (parameter, entity).
 
     Parameters
     ----------
@@ -59,26 +64,27 @@ def matrix_plot(matrix: pd.DataFrame, words: str) -> Markup:
     """
     strongest = matrix.abs().where(~np.eye(len(matrix), dtype=bool)).max(axis=1)
     chosen = set(strongest.sort_values(ascending=False, kind="stable").head(_MOST_IN_MATRIX).index)
-    names = [str(name) for name in matrix.index if name in chosen]
-    values = matrix.loc[names, names].to_numpy(np.float64)
+    own = np.array([name in chosen for name in matrix.index])
+    names: list[Label] = [name for name in matrix.index if name in chosen]
+    values = matrix.to_numpy(np.float64)[np.ix_(own, own)]
     shown = _without_common_entity(names)
     left = min(40.0 + 6.6 * max(len(name) for name in shown), 320.0)
     side = float(np.clip((axes.WIDTH - left - 40.0) / len(names), 5.0, 44.0))
     top = 10.0
     parts = [
-        *_cells(left, top, side, values, names),
+        *_cells(left, top, side, values, [named(*name) for name in names]),
         markup.group("axis", _separators(left, top, side, names)),
-        *_labels(left, top, side, shown),
+        *_labels(left, top, side, shown, [words for words, _ in names]),
     ]
     height = top + len(names) * side + 10
     parts.append(_key(left, height))
     return markup.svg(axes.WIDTH, height + 44, words, *parts)
 
 
-def _without_common_entity(names: Sequence[str]) -> list[str]:
-    """Labels without " of ENTITY" where all parameters belong to the same."""
-    entities = {name.partition(" of ")[2] for name in names}
-    return [name.partition(" of ")[0] for name in names] if len(entities) == 1 else list(names)
+def _without_common_entity(names: Sequence[Label]) -> list[str]:
+    """Parameters with their entities, or without where all belong to the same."""
+    several = len({entity for _, entity in names}) > 1
+    return [named(*name) if several else name[0] for name in names]
 
 
 def _cells(left: float, top: float, side: float, values: Floats, names: Sequence[str]) -> list[Markup]:
@@ -112,7 +118,9 @@ def _told_cell(x: float, y: float, size: float, value: float, words: str) -> Mar
     return Markup("").join(parts)
 
 
-def _labels(left: float, top: float, side: float, names: Sequence[str]) -> list[Markup]:
+def _labels(
+    left: float, top: float, side: float, names: Sequence[str], parameters: Sequence[str]
+) -> list[Markup]:
     """Names beside the rows, numbers on the diagonal; of rows too low for text every second or third."""
     every = int(np.ceil(_LEAST_FOR_TINY_TEXT / side))
     css = "" if side >= _LEAST_FOR_TEXT else "tiny"
@@ -121,7 +129,7 @@ def _labels(left: float, top: float, side: float, names: Sequence[str]) -> list[
         middle = top + (row + 0.5) * side + (4.0 if side >= _LEAST_FOR_TEXT else 3.0)
         numbered = f"{row + 1}: {names[row]}" if side >= _LEAST_FOR_TEXT else names[row]
         parts.append(markup.text(left - 8, middle, numbered, "end", css))
-        beside = str(row + 1) if side >= _LEAST_FOR_TEXT else names[row].partition(" of ")[0]
+        beside = str(row + 1) if side >= _LEAST_FOR_TEXT else parameters[row]
         if side >= _LEAST_FOR_TEXT:
             parts.append(markup.text(left + (row + 0.5) * side, middle, beside))
         else:
@@ -129,20 +137,15 @@ def _labels(left: float, top: float, side: float, names: Sequence[str]) -> list[
     return parts
 
 
-def _separators(left: float, top: float, side: float, names: Sequence[str]) -> list[Markup]:
+def _separators(left: float, top: float, side: float, names: Sequence[Label]) -> list[Markup]:
     """Lines between the sets of additional parameters, and between them and other parameters."""
     lines = []
     for place, (one, other) in enumerate(pairwise(names), start=1):
-        if _set_of(one) != _set_of(other):
+        if additional_set(one[0]) != additional_set(other[0]):
             at = place * side
             lines.append(markup.line(left, top + at, left + at, top + at))
             lines.append(markup.line(left + at, top + at, left + at, top + len(names) * side))
     return lines
-
-
-def _set_of(name: str) -> str:
-    """Name of the set of an additional parameter, empty for others."""
-    return name.partition(":")[0] if ":" in name.partition(" of ")[0] else ""
 
 
 def _key(left: float, top: float) -> Markup:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from tasks.figures import DatumFigure
+from tasks.quantities import group_words
 from tasks.report import axes, markup, palette
-from tasks.report.figures import DatumFigure, group_words
 from tasks.report.legend import Swatch, swatches
 from tasks.report.material import Material
 from tasks.report.table import Cell, Column, Row, Table, numbers, text_column

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tasks.report.figures import GridIterationFigure
+from tasks.figures import GridIterationFigure
 from tasks.report.table import Column, Row, Table, numbers
 
 

@@ -7,9 +7,9 @@ from markupsafe import Markup
 from scipy import special
 
 from adjust.arrays import Floats
+from tasks.quantities import group_words
 from tasks.report import axes, markup, palette
 from tasks.report.axes import Scale
-from tasks.report.figures import group_words
 from tasks.report.legend import Swatch, swatches
 from tasks.report.material import IMAGE_POINTS, Material
 from tasks.report.table import Column, Row, Table, numbers, text_column

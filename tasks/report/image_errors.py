@@ -5,7 +5,6 @@ The values are those of ``parameters.parquet``: besides what was adjusted also w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +21,7 @@ from adjust.camera.additional.register import REGISTER, AdditionalParameters, ad
 from adjust.camera.additional.selection import NOTHING, selected_items
 from adjust.camera.interior import FrameCamera
 from tasks.block.self_calibration import image_format_of
+from tasks.quantities import is_additional
 from tasks.report.material import Material
 from tasks.report.table import Column, Row, Table, numbers, text_column
 
@@ -82,18 +82,13 @@ class ImageErrors:
 
 
 def additional_of(material: Material) -> pd.DataFrame:
-    """The rows of parameters.parquet that are additional parameters, ``SET:NAME``."""
-    return material.parameters[material.parameters["parameter"].str.contains(":", regex=False)]
+    """The rows of parameters.parquet that are additional parameters."""
+    return material.parameters[material.parameters["parameter"].map(is_additional)]
 
 
-def camera_of_entity(entity: str, cameras: Mapping[str, FrameCamera]) -> str:
-    """The camera of an entity: its name, or the longest one before `` in FLIGHT``."""
-    return max((name for name in cameras if entity == name or entity.startswith(f"{name} in ")), key=len)
-
-
-def parameters_of(material: Material, entity: str, names: tuple[str, ...]) -> AdditionalParameters:
-    """What parameters of these names do to the images of an entity, with its adjusted focal length."""
-    table, camera = material.camera_table, camera_of_entity(entity, material.cameras)
+def parameters_of(material: Material, camera: str, names: tuple[str, ...]) -> AdditionalParameters:
+    """What parameters of these names do to the images of a camera, with its adjusted focal length."""
+    table = material.camera_table
     row = table[table["camera"] == camera].to_dict("records")[0]
     row["focal_length_mm"] = adjusted_focal_length_mm(material.parameters, camera)
     turn = int(str(row["calibration_axes_deg"]))
@@ -117,14 +112,15 @@ def image_errors(material: Material) -> tuple[ImageErrors, ...]:
 
 
 def _errors_of(material: Material, entity: str, own: pd.DataFrame) -> ImageErrors:
-    camera = material.cameras[camera_of_entity(entity, material.cameras)]
+    name = str(own["camera"].iloc[0])
+    camera = material.cameras[name]
     half = np.array(camera.half_format)
     columns, rows = np.maximum(np.round(_DRAWN_ACROSS * half / half.max()), 3).astype(int)
     at = _middles(half, int(columns), int(rows))
     values = dict(zip(own["parameter"], own["value"].astype(np.float64), strict=True))
 
     def part(title: str, names: tuple[str, ...]) -> PartOfErrors:
-        parameters, adjusted = parameters_of(material, entity, names), np.array([values[n] for n in names])
+        parameters, adjusted = parameters_of(material, name, names), np.array([values[n] for n in names])
         dense = image_error_field(parameters, adjusted, _FINE, _FINE)
         error_um = -_UM * correction(parameters, adjusted, at)
         return PartOfErrors(title, at * _MM, error_um, dense.largest * _UM, dense.rms * _UM)
@@ -132,7 +128,7 @@ def _errors_of(material: Material, entity: str, own: pd.DataFrame) -> ImageError
     names = tuple(values)
     items = selected_items(material.project.adjustment.self_calibration.parameters, REGISTER)
     parts = tuple(part(item.title, tuple(f"{item.set.name}:{name}" for name in item.names)) for item in items)
-    seams_x, seams_y = _seams(parameters_of(material, entity, names), names)
+    seams_x, seams_y = _seams(parameters_of(material, name, names), names)
     return ImageErrors(
         entity,
         camera,
@@ -189,23 +185,16 @@ def errors_table(errors: tuple[ImageErrors, ...]) -> Table:
 def correction_um(material: Material, points: pd.DataFrame) -> Floats:
     """Change of the correction Δ by the adjustment (n, 2), µm, at image points (rows of image_residuals)."""
     result = np.zeros((len(points), 2))
-    entity = _entity_of_point(material, points)
-    for name, own in additional_of(material).groupby("entity", sort=True):
-        rows = np.flatnonzero(entity == name)
-        camera = material.cameras[camera_of_entity(str(name), material.cameras)]
-        xy = points[["x_mm", "y_mm"]].to_numpy(np.float64)[rows] / _MM - np.array(camera.principal_point)
-        parameters = parameters_of(material, str(name), tuple(own["parameter"]))
+    images = material.images
+    flights = points["image"].map(dict(zip(images["image"], images["flight"].fillna(""), strict=True)))
+    for _, own in additional_of(material).groupby("entity", sort=True):
+        name, flight = own["camera"].iloc[0], own["flight"].iloc[0]
+        in_flight = flights == flight if isinstance(flight, str) else True
+        rows = np.flatnonzero((points["camera"] == name) & in_flight)
+        principal_point = np.array(material.cameras[name].principal_point)
+        xy = points[["x_mm", "y_mm"]].to_numpy(np.float64)[rows] / _MM - principal_point
+        parameters = parameters_of(material, name, tuple(own["parameter"]))
         value = own["value"].to_numpy(np.float64)
         for sign, values in ((1.0, value), (-1.0, value - own["change"].to_numpy(np.float64))):
             result[rows] += sign * _UM * correction(parameters, values, xy)
     return result
-
-
-def _entity_of_point(material: Material, points: pd.DataFrame) -> Floats:
-    """Entity (n,) of the parameters that correct each image point."""
-    if material.project.adjustment.self_calibration.per == "camera":
-        return points["camera"].to_numpy(object)
-    images = material.images
-    flight = images["flight"].fillna("").astype(str).replace("", "the flight")
-    of_image = dict(zip(images["image"], images["camera"] + " in " + flight, strict=True))
-    return points["image"].map(of_image).to_numpy(object)

@@ -116,11 +116,11 @@ def before_and_after(material: Material) -> tuple[BeforeAndAfter, ...]:
     points = points[points["used"]].reset_index(drop=True)
     without = points.copy()
     without[["vx_um", "vy_um"]] += correction_um(material, points)
-    entities = tuple(str(name) for name in additional_of(material)["entity"].unique())
+    cameras = set(additional_of(material)["camera"])
     return tuple(
         BeforeAndAfter(_without(material, after, without), after)
         for after in residual_fields(material)
-        if any(e == after.camera.name or e.startswith(f"{after.camera.name} in ") for e in entities)
+        if after.camera.name in cameras
     )
 
 

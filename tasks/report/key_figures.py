@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tasks.quality_gates import GateResult
-from tasks.report.figures import gate_words, group_words
+from tasks.quantities import group_words, unit_words
+from tasks.report.figures import gate_words
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, numbers, text_column
 
@@ -154,7 +155,7 @@ def gate_table(gates: Sequence[GateResult]) -> Table:
                 Number(gate.value, 3),
                 "≤" if gate.bound == "max" else "≥",
                 Number(gate.limit, 3),
-                {"1": "", "um": "µm"}.get(gate.unit, gate.unit),
+                unit_words(gate.unit),
                 "kept" if gate.passed else "not kept",
             ),
         )

@@ -13,8 +13,8 @@ from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from adjust.residual_grid.residual_grid import LEAST_REDUNDANCY
 from tasks.block.strip_names import strip_names
+from tasks.figures import AdjustmentFigures, figures_of
 from tasks.importing.cameras import frame_cameras
-from tasks.report.figures import AdjustmentFigures
 from tasks.settings.project import Project
 from tasks.storage.artifact import Artifact
 from tasks.storage.notes import read_notes
@@ -68,7 +68,7 @@ class Material:
     @cached_property
     def figures(self) -> AdjustmentFigures:
         """Figures of the adjustment beyond the contract of summary.json."""
-        return AdjustmentFigures.model_validate(self.summary.model_extra or {})
+        return figures_of(self.summary.model_extra)
 
     @cached_property
     def oriented(self) -> pd.DataFrame:

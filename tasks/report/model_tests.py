@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.block.model_findings import alternative_words, entity_words, shown_unit
+from tasks.block.model_findings import alternative_words
+from tasks.quantities import entity_words, shown
 from tasks.report.material import Material
 from tasks.report.table import Column, Number, Row, Table, decimals_for, text_column
 
@@ -24,7 +25,7 @@ def strongest_table(material: Material) -> Table:
     known = table[table["t"].notna()]
     place = known["rank"].where(known["rank"] > 0, len(table) + 1)
     size = known["t"].abs()
-    shown = known.assign(place=place, size=size).sort_values(
+    ordered = known.assign(place=place, size=size).sort_values(
         ["place", "size"], ascending=[True, False], kind="stable"
     )
     columns = (
@@ -37,13 +38,13 @@ def strongest_table(material: Material) -> Table:
         text_column("moves", "moves most"),
         Column("moved_by", "by", "σ"),
     )
-    rows = tuple(_strongest_row(row) for row in shown.head(MOST).to_dict("records"))
+    rows = tuple(_strongest_row(row) for row in ordered.head(MOST).to_dict("records"))
     note = f"The {len(rows)} strongest of {len(known):,} that were tested; all in model_alternatives.parquet."
     return Table("model-alternatives", "What the model may lack, the strongest first", columns, rows, note)
 
 
 def _strongest_row(row: Mapping[Hashable, Any]) -> Row:
-    factor, unit = shown_unit(str(row["unit"]))
+    unit, factor, _ = shown(str(row["unit"]))
     sizes = ("explained", "explained_sigma") if row["rank"] > 0 else ("estimate", "sigma")
     value, sigma = (float(row[name]) * factor for name in sizes)
     decimals = decimals_for(sigma)
@@ -71,8 +72,8 @@ def unnoticed_table(material: Material) -> Table:
     # Of the strips, and of the axes of one thing, the worst one stands for all.
     table = table.sort_values("moved", ascending=False, kind="stable")
     strips = table["scope"] == "strip"
-    shown = pd.concat([table[~strips], table[strips].drop_duplicates("quantity")])
-    shown = shown.sort_values("moved", ascending=False, kind="stable")
+    chosen = pd.concat([table[~strips], table[strips].drop_duplicates("quantity")])
+    chosen = chosen.sort_values("moved", ascending=False, kind="stable")
     columns = (
         text_column("alternative", "an error of"),
         Column("detectable", "is found from"),
@@ -80,7 +81,7 @@ def unnoticed_table(material: Material) -> Table:
         text_column("moves", "below that it may move"),
         Column("moved_by", "by up to", "σ"),
     )
-    rows = tuple(_unnoticed_row(row) for row in shown.head(MOST).to_dict("records"))
+    rows = tuple(_unnoticed_row(row) for row in chosen.head(MOST).to_dict("records"))
     note = (
         "Found with a probability of 80 % beside all other tests. Without a number: this block cannot tell "
         "it from the parameter it moves, whatever its size; that it is zero is an assumption. All in "
@@ -90,7 +91,7 @@ def unnoticed_table(material: Material) -> Table:
 
 
 def _unnoticed_row(row: Mapping[Hashable, Any]) -> Row:
-    factor, unit = shown_unit(str(row["unit"]))
+    unit, factor, _ = shown(str(row["unit"]))
     detectable = float(row["detectable"]) * factor
     known = np.isfinite(detectable)
     return Row(

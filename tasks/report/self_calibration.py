@@ -82,8 +82,8 @@ def _row(row: Mapping[Hashable, Any], level: str) -> Row:
 
 def _partner(row: Mapping[Hashable, Any]) -> str:
     """What a parameter is correlated with; its entity only where it is another one."""
-    name = row["correlated_with"]
-    return str(name).removesuffix(f" of {row['entity']}") if isinstance(name, str) else ""
+    same = row["correlated_entity"] == row["entity"]
+    return str((row["correlated_parameter"] if same else row["correlated_with"]) or "")
 
 
 def group_table(material: Material) -> Table:

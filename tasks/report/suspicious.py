@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.report.figures import group_words
+from tasks.quantities import group_words, unit_words
 from tasks.report.material import IMAGE_POINTS, Material
 from tasks.report.table import Column, Row, Table, decimals_for, numbers, text_column
 
@@ -41,7 +41,7 @@ def rejected_table(material: Material) -> Table:
                 *_observation(row),
                 *numbers((row["residual"],), decimals_for(float(row["sigma"]), 3), plus=True),
                 *numbers((row["sigma"],), decimals_for(float(row["sigma"]), 3)),
-                _unit(row["unit"]),
+                unit_words(str(row["unit"])),
                 *numbers((row["ratio"],), 1),
             ),
         )
@@ -116,7 +116,3 @@ def _name(value: object) -> str:
     """The name of an image or point; empty where it does not apply."""
     missing = value is None or (isinstance(value, float) and np.isnan(value))
     return "" if missing else str(value)
-
-
-def _unit(unit: object) -> str:
-    return "µm" if unit == "um" else str(unit)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from typing import Any
 
+from tasks.quantities import quantity_words
 from tasks.report.material import Material
 from tasks.report.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 
@@ -58,7 +59,7 @@ def _row(row: Mapping[Hashable, Any]) -> Row:
     )
     decimals = decimals_for(sigma)
     cells: tuple[Cell, ...] = (
-        parameter_words(str(row["parameter"])),
+        quantity_words(str(row["parameter"])),
         str(row["entity"]),
         *numbers((value,), decimals),
         *numbers((sigma,), decimals),
@@ -105,8 +106,3 @@ def registered_table(material: Material) -> Table:
         "0.1 % they contradict each other."
     )
     return Table("registered-calibrations", "Calibrations of the registry", columns, rows, note)
-
-
-def parameter_words(name: object) -> str:
-    """The name of a parameter for people."""
-    return str(name).replace("_", " ").replace("gnss", "GNSS")

@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeAlias
 
-from tasks.report.figures import (
-    OffsetTestFigure,
-    StripGroupFigure,
-    TwoStepFigure,
-    TwoStepParameterFigure,
-)
-from tasks.report.system_parameters import parameter_words
+from tasks.figures import OffsetTestFigure, StripGroupFigure, TwoStepFigure, TwoStepParameterFigure
+from tasks.quantities import quantity_words
 from tasks.report.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -159,7 +154,7 @@ def parameter_table(parameters: Sequence[TwoStepParameterFigure]) -> Table:
         Row(
             f"{item.parameter}@{item.camera}",
             (
-                parameter_words(item.parameter),
+                quantity_words(item.parameter),
                 item.camera,
                 *numbers((item.value,), decimals_for(item.sigma), plus=True),
                 *numbers((item.sigma,), decimals_for(item.sigma)),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from tasks.coordinates.crs import MapFrame
-from tasks.report.figures import TwoStepCalibrationFigures
+from tasks.figures import figures_of
 from tasks.report.key_figures import Verdict, gate_table
 from tasks.report.page import environment
 from tasks.report.provenance import SOFTWARE, files_table, settings_table, versions_table
@@ -66,8 +66,10 @@ def render(
     software: Mapping[str, str],
 ) -> str:
     """The page as text."""
-    figures = TwoStepCalibrationFigures.model_validate(summary.model_extra or {})
+    figures = figures_of(summary.model_extra)
     found = figures.two_step_calibration
+    if found is None:
+        raise ValueError("the run has no two-step calibration")
     tables = (
         parameter_table(found.parameters),
         *two_step_tables(figures.two_step),

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
+from tasks.quantities import KINDS
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple, Real, Whole
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
 
-FreeParameter: TypeAlias = Literal[
-    "boresight",
-    "lever_arm",
-    "gnss_shift",
-    "gnss_strip_bias",
-    "gnss_drift",
-    "time_offset",
-    "focal_length",
-    "principal_point",
-]
+if TYPE_CHECKING:
+    FreeParameter: TypeAlias = str
+else:
+    FreeParameter = Literal[tuple(KINDS)]
 VarianceDivision: TypeAlias = Literal["file", "camera", "flight"]
 ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
 

@@ -19,6 +19,7 @@ from adjust.camera.additional.selection import NOTHING
 from adjust.camera.interior import FrameCamera
 from tasks.block.self_calibration import image_format_of
 from tasks.importing.cameras import frame_cameras
+from tasks.quantities import is_additional
 from tasks.report import axes, markup
 from tasks.report.axes import round_length
 from tasks.report.format_plot import FormatPlot
@@ -91,8 +92,8 @@ def _parameter_errors_um(
     With a set for each flight it is the one of the first.
     """
     x, y = np.meshgrid(field.x_mm, field.y_mm)
-    additional = parameters[parameters["parameter"].str.contains(":", regex=False)]
-    of_camera = additional[additional["entity"].str.startswith(camera.name)]
+    additional = parameters[parameters["parameter"].map(is_additional)]
+    of_camera = additional[additional["camera"] == camera.name]
     if of_camera.empty:
         return np.zeros((*x.shape, 2))
     own = of_camera[of_camera["entity"] == of_camera["entity"].min()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from tasks.figures import figures_of
 from tasks.importing.cameras import frame_cameras
 from tasks.storage.artifact import Artifact
 from tasks.storage.json_text import JSON, json_text
@@ -102,16 +103,14 @@ def _image_residuals(residuals: pd.DataFrame) -> Row:
 
 def _mean_residuals(notes: Artifact) -> Row:
     """What the mean residuals in sub-areas of the images amount to, over all cameras."""
-    figures = cast(Mapping[str, JSON], read_notes(notes).figures["residual_grid"])
-    cameras = cast(Sequence[Mapping[str, JSON]], figures["cameras"])
-    sums = {
-        "cells": "known",
-        "cells_significant": "significant",
-        "cells_by_chance": "expected_by_chance",
+    cameras = figures_of(read_notes(notes).figures).residual_grid.cameras
+    row: Row = {
+        "cells": sum(camera.known for camera in cameras),
+        "cells_significant": sum(camera.significant for camera in cameras),
+        "cells_by_chance": sum(camera.expected_by_chance for camera in cameras),
     }
-    row: Row = {column: sum(cast(float, camera[name]) for camera in cameras) for column, name in sums.items()}
     for index, axis in enumerate(("x", "y")):
-        signals = [cast(Sequence["float | None"], camera["signal_um"])[index] for camera in cameras]
+        signals = [camera.signal_um[index] for camera in cameras]
         row[f"systematic_{axis}_um"] = _rms(np.array(signals, dtype=np.float64))
     return row
 

@@ -10,8 +10,10 @@ from adjust.parameters import (
     FAMILIES,
     LEVER_ARM,
     ParameterLayout,
+    Quantity,
     State,
     SystemParameters,
+    additional_family,
 )
 
 
@@ -36,6 +38,16 @@ def test_free_parameters_have_consecutive_columns_and_held_ones_none() -> None:
     np.testing.assert_array_equal(LAYOUT.columns[LEVER_ARM], [[-1, 2, -1], [3, 4, 5]])
     assert LAYOUT.border == 6
     assert LAYOUT.unknowns == 6 * 2 + 3 * 1 + 6
+
+
+def test_a_set_of_a_camera_in_one_flight_has_both_and_is_called_by_both() -> None:
+    family = additional_family(("set:1", "set:2"), ("1", "1"))
+    values = np.zeros((2, 2))
+    sets = SystemParameters(family, ("A", "A"), values, values == 0.0, ("B", ""))
+    assert sets.quantity(0, 1) == Quantity("set:2", camera="A", flight="B")
+    assert str(sets.quantity(0, 1)) == "set:2 of A in B"
+    assert sets.quantity(1, 0).entity == "A in the flight"
+    assert Quantity("set:2", camera="A in B") != sets.quantity(0, 1)
 
 
 def test_names_stand_in_the_order_of_the_columns() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from tasks.georeferencing.difference_statistics import CONFIDENCE, PARTS
 from tasks.georeferencing.point_differences import INDEPENDENT
 from tasks.georeferencing.report.material import CheckMaterial, DifferenceFigures, Triple
-from tasks.report.system_parameters import parameter_words
+from tasks.quantities import quantity_words
 from tasks.report.table import Column, Number, Row, Table, components, decimals_for, numbers, text_column
 
 _AXES = ("x", "y", "z")
@@ -239,7 +239,7 @@ def calibration_table(material: CheckMaterial) -> Table:
         Row(
             f"{item.parameter}@{item.entity}",
             (
-                parameter_words(item.parameter),
+                quantity_words(item.parameter),
                 item.entity or "",
                 *numbers((item.value,), decimals_for(item.sigma) or 6),
                 *numbers((item.sigma,), decimals_for(item.sigma)),

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from tasks.tables.schemas.columns import TableSchema, count, number, text
 
+#: What has a parameter, each by itself: an entity is a text for people.
+OWNER = (
+    text("camera", "camera it belongs to; null: to none", nullable=True),
+    text("flight", "flight it belongs to, empty for one without a name; null: to none", nullable=True),
+    text("strip", "strip it belongs to; null: to none", nullable=True),
+)
+
 PARAMETERS = TableSchema(
     "parameters",
     "A system parameter.",
     (
         text("parameter", "name, e.g. boresight_roll"),
-        text("entity", "camera, flight or strip it belongs to"),
+        text(
+            "entity",
+            "camera, flight or strip it belongs to; CAMERA in FLIGHT of a set that holds in one flight",
+        ),
+        *OWNER,
         number("value", "see unit", "adjusted value"),
         number("change", "see unit", "adjusted minus initial value"),
         number("sigma", "see unit", "standard deviation", nullable=True),
@@ -45,6 +56,7 @@ SELF_CALIBRATION = TableSchema(
     (
         text("parameter", "name SET:NAME"),
         text("entity", "camera, or camera and flight, it belongs to"),
+        *OWNER[:2],
         text("meaning", "what it models"),
         text("formula", "where its formula comes from", values=("published", "reconstructed")),
         text("unit", "unit of the values and their sigmas"),
@@ -55,7 +67,9 @@ SELF_CALIBRATION = TableSchema(
         number("sigma_of_all", "see unit", "standard deviation with all parameters together", nullable=True),
         number("t_of_all", "", "change over its standard deviation with all together", nullable=True),
         number("strongest_correlation", "", "strongest correlation with all together", nullable=True),
-        text("correlated_with", "the parameter with which", nullable=True),
+        text("correlated_with", "the parameter with which, and its entity", nullable=True),
+        text("correlated_parameter", "this parameter alone", nullable=True),
+        text("correlated_entity", "its entity", nullable=True),
         number("total_correlation", "", "correlation with all other free system parameters", nullable=True),
         number("effect_max_um", "um", "largest correction in the image"),
         number("effect_rms_um", "um", "root mean square of the correction over the image"),

@@ -11,8 +11,9 @@ from scipy import stats
 
 from flows.aerial_triangulation import aerial_triangulation
 from flows.project_run import RunRequest, carry_out
-from tasks.block.model_findings import alternative_words, model_findings, shown_unit
+from tasks.block.model_findings import alternative_words, model_findings
 from tasks.block.model_test_tables import ERROR_PROBABILITY
+from tasks.quantities import shown
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulate import simulate_project
 
@@ -113,7 +114,7 @@ def test_every_alternative_has_words_a_unit_and_a_remedy_of_its_own(tested: pd.D
         assert image_error == str(quantity).startswith("brown")
         assert "{" not in finding.sentence
         assert finding.sentence.endswith((".", ")"))
-        assert shown_unit(str(own["unit"].iloc[0]))[0] > 0.0
+        assert shown(str(own["unit"].iloc[0])).factor > 0.0
 
 
 def test_the_graver_an_unnoticed_error_the_sooner_it_is_significant(tested: pd.DataFrame) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tasks.block.weak_modes import Parameter, weak_mode_sentences
+from adjust.parameters import Quantity
+from tasks.block.weak_modes import weak_mode_sentences
 
 
-def parameters(*names: str) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, "C" if "gnss" not in name else "1") for name in names)
+def parameters(*names: str) -> tuple[Quantity, ...]:
+    return tuple(
+        Quantity(name, flight="1") if "gnss" in name else Quantity(name, camera="C") for name in names
+    )
 
 
 def correlation(size: int, **pairs: float) -> np.ndarray:

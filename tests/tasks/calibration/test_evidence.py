@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from tasks.calibration.evidence import Evidence
-from tasks.calibration.two_step_comparison import ComparedParameter, StepComparison
+from tasks.calibration.two_step_comparison import comparison
 from tasks.calibration.verdicts import FlightVerdict
+from tasks.figures import ComparedStepFigure, StepComparisonFigure, figures_of
 from tasks.quality_gates import GateResult
 from tasks.settings.calibration import AcceptanceLimits
 
@@ -25,12 +26,25 @@ ADJUSTED: dict[str, Any] = {
     "strip_scatter": [],
     "restored_groups": [],
     "variance_components": None,
-    "groups": [{"group": name, "sigma0": 1.0, "redundancy": 300.0} for name in GROUPS],
+    "groups": [{"group": name, "observations": 400, "sigma0": 1.0, "redundancy": 300.0} for name in GROUPS],
 }
-FINDING = {"moved_by": 5.0, "sentence": "The lever arm looks wrong."}
+FINDING = {
+    "rank": 1,
+    "quantity": "lever_arm",
+    "entity": "UCE",
+    "scope": "all",
+    "part": "",
+    "t": 9.0,
+    "moves": "GNSS shift x of 1",
+    "moved_by": 5.0,
+    "sentence": "The lever arm looks wrong.",
+}
 SCATTER = {
     "quantity": "boresight_pitch",
+    "entity": "UCE",
     "unit": "deg",
+    "strips": STRIPS,
+    "probability": 1e-6,
     "scatter": 0.003,
     "statistic": 90.0,
     "freedom": 9,
@@ -52,7 +66,8 @@ def residuals() -> pd.DataFrame:
     rows += [("prior:gnss_strip_bias", None, None, "used")] * STRIPS
     rows += [("prior:boresight", None, None, "used")]
     table = pd.DataFrame(rows, columns=["group", "image", "point", "status"])
-    table["component"] = np.where(table["group"] == "prior:boresight", "boresight_roll", "x")
+    components = {"prior:boresight": "boresight_roll", "prior:gnss_strip_bias": "gnss_strip_bias_x"}
+    table["component"] = table["group"].map(components).fillna("x")
     return table.assign(residual=0.01, sigma=0.03, unit="m", standardized=0.5)
 
 
@@ -77,7 +92,7 @@ def contradicting(group: str) -> pd.DataFrame:
 
 GOOD = Evidence(
     suspicions=(),
-    adjusted=ADJUSTED,
+    adjusted=figures_of(ADJUSTED),
     residuals=residuals(),
     images=pd.DataFrame(
         {"image": IMAGES, "flight": ["1"] * 50 + ["2"] * 50, "strip": [name[:2] for name in IMAGES]}
@@ -89,29 +104,43 @@ GOOD = Evidence(
 
 
 def adjusted(**changes: Any) -> Evidence:
-    return replace(GOOD, adjusted={**ADJUSTED, **changes})
+    return replace(GOOD, adjusted=figures_of({**ADJUSTED, **changes}))
 
 
 def sigma0(group: str, value: float, redundancy: float = 300.0) -> Evidence:
     others = [item for item in ADJUSTED["groups"] if item["group"] != group]
-    return adjusted(groups=[*others, {"group": group, "sigma0": value, "redundancy": redundancy}])
+    return adjusted(
+        groups=[*others, {**ADJUSTED["groups"][0], "group": group, "sigma0": value, "redundancy": redundancy}]
+    )
 
 
 def component(part: str, lower: float, upper: float) -> Evidence:
     """A part whose σ were estimated."""
     factor = {"factor": (lower * upper) ** 0.5, "factor_lower": lower, "factor_upper": upper}
-    item = {"part": part, "estimated": True, **factor}
-    kept = {"part": "control_points plan", "estimated": False, "factor_lower": None, "factor_upper": None}
-    return adjusted(variance_components={"components": [kept, item]})
+    rest = {"sigma": 0.03, "unit": "m", "redundancy": 90.0, "degrees_of_freedom": 90.0}
+    item = {"part": part, "estimated": True, **factor, **rest}
+    limits = dict.fromkeys(("factor_lower", "factor_upper"))
+    kept = {"part": "control_points plan", "estimated": False, "factor": 1.0, **limits, **rest}
+    return adjusted(variance_components={"rounds": 2, "confidence": 0.95, "components": [kept, item]})
 
 
 def checked(**changes: list[float]) -> Evidence:
     return replace(GOOD, direct={**DIRECT, **changes})
 
 
-def compared(probability: float) -> StepComparison:
-    item = ComparedParameter("boresight_roll", "UCE", "deg", 0.01, 0.001, 0.02, 0.001)
-    return StepComparison((item,), 50.0, 1, probability)
+def compared(probability: float) -> StepComparisonFigure:
+    item = ComparedStepFigure(
+        parameter="boresight_roll",
+        entity="UCE",
+        unit="deg",
+        one_step=0.01,
+        one_step_sigma=0.001,
+        two_step=0.02,
+        two_step_sigma=0.001,
+        difference=-0.01,
+        t=-7.07,
+    )
+    return comparison((item,), float(stats.chi2.isf(probability, 1)))
 
 
 def test_without_anything_against_it_a_flight_is_accepted() -> None:

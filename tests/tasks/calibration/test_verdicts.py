@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from adjust.calibration.flight_pattern import FlightPattern, flight_pattern
-from tasks.calibration.quantities import written_sigma
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict, flight_verdict, parameter_verdicts
+from tasks.quantities import written_sigma
 from tasks.settings.calibration import AcceptanceLimits
 
 NAN = float("nan")

@@ -208,8 +208,20 @@ def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -
 
 def test_errors_of_the_model_are_held_against_what_they_may_move(calibration: Calibration) -> None:
     material = calibration.material()
-    found = {"moved_by_findings": 0.4, "model_findings": [{"moved_by": 0.3}], "strip_scatter": []}
-    for worse, words in (({}, "kept"), ({"strip_scatter": [{"moved_by": 1.4}]}, "not kept")):
+    of = {"entity": "UCE-80", "moved_by": 0.3}
+    where = {
+        "rank": 1,
+        "scope": "all",
+        "part": "",
+        "t": 5.0,
+        "moves": "",
+        "sentence": "The boresight differs.",
+    }
+    finding = {"quantity": "boresight", **of, **where}
+    chance = {"strips": 9, "statistic": 40.0, "freedom": 9, "probability": 1e-5, "scatter": 0.002}
+    scatter = {"quantity": "boresight_pitch", "unit": "deg", **of, **chance, "moved_by": 1.4}
+    found = {"moved_by_findings": 0.4, "model_findings": [finding], "strip_scatter": []}
+    for worse, words in (({}, "kept"), ({"strip_scatter": [scatter]}, "not kept")):
         extra = {**(material.results.summary.model_extra or {}), **found, **worse}
         summary = type(material.results.summary).model_validate(
             {**material.results.summary.model_dump(), **extra}
@@ -237,13 +249,18 @@ def test_the_limit_of_the_statistics_says_whether_it_is_kept(calibration: Calibr
 def test_variance_components_are_stated_with_their_factors(calibration: Calibration) -> None:
     material = calibration.material()
     parts = [("gnss_positions plan", 1.0234, True), ("ins_attitudes yaw", 0.9, False)]
-    components = [{"part": part, "factor": f, "estimated": known} for part, f, known in parts]
+    known_to = {"factor_lower": 0.8, "factor_upper": 1.2, "sigma": 0.1, "unit": "m"}
+    known_to |= {"redundancy": 90.0, "degrees_of_freedom": 90.0}
+    components = [{"part": part, "factor": f, "estimated": known, **known_to} for part, f, known in parts]
     old = material.results.summary
-    extra = {**(old.model_extra or {}), "variance_components": {"components": components}}
+    extra = {
+        **(old.model_extra or {}),
+        "variance_components": {"rounds": 1, "confidence": 0.95, "components": components},
+    }
     summary = type(old).model_validate({**old.model_dump(), **extra})
     found = content_of(replace(material, results=replace(material.results, summary=summary)), {})
     shown = facts(found, "weights")["components"][1]
-    assert shown == "GNSS positions plan σ × 1.02, INS attitudes yaw σ × 0.900 (as stated)"
+    assert shown == "GNSS positions in plan σ × 1.02, INS attitudes yaw σ × 0.900 (as stated)"
 
 
 def test_the_settings_that_act_are_stated(calibration: Calibration) -> None:

@@ -39,7 +39,7 @@ PARAMETERS = pd.DataFrame(
         ("bluh:9", "C", 1.5e-9, 2e-10, "1/mm²", "significant"),
     ],
     columns=["parameter", "entity", "value", "sigma", "unit", "status"],
-)
+).assign(camera=lambda table: table["entity"].where(table["entity"] == "C"), flight=None)
 CORRELATIONS = pd.DataFrame(
     [("focal_length", "C", "gnss_shift_z", "1", -0.8), ("boresight_roll", "C", "focal_length", "C", 0.1)],
     columns=["parameter_a", "entity_a", "parameter_b", "entity_b", "correlation"],
@@ -66,7 +66,8 @@ CAMERAS = pd.DataFrame(
 def calibration(
     extra: tuple[tuple[object, ...], ...] = (), without: str = "", control: SurveyedControl | None = None
 ) -> Calibration:
-    table = pd.concat([PARAMETERS, pd.DataFrame(extra, columns=PARAMETERS.columns)], ignore_index=True)
+    rows = [(*row, None, None)[: len(PARAMETERS.columns)] for row in extra]
+    table = pd.concat([PARAMETERS, pd.DataFrame(rows, columns=PARAMETERS.columns)], ignore_index=True)
     return calibration_of(table[table["parameter"] != without], CORRELATIONS, control or SurveyedControl())
 
 
@@ -101,9 +102,28 @@ def test_a_camera_the_calibration_does_not_know_is_refused() -> None:
 
 
 def test_additional_parameters_of_one_flight_hold_for_no_other() -> None:
-    row = ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant")
+    row = ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant", "C", "2")
     with pytest.raises(InputError, match="hold for no other flight"):
         calibrated_cameras(CAMERAS, calibration((row,)))
+
+
+def test_additional_parameters_of_one_flight_in_a_table_that_does_not_name_their_camera_are_refused() -> None:
+    row = ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant", None, None)
+    with pytest.raises(InputError, match="hold for no other flight"):
+        calibrated_cameras(CAMERAS, calibration((row,)))
+
+
+def test_a_camera_may_be_called_like_another_one_in_a_flight() -> None:
+    rows = (
+        ("focal_length", "C in 2", 79.5, 0.001, "mm", "significant", "C in 2", None),
+        ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant", "C in 2", None),
+    )
+    first, second = (
+        calibrated_cameras(CAMERAS.assign(camera=name), calibration(rows)).iloc[0] for name in ("C", "C in 2")
+    )
+    assert json.loads(first["additional_parameters"]) == {"bluh:9": 1.5e-9}
+    assert json.loads(second["additional_parameters"]) == {"bluh:10": 1e-9}
+    assert (first["focal_length_mm"], second["focal_length_mm"]) == (79.992, 79.5)
 
 
 def test_the_only_flight_of_a_calibration_serves_every_flight() -> None:

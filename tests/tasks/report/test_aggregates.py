@@ -271,5 +271,5 @@ def test_the_correlation_matrix_is_symmetric_with_ones_on_its_diagonal() -> None
         }
     )
     matrix = correlation_matrix(pairs)
-    assert list(matrix.index) == ["u of C", "v of C", "w x of 1"]
+    assert list(matrix.index) == [("u", "C"), ("v", "C"), ("w x", "1")]
     assert matrix.to_numpy() == pytest.approx(np.array([[1, 0.5, -0.25], [0.5, 1, 0.125], [-0.25, 0.125, 1]]))

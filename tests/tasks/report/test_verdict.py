@@ -5,7 +5,8 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from tasks.report.figures import gate_words, group_words
+from tasks.quantities import group_words
+from tasks.report.figures import gate_words
 from tasks.report.key_figures import Verdict, verdict
 from tasks.report.material import Material
 from tasks.settings.project import Project
