@@ -24,11 +24,14 @@ from numpy.typing import NDArray
 
 from tasks.errors import InputError
 from tasks.formats.table_layout import MARKS, Separator
+from tasks.formats.text_lines import line_feeds
 from tasks.plain_text import quoted
 
 _NAMES = pa.dictionary(pa.int32(), pa.string())
 _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
+# Of a line in the mean; no table has more columns.
+_MOST_MARKS = 1_000
 _BLANK, _LINE_FEED = ord(" "), ord("\n")
 
 
@@ -74,7 +77,7 @@ class Rows:
 
     texts: tuple[pa.DictionaryArray, ...]
     values: NDArray[np.float64]
-    line: NDArray[np.int64] | None = None
+    line: NDArray[np.int32] | None = None
 
 
 def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
@@ -103,7 +106,7 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         content = content.decode(layout.encoding).encode("utf-8")
     if layout.separator == "blank":
         content = _with_single_blanks(content)
-    lines = content.count(b"\n") + (not content.endswith(b"\n"))
+    lines = line_feeds(content) + (not content.endswith(b"\n"))
     types = {name: pa.float64() if name in layout.numeric else _NAMES for name in layout.names}
     try:
         table = pa.csv.read_csv(
@@ -179,6 +182,9 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     if layout.separator != "blank":
         # Rows without anything in them, as spreadsheets write them.
         mark = MARKS[layout.separator].encode()
+        if content.count(mark) > _MOST_MARKS * (line_feeds(content) + 1):
+            # No spreadsheet writes so many for a row without anything.
+            _refuse_other_counts(content, layout, first_line)
         nothing = re.compile(rb"^[" + re.escape(mark) + rb" \t]+$", re.MULTILINE)
         content = nothing.sub(b"", content) if content.translate(None, mark + b" \t\n") else b"\n"
         _refuse_other_counts(content, layout, first_line)
@@ -200,7 +206,7 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     except (ValueError, TypeError) as error:
         raise _not_a_number(content, file, layout.numeric, options, first_line) from error
     blank = frame.isna().all(axis=1).to_numpy()
-    line = np.flatnonzero(~blank)
+    line = np.flatnonzero(~blank).astype(np.int32)
     frame = frame[~blank]
     _refuse_remainder(frame, line + first_line, layout)
     return Rows(
@@ -229,7 +235,7 @@ def _options(layout: Layout) -> Mapping[str, Any]:
     }
 
 
-def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], layout: Layout) -> None:
+def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int32], layout: Layout) -> None:
     surplus = frame[_REMAINDER].notna().to_numpy()
     if surplus.any():
         raise _too_many(layout, int(line[np.argmax(surplus)]))

@@ -154,9 +154,9 @@ def test_vaihingen_has_nine_control_and_ninety_nine_check_points() -> None:
 
 
 def test_the_operational_block_has_its_size_and_is_simulated_in_seconds() -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     truth = block_truth(block_specification(load_simulation("dmc2-230")))
-    assert time.perf_counter() - started < 15.0
+    assert time.process_time() - started < 15.0
     assert len(truth.points) == pytest.approx(188_000, rel=0.01)
     assert len(truth.xy) == pytest.approx(545_000, rel=0.01)
     assert len(truth.surveyed) == 60

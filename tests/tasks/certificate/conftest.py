@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,11 @@ class Calibration:
 
     def content(self, record: CalibrationRecord | None = None) -> CertificateContent:
         """What the certificate says."""
-        return content_of(self.material(record), {"typst": "1"})
+        return self._own_content if record is None else content_of(self.material(record), {"typst": "1"})
+
+    @cached_property
+    def _own_content(self) -> CertificateContent:
+        return content_of(self.read, {"typst": "1"})
 
 
 @pytest.fixture(scope="session")

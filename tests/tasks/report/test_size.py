@@ -279,9 +279,9 @@ def _write_model_alternatives(folder: Path, random: np.random.Generator) -> None
 def test_the_report_of_545_000_image_points_is_small_and_quick(
     stages: list[dict[str, Artifact]], project: Project
 ) -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     html = render(read_material(stages, project), "large", ("a.csv", "b.csv"), {"aerocal": "0"})
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     assert len(html.encode()) < MOST_MEGABYTES * 1e6
     assert seconds < 30.0
     page = Page(html)
