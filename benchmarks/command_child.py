@@ -39,7 +39,7 @@ def readings(file: Path) -> list[Reading]:
 def main(file: Path) -> None:
     """Carry out the command line; every stage adds its reading to the file."""
     from flows.command.__main__ import main as command_line
-    from flows.stage import Stage
+    from flows.runs.stage import Stage
 
     plain: Any = Stage.__call__
 

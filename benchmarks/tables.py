@@ -11,9 +11,9 @@ from adjust.block import Block
 from adjust.geometry.earth import TopocentricFrame
 from adjust.result import AdjustmentResult
 from tasks.block.block_input import SurveyedPoints
-from tasks.block.residual_table import write_residuals
-from tasks.block.result_tables import AdjustedBlock, write_exterior_orientations, write_object_points
 from tasks.coordinates.crs import MapFrame
+from tasks.evaluation.residual_table import write_residuals
+from tasks.evaluation.result_tables import AdjustedBlock, write_exterior_orientations, write_object_points
 from tasks.settings.coordinates import ELLIPSOIDAL
 
 # Any place on the earth makes the way to map coordinates as long as it is for a delivery.

@@ -10,7 +10,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 #: The flows and what serves them.
-WITH_PREFECT = {"flows/registered.py", "flows/deployed.py", "flows/deployments.py"}
+WITH_PREFECT = {"flows/serving/registered.py", "flows/serving/deployed.py", "flows/serving/deployments.py"}
 
 
 def test_imports_point_downwards_only() -> None:

@@ -29,7 +29,7 @@ PICKLING = {
 }
 METHODS = {"read_pickle", "to_pickle", "unsafe_load", "full_load"}
 #: A call on its way to a worker of the same cluster, as Dask itself sends it; nothing of it is stored.
-DASK = {"flows/cluster_worker.py"}
+DASK = {"flows/runs/cluster_worker.py"}
 TEXT_AS_CODE = {"eval", "exec"}
 
 

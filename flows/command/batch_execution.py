@@ -11,14 +11,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.batch import ProjectEnd, carry_out_batch
 from flows.command.exit_code import DEFECT, DONE, OF_STATUS
 from flows.command.progress import show_progress
-from flows.project_run import RunRequest, StoryName
-from flows.workers import use_cluster
+from flows.runs.batch import ProjectEnd, carry_out_batch
+from flows.runs.project_run import RunRequest, StoryName
+from flows.runs.workers import use_cluster
 from tasks.errors import InputError
-from tasks.storage.delivered_file import is_there
-from tasks.storage.json_text import JSON, finite, json_text
+from tasks.files.delivered_file import is_there
+from tasks.files.json_text import JSON, finite, json_text
 
 _STYLES = {DONE: "green"}
 _PROJECT_FILE = "project.toml"

@@ -7,9 +7,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from tasks.figures import CalibrationFigures
 from tasks.quantities import shown
-from tasks.summary import Summary
+from tasks.results.figures import CalibrationFigures
+from tasks.results.summary import Summary
 
 _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "held": "dim"}
 _VERDICTS = {

@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.clean_up import Act, CleanedFolders, clean_up_below, megabytes
 from flows.command.exit_code import DONE, remark
-from tasks.storage.json_text import JSON, json_text
-from tasks.storage.retention import CleanUp
+from flows.runs.clean_up import Act, CleanedFolders, clean_up_below, megabytes
+from tasks.files.json_text import JSON, json_text
+from tasks.results.retention import CleanUp
 
 
 def execute_clean_up(folders: Sequence[Path], older_than: int, act: Act, *, as_json: bool) -> int:

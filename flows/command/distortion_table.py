@@ -10,10 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, remark
-from tasks.convert_distortion import ConvertedDistortion, convert_distortion
-from tasks.registered_cameras import with_registered_cameras
+from tasks.block.converted_distortion import ConvertedDistortion, convert_distortion
+from tasks.files.json_text import json_text
+from tasks.georeferencing.registered_cameras import with_registered_cameras
 from tasks.settings.load import load_project
-from tasks.storage.json_text import json_text
 
 
 def show_conversion(

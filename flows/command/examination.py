@@ -12,11 +12,11 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
-from flows.examination import Finding, examine_project
-from flows.project_run import RunRequest
-from tasks.storage.json_text import JSON, json_text
-from tasks.storage.run_lock import run_lock
-from tasks.storage.store import Store
+from flows.runs.project_run import RunRequest
+from flows.stories.examination import Finding, examine_project
+from tasks.files.json_text import JSON, json_text
+from tasks.store.run_lock import run_lock
+from tasks.store.store import Store
 
 # Lines of one list; a block may have hundreds of control points.
 _MOST = 5

@@ -7,8 +7,8 @@ from pathlib import Path
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import show_result
-from flows.prefect_settings import prepare_prefect, server_to_report_to
-from flows.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
+from flows.runs.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
+from flows.server.prefect_settings import prepare_prefect, server_to_report_to
 
 
 def execute(
@@ -45,6 +45,6 @@ def _in_process(request: RunRequest, story: StoryName) -> RunOutcome:
 def _reported_to(address: str, request: RunRequest, story: StoryName) -> RunOutcome:
     """Run as a Prefect flow: the work is done here, the server sees states and logs."""
     prepare_prefect(address)
-    from flows import registered
+    from flows.serving import registered
 
     return registered.run_and_report(request, getattr(registered, story))

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE
+from tasks.documents.report.export import export_figures
 from tasks.object_storage.address import output_folder
-from tasks.report.export import export_figures
-from tasks.report.stage import REPORT
+from tasks.stages.report import REPORT
 
 
 def write_figures(results: Path, out: Path) -> int:

@@ -8,8 +8,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from tasks.georeferencing.report.material import CheckFigures, DifferenceFigures, Triple
-from tasks.summary import DirectGeoreferencing
+from tasks.documents.georeferencing.material import CheckFigures, DifferenceFigures, Triple
+from tasks.results.summary import DirectGeoreferencing
 
 #: The page of a check in the output folder.
 CHECK_PAGE = "georeferencing_check.html"

@@ -23,7 +23,7 @@ def notify() -> None:
 
 
 def _send() -> int:
-    from tasks.notification.addresses import send_test_message
+    from tasks.production.notice_addresses import send_test_message
 
     sent = send_test_message()
     for address, outcome in sent.items():

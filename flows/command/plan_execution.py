@@ -11,11 +11,11 @@ from rich.console import Console
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.plan_table import plan_table
 from flows.command.progress import show_progress
+from tasks.files.json_text import json_text
 from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
 from tasks.planning.plan_json import plan_json
 from tasks.settings.load import is_project_file
-from tasks.storage.json_text import json_text
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class PlanOptions:
 def _of_source(source: str) -> Callable[..., CalibrationPlan]:
     """What plans a source; only its own modules are loaded."""
     if is_project_file(source):
-        from flows.project_plan import plan_of_project
+        from flows.stories.project_plan import plan_of_project
 
         return plan_of_project
-    from flows.project_plan import plan_of_specification
+    from flows.stories.project_plan import plan_of_specification
 
     return plan_of_specification
 

@@ -14,14 +14,14 @@ from rich.text import Text
 from flows.command.exit_code import DONE, INPUT_ERROR, complain
 from flows.command.registry_words import changes_table
 from tasks.errors import InputError
+from tasks.files.installation import writing_into
+from tasks.files.json_text import json_text
 from tasks.registry.approval import Approval, approval_of
 from tasks.registry.calibration_file import read_calibrations
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.settings.registry import registry_address
-from tasks.storage.installation import writing_into
-from tasks.storage.json_text import json_text
 
 
 def opened(address: str | None) -> Registry:

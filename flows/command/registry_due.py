@@ -14,12 +14,12 @@ from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.registry_actions import opened
 from flows.command.registry_words import empty_table
 from tasks.errors import InputError
+from tasks.files.json_text import json_text
 from tasks.nearest_name import did_you_mean
 from tasks.registry.drift import DRIFT_LIMITS, DriftLimits
 from tasks.registry.due import KINDS, CameraDue, DueLimits
 from tasks.registry.watch import as_json as json_of
 from tasks.registry.watch import watch_of
-from tasks.storage.json_text import json_text
 
 
 def show_due(

@@ -21,17 +21,17 @@ from flows.command.registry_words import (
     history_table,
     parameters_table,
 )
+from tasks.document_kit.table import Number, decimals_for
+from tasks.documents.time_series.page import write_time_series
+from tasks.documents.time_series.plot import LIMIT
 from tasks.errors import InputError
+from tasks.files.json_text import json_text
 from tasks.quantities import quantity_words, shown
 from tasks.registry.approval import predecessor
 from tasks.registry.compatibility import Compatibility, compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.series import ParameterSeries, series_of
-from tasks.registry.time_series_page import write_time_series
-from tasks.registry.time_series_plot import LIMIT
-from tasks.report.table import Number, decimals_for
-from tasks.storage.json_text import json_text
 
 
 def list_calibrations(camera: str | None, address: str | None, *, as_json: bool) -> int:

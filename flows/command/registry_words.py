@@ -8,12 +8,12 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from tasks.document_kit.table import Number, decimals_for
+from tasks.files.json_text import JSON
 from tasks.quantities import quantity_words, shown
 from tasks.registry.compatibility import Compatibility
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
-from tasks.report.table import Number, decimals_for
-from tasks.storage.json_text import JSON
 
 _WRAPPED = ("note", "verdict")
 _STYLES = {"draft": "yellow", "approved": "green", "superseded": "dim"}

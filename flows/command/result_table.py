@@ -13,10 +13,10 @@ from rich.text import Text
 from flows.command.calibration_table import calibration_table
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.two_step_table import two_step_table
-from flows.project_run import RunOutcome
-from tasks.figures import figures_of
-from tasks.storage.json_text import json_text
-from tasks.summary import Summary
+from flows.runs.project_run import RunOutcome
+from tasks.files.json_text import json_text
+from tasks.results.figures import figures_of
+from tasks.results.summary import Summary
 
 _WORDS = {
     "done": ("{}", "bold green"),

@@ -85,8 +85,8 @@ def runner(
     given = dict(locals())
 
     def carry_out() -> int:
+        from flows.server.settings import settings_of
         from flows.serving.serve import run_further_runner, work_for
-        from flows.serving.settings import settings_of
 
         url, settings = work_for(given.pop("server"), settings_of(given))
         return run_further_runner(url, settings, lambda sentence: typer.echo(sentence))

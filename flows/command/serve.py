@@ -165,8 +165,8 @@ def serve(
     given = dict(locals())
 
     def carry_out() -> int:
+        from flows.server.settings import settings_of
         from flows.serving.serve import serve as run_server
-        from flows.serving.settings import settings_of
 
         return run_server(settings_of(given), lambda sentence: typer.echo(sentence))
 

@@ -10,7 +10,7 @@ from rich.text import Text
 from flows.command.exit_code import DONE
 from tasks.object_storage.address import output_folder
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 
 
 def write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:

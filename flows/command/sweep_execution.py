@@ -14,10 +14,10 @@ from rich.text import Text
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import where_results_are
-from flows.prefect_settings import prepare_prefect, server_to_report_to
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.workers import use_cluster
-from tasks.storage.json_text import JSON, json_text
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.workers import use_cluster
+from flows.server.prefect_settings import prepare_prefect, server_to_report_to
+from tasks.files.json_text import JSON, json_text
 
 
 def execute_sweep(
@@ -46,7 +46,7 @@ def execute_sweep(
 
 
 def _in_process(request: RunRequest) -> RunOutcome:
-    from flows.scenario_sweep import sweep_of
+    from flows.stories.scenario_sweep import sweep_of
 
     return carry_out(sweep_of(request), request)
 
@@ -54,7 +54,7 @@ def _in_process(request: RunRequest) -> RunOutcome:
 def _reported_to(address: str, request: RunRequest) -> RunOutcome:
     """Run as a Prefect flow: the work is done here, the server sees states and logs."""
     prepare_prefect(address)
-    from flows.registered import run_and_report, scenario_sweep
+    from flows.serving.registered import run_and_report, scenario_sweep
 
     return run_and_report(request, scenario_sweep)
 

@@ -13,14 +13,14 @@ from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
-from flows.flight_check import flight_check
-from flows.project_run import RunOutcome
-from tasks.figures import figures_of
+from flows.runs.project_run import RunOutcome
+from flows.stories.flight_check import flight_check
 from tasks.quantities import COMPONENTS, Shown, shown
+from tasks.results.figures import figures_of
+from tasks.results.summary import Summary
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulation import PublishedCheck
-from tasks.summary import Summary
-from tasks.truth_comparison import JointTest, RecoveredParameter, TruthComparison
+from tasks.simulation.truth_comparison import JointTest, RecoveredParameter, TruthComparison
 
 
 def check_and_show(

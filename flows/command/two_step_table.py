@@ -6,8 +6,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from flows.command.calibration_table import parameters_beside_limits, written
-from tasks.figures import TwoStepVerdictFigure
 from tasks.quantities import shown
+from tasks.results.figures import TwoStepVerdictFigure
 
 _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "not_called_for": "dim"}
 _VERDICTS = {

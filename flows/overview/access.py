@@ -13,7 +13,7 @@ from flask import Flask, Request, Response, request
 from markupsafe import escape
 
 from flows.overview.sources import Sources
-from flows.serving.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
+from flows.server.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
 from tasks.errors import AerocalError
 from tasks.production.documents import ChangedDocumentError, Document, NoDocumentError, read_document
 

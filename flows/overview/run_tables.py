@@ -12,12 +12,12 @@ from dash import html
 from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
-from flows.serving.watch import InboxNews
-from tasks.dashboard.short_text import REMEDIES
+from flows.server.watch import InboxNews
 from tasks.production.project_row import gates_of, in_project, problems_of
 from tasks.production.run_record import RunRecord
-from tasks.quality_gates import GateResult
+from tasks.production.short_text import REMEDIES
 from tasks.quantities import unit_words
+from tasks.results.quality_gates import GateResult
 
 Part = Any
 _SHOWN = 25

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
 from typing import Any, Generic, TypeVar
 
-from flows.serving.api import Api
-from flows.serving.door import Door
-from flows.serving.roots import Roots
-from flows.serving.watch import InboxNews
+from flows.server.api import Api
+from flows.server.door import Door
+from flows.server.roots import Roots
+from flows.server.watch import InboxNews
 from tasks.errors import AerocalError
+from tasks.files.installation import InstallationError
 from tasks.production.board import Board
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
@@ -21,7 +22,6 @@ from tasks.registry.due import DueLimits
 from tasks.registry.registry import Registry
 from tasks.registry.watch import RegistryWatch, watch_of
 from tasks.settings.registry import registry_address
-from tasks.storage.installation import InstallationError
 
 #: From when on a run that should have begun is late, as the server counts.
 LATE = timedelta(seconds=15)

@@ -1,1 +1,1 @@
-"""``aerocal serve``: Prefect's server, the deployments and the runner on one machine."""
+"""Flows under Prefect: registered, deployed, and ``aerocal serve``, which runs them on one machine."""

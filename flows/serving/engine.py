@@ -14,7 +14,7 @@ import re
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from flows.run_state import STATE_NAMES
+from flows.runs.run_state import STATE_NAMES
 from tasks.plain_text import visible
 
 if TYPE_CHECKING:
@@ -30,14 +30,14 @@ def main() -> None:
     """Carry out the run that the environment names; an outcome that is foreseen is no error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect.
-    from flows.deployed import FLOWS  # isort: skip
+    from flows.serving.deployed import FLOWS  # isort: skip
     from prefect._internal.control_listener import configure_from_env
     from prefect.client.orchestration import get_client
     from prefect.engine import handle_engine_signals
     from prefect.flow_engine import run_flow
 
-    from flows.recorded_run import note_refusal
-    from flows.registered import identity
+    from flows.runs.recorded_run import note_refusal
+    from flows.serving.registered import identity
 
     logging.getLogger("prefect.task_runs").addFilter(foreseen)
     configure_from_env()

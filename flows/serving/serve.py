@@ -17,11 +17,11 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from flows.prefect_settings import prepare_prefect, require_server, server_address
-from flows.serving.api import Api
-from flows.serving.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
-from flows.serving.inbox import MANUAL
-from flows.serving.server_process import (
+from flows.server.api import Api
+from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
+from flows.server.inbox import MANUAL
+from flows.server.prefect_settings import prepare_prefect, require_server, server_address
+from flows.server.server_process import (
     CLIENT_WORDS,
     ServerAddress,
     is_well,
@@ -29,8 +29,8 @@ from flows.serving.server_process import (
     start_server,
     wait_until,
 )
-from flows.serving.settings import Settings
-from flows.serving.state_file import (
+from flows.server.settings import Settings
+from flows.server.state_file import (
     RunningServer,
     bring_words_to,
     find_server,
@@ -40,14 +40,14 @@ from flows.serving.state_file import (
     words_of,
     write_state,
 )
-from flows.serving.watch import Repeated, Watch
+from flows.server.watch import Repeated, Watch
 from tasks.errors import InputError
-from tasks.notification.addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
-from tasks.notification.notice import Links
-from tasks.notification.outbox import Courier, Outbox
+from tasks.files.installation import InstallationError, writing_into
+from tasks.production.notice import Links
+from tasks.production.notice_addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
+from tasks.production.outbox import Courier, Outbox
 from tasks.production.records import Records
 from tasks.production.variable import OVERVIEW_VARIABLE
-from tasks.storage.installation import InstallationError, writing_into
 
 #: The first start makes the database, on a slow machine.
 _START_S = 240.0
@@ -110,7 +110,9 @@ def _start_runner(
         **({CLIENT_WORDS: api.words} if api.words else {}),
     }
     log = settings.state / "logs" / f"{name}.log"
-    return Child("flows.deployments", environment=environment, log=log, lifeline=lifeline, holds=holds)
+    return Child(
+        "flows.serving.deployments", environment=environment, log=log, lifeline=lifeline, holds=holds
+    )
 
 
 class _Serving:

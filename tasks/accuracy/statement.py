@@ -16,7 +16,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from tasks.accuracy.standard import AsprsStandard, NssdaStandard, asprs, nssda
-from tasks.storage.json_text import JSON
+from tasks.files.json_text import JSON
 
 _CM = 100.0
 

@@ -20,8 +20,8 @@ from adjust.geometry import rotation
 from tasks.block.strip_names import strip_names
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
+from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
-from tasks.importing.cameras import frame_cameras
 
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = ("roll", "pitch", "yaw")

@@ -23,8 +23,8 @@ from adjust.parameters import (
     SystemParameters,
 )
 from tasks.errors import InputError
+from tasks.files.json_text import from_json
 from tasks.quantities import reported_unit
-from tasks.storage.json_text import from_json
 
 
 @dataclass(frozen=True, eq=False)

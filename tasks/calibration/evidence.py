@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from tasks.block.variance_figures import part_words
-from tasks.figures import AdjustmentFigures, StepComparisonFigure
-from tasks.quality_gates import GateResult
+from tasks.evaluation.variance_figures import part_words
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
+from tasks.results.figures import AdjustmentFigures, StepComparisonFigure
+from tasks.results.quality_gates import GateResult
 from tasks.settings.calibration import AcceptanceLimits
 
 #: A sentence, and whether it refuses the calibration or restricts it only.

@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from adjust.arrays import Floats
+from tasks.files.json_text import json_text
 from tasks.quantities import entity_kind
 from tasks.settings.cameras import CameraIdentity
-from tasks.storage.json_text import json_text
 
 Verdict: TypeAlias = Literal["accepted", "restricted", "refused"]
 

@@ -14,14 +14,14 @@ from typing import TypeAlias, cast
 
 from adjust.camera.additional.selection import NOTHING
 from adjust.parameters import INTERIOR_ORIENTATION
+from tasks.files.json_text import JSON
 from tasks.quantities import KINDS
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.settings.project import Project
-from tasks.storage.artifact import Artifact
-from tasks.storage.json_text import JSON
-from tasks.storage.notes import read_notes
+from tasks.store.artifact import Artifact
+from tasks.store.notes import read_notes
 
 #: Families that are held because the flight does not determine them → the reason, a sentence.
 Held: TypeAlias = Mapping[str, str]

@@ -19,8 +19,8 @@ from scipy import special
 
 from adjust.arrays import Floats
 from adjust.calibration.mean_variance import widening
-from tasks.figures import ComparedStepFigure, StepComparisonFigure
 from tasks.quantities import COMPONENTS, kind_of, named
+from tasks.results.figures import ComparedStepFigure, StepComparisonFigure
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 # Kinds that the second step finds, by their axes in words.

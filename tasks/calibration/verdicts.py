@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
-from tasks.block.separability import (
+from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.calibration.record import Verdict
+from tasks.evaluation.separability import (
     HEADINGS,
     HEIGHTS,
     OBSERVATIONS,
@@ -25,8 +27,6 @@ from tasks.block.separability import (
     percent,
     separating,
 )
-from tasks.calibration.pattern_words import direction_words, height_words
-from tasks.calibration.record import Verdict
 from tasks.quantities import COMPONENTS, KINDS, is_calibrated, kind_of, named, quantity_words, written_sigma
 from tasks.settings.calibration import AcceptanceLimits
 
@@ -43,6 +43,11 @@ _WORTH_SAYING = 0.1
 _WIDE_PRIOR_M = 0.3
 # With an error common to a strip their number counts, not that of the images.
 _MORE_STRIPS = "more strips, such as every line forward and reverse or lines across"
+
+#: What a reason of the verdict follows among the problems of a run.
+REFUSED = "The calibration is refused: "
+#: The same for a restriction.
+RESTRICTED = "The calibration is restricted: "
 
 
 @dataclass(frozen=True)

@@ -12,26 +12,20 @@ grid = true + γ: R_grid = R_z(γ) R_enu. In degrees at 40.13 N, 74.94 W in UTM 
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pyproj
-from pyproj import network
-from pyproj.exceptions import CRSError, ProjError
+from pyproj.exceptions import ProjError
 
 from adjust.arrays import Bools, Floats
 from adjust.geometry.earth import Ellipsoid
 from tasks.errors import InputError
+from tasks.formats.crs_definition import check_usable, known_crs
 from tasks.settings.coordinates import LOCAL, Heights
 
-# Grids are inputs that a project names; a network that happens to answer must not change a result.
-network.set_network_enabled(active=False)  # type: ignore[attr-defined]  # pyproj exports it tacitly
-
-# "+init=FILE:…", "+nadgrids=FILE", PARAMETERFILE["…","FILE"].
-_NAMES_FILE = re.compile(r"\binit\s*=|grids\s*=|PARAMETERFILE", re.IGNORECASE)
 # Half the step of differences along a meridian: 64 m. Truncation stays below 1e-10 rad, rounding below 1e-10.
 _STEP = 1e-5
 # A coordinate this far (degrees) outside a CRS's area of use is taken for a mistake. Less is practice: whole
@@ -68,7 +62,7 @@ class MapFrame:
                     'A geoid has no place in the CRS "local".', 'Write heights = "ellipsoidal".', entity=crs
                 )
             return frame
-        _check_usable(frame._crs, crs)
+        check_usable(frame._crs, crs)
         if heights.geoid is not None:
             _geoid_transformer(heights.geoid)
         if heights.linear_alteration is not None and (heights.geoid is None or frame._crs.is_geographic):
@@ -91,20 +85,7 @@ class MapFrame:
 
     @cached_property
     def _crs(self) -> pyproj.CRS:
-        # PROJ would open what these name, wherever it lies; grids are inputs that a project declares.
-        if _NAMES_FILE.search(self.name):
-            raise _names_file(self.name)
-        try:
-            crs = pyproj.CRS.from_user_input(self.name)
-            if _NAMES_FILE.search(crs.to_wkt()):
-                raise _names_file(self.name)
-            return crs
-        except CRSError as error:
-            raise InputError(
-                "This coordinate reference system is not known.",
-                'Give one that PROJ knows, e.g. crs = "EPSG:2154", or "local".',
-                entity=self.name,
-            ) from error
+        return known_crs(self.name)
 
     @cached_property
     def ellipsoid(self) -> Ellipsoid:
@@ -285,41 +266,6 @@ class MapFrame:
             If the frame is local.
         """
         return self._earthly()
-
-
-def _names_file(crs: str) -> InputError:
-    return InputError(
-        "This CRS names a file of its own.",
-        'Give it by its code, e.g. crs = "EPSG:2154"; the grid of a geoid goes into `heights`.',
-        entity=crs,
-    )
-
-
-def _check_usable(crs: pyproj.CRS, name: str) -> None:
-    if crs.is_compound or len(crs.axis_info) > 2 or crs.is_geocentric:
-        raise InputError(
-            "This CRS includes heights; the height system is declared apart.",
-            "Give the horizontal CRS, and `heights`.",
-            entity=name,
-        )
-    if not (crs.is_projected or crs.is_geographic) or crs.ellipsoid is None:
-        raise InputError(
-            "This CRS is neither a map projection nor geographic.",
-            'Give one that is, or "local".',
-            entity=name,
-        )
-    if {axis.direction.lower() for axis in crs.axis_info} != {"east", "north"}:
-        raise InputError(
-            "The axes of this CRS do not point east and north.",
-            "Convert the coordinates into a CRS whose axes do.",
-            entity=name,
-        )
-    if crs.is_projected and any(abs(axis.unit_conversion_factor - 1.0) > 1e-12 for axis in crs.axis_info):
-        raise InputError(
-            f"This CRS is in {crs.axis_info[0].unit_name}, and coordinates here are in metres.",
-            "Convert the coordinates into the metric CRS of the same zone.",
-            entity=name,
-        )
 
 
 def _geographic(crs: pyproj.CRS) -> pyproj.CRS:

@@ -16,7 +16,7 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
-from tasks.storage.delivered_file import opened
+from tasks.files.delivered_file import opened
 
 # Second difference that no geoid has over this distance between nodes; it grows with the distance.
 _ROUGH_M, _NODES_M = 0.6, 2800.0

@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from tasks.database.address import DatabaseAddress
 from tasks.errors import AerocalError, InputError
-from tasks.storage.installation import InstallationError
+from tasks.files.installation import InstallationError
 
 _BUSY = (
     "The {what} {address} is being written by another process that does not come to an end.",

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.files.delivered_file import file_limits
 from tasks.formats.plain_records import (
     CV_AXES,
     degrees_of_rotations,
@@ -31,7 +32,6 @@ from tasks.formats.plain_records import (
 )
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords, PixelCamera
 from tasks.formats.text_table import read_bytes
-from tasks.storage.delivered_file import file_limits
 
 _NONE = 2**64 - 1
 #: Model → its parameters; two focal lengths or one, then the principal point, then distortion.

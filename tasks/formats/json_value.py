@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.files.json_text import from_json
 from tasks.formats.plain_records import number_of
-from tasks.storage.json_text import from_json
 
 _LONGEST_SHOWN = 80
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from adjust.geometry.rotation import exp
 from tasks.errors import InputError
+from tasks.files.json_text import from_json
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import (
@@ -42,7 +43,6 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.text_table import read_bytes
-from tasks.storage.json_text import from_json
 
 _CHECK = "CHK-"
 _UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)

@@ -21,8 +21,8 @@ import pyproj
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
+from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.packed_folder import PackedFolder, packed_folder
 from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, image_points_of
@@ -34,7 +34,6 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
-from tasks.settings.coordinates import ELLIPSOIDAL
 
 _KIND = "application/opf-{}+json"
 _IN_MAP = (
@@ -292,10 +291,7 @@ def _shift(scene: JsonValue) -> Floats:
 
 def _crs(stated: JsonValue) -> pyproj.CRS:
     try:
-        frame = MapFrame(stated["definition"].text(), ELLIPSOIDAL)
-        if frame.is_local:
-            raise InputError("This is no CRS.", "Export the project again.", entity=stated.where)
-        return frame.crs
+        return known_crs(stated["definition"].text())
     except InputError as error:
         raise replace(error, file=stated.file) from error
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import file_limits
 from tasks.formats.text_table import read_bytes
-from tasks.storage.delivered_file import file_limits
 
 _SIGNATURE, _ENTRY = b"PK\x03\x04", b"PK\x01\x02"
 # An entry of 46 bytes is an object of some hundred.

@@ -12,10 +12,10 @@ import pyarrow as pa
 from adjust.arrays import Bools, Floats
 from adjust.geometry.rotation import to_omega_phi_kappa
 from tasks.errors import InputError
+from tasks.files.delivered_file import file_limits
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
-from tasks.storage.delivered_file import file_limits
 
 # Elements of a rotation that were printed with four decimals and more.
 _ROTATION_TOLERANCE = 1e-3

@@ -1,8 +1,8 @@
 """What readers return: columns as they stand in the file, and the line of every row.
 
 Nothing is converted here. Units, frames and datums are declared in the project file and applied in
-``tasks.ingest``; a reader only knows the file's layout. Texts are Arrow arrays, numbers numpy arrays; a
-number that is not given is NaN.
+``tasks.stages.ingest``; a reader only knows the file's layout. Texts are Arrow arrays, numbers numpy arrays;
+a number that is not given is NaN.
 """
 
 from __future__ import annotations

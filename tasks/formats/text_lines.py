@@ -1,7 +1,7 @@
 """Delivered text as pieces of whole lines, so that a table of gigabytes never is in memory as a whole.
 
 The file is read twice: once to see how many rows it has and whether it can be a table at all, then to take
-the rows apart. The digest of the bytes is looked at in every reading (`tasks.storage.delivered_file`).
+the rows apart. The digest of the bytes is looked at in every reading (`tasks.files.delivered_file`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
-from tasks.storage.delivered_file import file_limits, pieces_of_delivered
+from tasks.files.delivered_file import file_limits, pieces_of_delivered
 
 # Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
 _LONGEST_LINE = 100_000
@@ -50,7 +50,7 @@ class DeliveredLines:
         Raises
         ------
         InputError
-            If it cannot be read (`tasks.storage.delivered_file`), is empty, has more lines than this
+            If it cannot be read (`tasks.files.delivered_file`), is empty, has more lines than this
             installation reads, or one longer than any row can be.
         """
         lines, size, blank, is_utf8 = 1, 0, True, True

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from tasks.files.json_text import JSON
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.directly_oriented import DirectlyOriented
 from tasks.quantities import is_calibrated
-from tasks.storage.json_text import JSON
 
 
 def applied_parameters(oriented: DirectlyOriented, calibration: Calibration) -> list[JSON]:

@@ -9,9 +9,9 @@ import numpy as np
 from adjust.arrays import Bools, Floats
 from adjust.georeferencing.predicted_rms import PredictedRms, predicted_largest, predicted_rms
 from adjust.georeferencing.relative_orientation import ELEMENTS
+from tasks.files.json_text import JSON
 from tasks.georeferencing.point_differences import PointDifferences
 from tasks.georeferencing.stereo_models import ModelParallaxes
-from tasks.storage.json_text import JSON
 
 #: Probability with which a found root mean square lies between the limits of its prediction.
 CONFIDENCE = 0.95

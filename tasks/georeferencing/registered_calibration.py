@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from tasks.calibration.record import CalibrationRecord
+from tasks.files.json_text import JSON, from_json
 from tasks.georeferencing.calibration import Calibration, SurveyedControl
 from tasks.quantities import entity_kind
-from tasks.storage.json_text import JSON, from_json
 from tasks.tables.covariance import Key
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
+from tasks.files.json_text import JSON
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.difference_statistics import CONFIDENCE
 from tasks.georeferencing.directly_oriented import DirectlyOriented
 from tasks.georeferencing.shared_observations import SharedExposures
-from tasks.storage.json_text import JSON
 
 _WAYS = ("east", "north", "up")
 _SHOWN = 5

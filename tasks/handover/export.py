@@ -9,6 +9,7 @@ import numpy as np
 
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
+from tasks.files.installation import writing_into
 from tasks.handover.block_points import read_points
 from tasks.handover.delivery import Angles, Delivery
 from tasks.handover.formats.eo_csv import write_eo_csv
@@ -18,7 +19,6 @@ from tasks.handover.receiver import REFUSED_PX, HandedOver, World, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
 from tasks.nearest_name import did_you_mean
-from tasks.storage.installation import writing_into
 
 STATEMENT = "HANDOVER.txt"
 

@@ -20,14 +20,14 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.block.self_calibration import additional_parameters_of, image_format_of
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
+from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
+from tasks.files.json_text import from_json
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.handover.rigorous import OrientedImages
-from tasks.importing.cameras import frame_cameras
+from tasks.results.manifest import read_manifest
 from tasks.settings.project import ProjectSettings
-from tasks.storage.json_text import from_json
-from tasks.storage.manifest import read_manifest
 from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas import TableSchema

@@ -23,9 +23,9 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
+from tasks.files.installation import InstallationError
 from tasks.object_storage.address import ObjectAddress
 from tasks.patience import Patience
-from tasks.storage.installation import InstallationError
 
 if TYPE_CHECKING:
     from pyarrow.fs import S3FileSystem

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.files.installation import InstallationError, writing_into
+from tasks.files.json_text import from_json
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
-from tasks.publish import remove_outdated
-from tasks.storage.artifact import digest_of_file
-from tasks.storage.installation import InstallationError, writing_into
-from tasks.storage.json_text import from_json
-from tasks.storage.manifest import read_manifest, write_manifest
-from tasks.storage.run_lock import run_lock
-from tasks.summary import SUMMARY, Summary, write_summary
+from tasks.results.manifest import read_manifest, write_manifest
+from tasks.results.publish import remove_outdated
+from tasks.results.summary import SUMMARY, Summary, write_summary
+from tasks.store.artifact import digest_of_file
+from tasks.store.run_lock import run_lock
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,12 @@ from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, computed_field
 
+from tasks.files.json_text import JSON, from_json, json_text
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.storage import ObjectStorage, StoredObject
-from tasks.storage.json_text import JSON, from_json, json_text
-from tasks.storage.manifest import MANIFEST, Manifest, ManifestEntry
-from tasks.storage.stage_key import StageKey
-from tasks.summary import SUMMARY, Summary
+from tasks.results.manifest import MANIFEST, Manifest, ManifestEntry
+from tasks.results.summary import SUMMARY, Summary
+from tasks.store.stage_key import StageKey
 
 STORE = ".store"
 STAGE_FILE = "stage.json"
@@ -155,7 +155,7 @@ _log = logging.getLogger("aerocal")
 
 @dataclass(frozen=True)
 class ObjectWorkspace:
-    """A `tasks.storage.remote.Remote` on object storage: finished outputs for every machine, and results.
+    """A `tasks.store.remote.Remote` on object storage: finished outputs for every machine, and results.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class ObjectWorkspace:
         self.storage.require_access()
 
     def take(self, key: StageKey, folder: Path) -> float | None:
-        """Download the output of a stage; see `tasks.storage.remote.Remote`."""
+        """Download the output of a stage; see `tasks.store.remote.Remote`."""
         listing = self.storage.document(
             f"{folder_of(key.stage, key.digest)}/{STAGE_FILE}", partial(stage_listing_from, key=key)
         )
@@ -210,7 +210,7 @@ class ObjectWorkspace:
     def publish(
         self, manifest: Mapping[str, JSON], summary: Mapping[str, JSON], own: Collection[str]
     ) -> None:
-        """Point to the results of a run; see `tasks.storage.remote.Remote`."""
+        """Point to the results of a run; see `tasks.store.remote.Remote`."""
         published = PublishedManifest.model_validate({**manifest, "summary": summary})
         last = self.manifest()
         if last is not None:

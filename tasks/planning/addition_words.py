@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from adjust.planning.additions import Addition, ProposedLines
-from tasks.block.separability import listed
 from tasks.calibration.pattern_words import heading_words
-from tasks.storage.json_text import JSON
+from tasks.evaluation.separability import listed
+from tasks.files.json_text import JSON
 
 
 def addition_words(addition: Addition) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tasks.calibration.verdicts import ParameterVerdict
+from tasks.files.json_text import JSON
 from tasks.planning.addition_words import addition_json
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
 from tasks.quantities import is_calibrated
-from tasks.storage.json_text import JSON
 
 
 def plan_json(plan: CalibrationPlan) -> JSON:

@@ -24,7 +24,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.project import ProjectSettings
-from tasks.storage.artifact import Artifact
+from tasks.store.artifact import Artifact
 from tasks.tables.parquet import read_table
 
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import AerocalError, InputError
+from tasks.files.delivered_file import read_delivered
 from tasks.production.records import Records
 from tasks.production.run_record import PUBLISHING, RunRecord
-from tasks.storage.delivered_file import read_delivered
-from tasks.storage.manifest import Manifest, read_manifest
+from tasks.results.manifest import Manifest, read_manifest
 
 #: Kinds of files that are handed out, by the ending of the name.
 MEDIA_TYPES = {

@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 from pydantic import ValidationError
 
+from tasks.files.json_text import JSON
 from tasks.production.run_record import RunRecord, StageTime, State
 from tasks.production.stage_states import StageState, stage_states
-from tasks.quality_gates import GateResult
-from tasks.storage.json_text import JSON
+from tasks.results.quality_gates import GateResult
 
 #: x, y, z; None where there is no figure.
 Axes: TypeAlias = tuple[float | None, float | None, float | None]

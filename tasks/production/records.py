@@ -21,7 +21,9 @@ from tasks.database.address import DatabaseAddress, Holding, database_address
 from tasks.database.engine import connected_for_reading, connected_for_writing, engine_at
 from tasks.database.errors import in_words
 from tasks.errors import InputError
-from tasks.notification.notice import Notice, notice_of_run
+from tasks.files.installation import writing_into
+from tasks.files.json_text import JSON, finite, from_json, json_text
+from tasks.production.notice import Notice, notice_of_run
 from tasks.production.run_record import (
     DECIDED,
     ENDED,
@@ -36,8 +38,6 @@ from tasks.production.run_record import (
 )
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
-from tasks.storage.installation import writing_into
-from tasks.storage.json_text import JSON, finite, from_json, json_text
 
 #: What messages call them.
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")

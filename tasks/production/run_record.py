@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Literal, TypeAlias
 
-from tasks.storage.json_text import JSON
+from tasks.files.json_text import JSON
 
 #: States of a run: those of the dashboard (docs/operations.md), without what only the server knows.
 State: TypeAlias = Literal[

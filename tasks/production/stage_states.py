@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.production.run_record import SWEEP, RunRecord, StageTime
-from tasks.storage.stage_record import read_records
-from tasks.storage.store import Store
+from tasks.store.stage_record import read_records
+from tasks.store.store import Store
 
 StageState: TypeAlias = Literal["done", "reused", "failed", "running", "waiting"]
 

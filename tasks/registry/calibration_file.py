@@ -12,10 +12,10 @@ from pydantic import ValidationError
 
 from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
+from tasks.files.delivered_file import is_there, read_delivered
+from tasks.files.json_text import JSON, from_json, json_text
 from tasks.plain_text import trouble_in_tables
 from tasks.registry.vouched import require_vouched
-from tasks.storage.delivered_file import is_there, read_delivered
-from tasks.storage.json_text import JSON, from_json, json_text
 
 # One camera alone has the short name.
 _FILES = ("calibration.json", "calibration_*.json")

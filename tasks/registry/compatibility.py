@@ -17,9 +17,9 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
+from tasks.document_kit.table import Number, decimals_for
 from tasks.quantities import entity_kind, is_additional, quantity_words, shown, with_unit
 from tasks.registry.identity import CameraBody
-from tasks.report.table import Number, decimals_for
 
 #: Probability with which two calibrations of an unchanged camera are called different.
 ERROR_PROBABILITY = 0.01

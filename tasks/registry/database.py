@@ -18,10 +18,10 @@ from tasks.database.address import DatabaseAddress
 from tasks.database.engine import WAIT_S, connected_for_reading, connected_for_writing, engine_at
 from tasks.database.errors import in_words
 from tasks.errors import InputError
+from tasks.files.delivered_file import is_there
+from tasks.files.installation import writing_into
 from tasks.registry.history import BEGINNING
 from tasks.registry.tables import HEAD, METADATA, SCHEMA, SCHEMA_VERSION
-from tasks.storage.delivered_file import is_there
-from tasks.storage.installation import writing_into
 
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F63616C

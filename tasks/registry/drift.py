@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from scipy import special
 
+from tasks.document_kit.table import Number, decimals_for
 from tasks.quantities import KINDS, kind_of, quantity_words, shown, with_unit
 from tasks.registry.compatibility import (
     Compatibility,
@@ -22,7 +23,6 @@ from tasks.registry.compatibility import (
     single_limit,
 )
 from tasks.registry.contents import StoredCalibration
-from tasks.report.table import Number, decimals_for
 
 #: Probability with which each of the two tests calls an unchanged camera drifted.
 DRIFT_PROBABILITY = 0.001

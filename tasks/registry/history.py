@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from datetime import date, timedelta
 from typing import Literal, TypeAlias
 
-from tasks.storage.json_text import JSON, json_text
+from tasks.files.json_text import JSON, json_text
 
 State: TypeAlias = Literal["draft", "approved", "superseded"]
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from tasks.calibration.record import CalibratedCamera
-from tasks.importing.cameras import camera_record
+from tasks.deliveries.cameras import camera_record
+from tasks.files.json_text import JSON, json_text
 from tasks.settings.cameras import CameraIdentity, CameraInput
-from tasks.storage.json_text import JSON, json_text
 
 _PRODUCTS = {"virtual_image": "virtual image", "camera_head": "camera head"}
 # A null of a table is no text.

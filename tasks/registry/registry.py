@@ -21,7 +21,7 @@ from tasks.registry.integrity import Rows, contents_of
 from tasks.registry.query_tables import record_row_findings, row_findings, write_rows
 from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD
 from tasks.registry.witness import lost_state, remember
-from tasks.storage.stage_record import utc_now
+from tasks.store.stage_record import utc_now
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tasks.errors import InputError
-from tasks.storage.delivered_file import read_delivered
-from tasks.storage.json_text import from_json
-from tasks.storage.manifest import MANIFEST, read_manifest
+from tasks.files.delivered_file import read_delivered
+from tasks.files.json_text import from_json
+from tasks.results.manifest import MANIFEST, read_manifest
 
 # As the certificate prints it in the head of every page.
 _LEAST_DIGITS = 16

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 
+from tasks.files.json_text import JSON
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.drift import Against, Drift
 from tasks.registry.due import CameraDue, DueLimits, due_of
 from tasks.registry.series import ParameterSeries, series_of
-from tasks.storage.json_text import JSON
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from pathlib import Path
 import platformdirs
 
 from tasks.database.address import DatabaseAddress
+from tasks.files.json_text import read_json, replace_json
 from tasks.registry.contents import Finding
 from tasks.registry.history import Event
-from tasks.storage.json_text import read_json, replace_json
-from tasks.storage.stage_record import utc_now
+from tasks.store.stage_record import utc_now
 
 #: The variable that names the state folder of this user.
 STATE_VARIABLE = "AEROCAL_STATE"

@@ -19,10 +19,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, fie
 from pydantic_core import PydanticCustomError
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
+from tasks.files.json_text import JSON
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, visible
-from tasks.storage.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
-from tasks.storage.json_text import JSON
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import cast
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import is_there
 from tasks.nearest_name import did_you_mean
 from tasks.settings.base import PathContext
 from tasks.settings.settings_file import SettingsFile, SettingsKind, Table, read_settings_file
 from tasks.settings.simulation import Simulation
-from tasks.storage.delivered_file import is_there
 
 SIMULATION_FILE = SettingsKind(Simulation, "specification", "docs/simulation.md")
 

@@ -18,11 +18,11 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import is_there, read_delivered
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, trouble_in_tables, visible
 from tasks.settings.base import PathContext, Settings
 from tasks.settings.key_lines import line_nested_deeper, line_of_key
-from tasks.storage.delivered_file import is_there, read_delivered
 
 Table = dict[str, Any]
 Keys = tuple[str | int, ...]

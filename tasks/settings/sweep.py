@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, JsonValue, model_validator
 
 from tasks.settings.base import Settings, one_of, trouble
 from tasks.settings.coordinates import NotNegativePair, Whole
-from tasks.sweep.published import published_names
+from tasks.settings.published_sweep import published_names
 
 Name = Annotated[str, Field(min_length=1)]
 

@@ -8,14 +8,14 @@ from typing import cast
 import pandas as pd
 
 from tasks.errors import NotComputableError
-from tasks.publish import OF_SWEEPS, put_out
+from tasks.files.json_text import JSON, finite
+from tasks.results.publish import OF_SWEEPS, put_out
+from tasks.results.summary import Summary
 from tasks.settings.project import Project
-from tasks.storage.artifact import Artifact
-from tasks.storage.json_text import JSON, finite
-from tasks.storage.notes import read_notes
-from tasks.storage.stage_record import read_records, timings_s
-from tasks.storage.store import Store
-from tasks.summary import Summary
+from tasks.store.artifact import Artifact
+from tasks.store.notes import read_notes
+from tasks.store.stage_record import read_records, timings_s
+from tasks.store.store import Store
 from tasks.sweep.scenario import Computed
 from tasks.tables.parquet import read_table
 

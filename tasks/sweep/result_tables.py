@@ -8,8 +8,8 @@ from typing import Literal
 
 import pandas as pd
 
-from tasks.report.table import Cell, Column, Number, Row, Table, numbers, text_column
-from tasks.sweep.published import PublishedTable
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.settings.published_sweep import PublishedTable
 
 Role = Literal["control", "check"]
 #: In the order of the page.

@@ -9,11 +9,11 @@ from itertools import product
 from pydantic import JsonValue
 
 from tasks.errors import InputError, NotComputableError
+from tasks.files.json_text import JSON
 from tasks.settings.sweep import SweepSettings
-from tasks.storage.artifact import Artifact
-from tasks.storage.json_text import JSON
-from tasks.storage.notes import read_notes
-from tasks.storage.store import Outputs
+from tasks.store.artifact import Artifact
+from tasks.store.notes import read_notes
+from tasks.store.store import Outputs
 
 
 @dataclass(frozen=True)

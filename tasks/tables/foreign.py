@@ -10,10 +10,10 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import file_limits, opened
+from tasks.files.json_text import from_json
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
-from tasks.storage.delivered_file import file_limits, opened
-from tasks.storage.json_text import from_json
 from tasks.tables.arrow_columns import ARROW_TYPES
 from tasks.tables.parquet import METADATA
 from tasks.tables.schemas import Column, TableSchema

@@ -7,7 +7,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.coordinates.crs import MapFrame
-from tasks.storage.json_text import from_json
+from tasks.files.json_text import from_json
 from tasks.tables.schemas import TableSchema
 from tasks.tables.well_known_binary import points_z
 

@@ -18,9 +18,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tasks.coordinates.crs import MapFrame
-from tasks.storage.artifact import Artifact, verified
-from tasks.storage.installation import InstallationError
-from tasks.storage.json_text import from_json
+from tasks.files.installation import InstallationError
+from tasks.files.json_text import from_json
+from tasks.store.artifact import Artifact, verified
 from tasks.tables.arrow_columns import arrow_schema, typed_table
 from tasks.tables.geometry import GEOMETRY, Box, box_of, description, with_geometry
 from tasks.tables.key_order import ascending, order_of

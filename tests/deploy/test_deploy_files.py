@@ -63,7 +63,7 @@ def test_every_deployment_names_a_flow_of_ours() -> None:
 
 
 def test_an_end_is_waited_for_longer_than_the_longest_run() -> None:
-    from flows.deployed import aerial_triangulation
+    from flows.serving.deployed import aerial_triangulation
 
     longest = float(aerial_triangulation.timeout_seconds or 0)
     assert longest >= 3600

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from docs.generate.tables import MARKER, with_tables
 from flows.command import exit_code, interruption
-from tasks.publish import PUBLISHED
-from tasks.storage.manifest import Manifest
-from tasks.summary import Counts, Summary
-from tasks.tables.document import MARKER, with_tables
+from tasks.results.manifest import Manifest
+from tasks.results.publish import PUBLISHED
+from tasks.results.summary import Counts, Summary
 from tasks.tables.schemas import SCHEMAS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -34,14 +34,14 @@ def named_fields(chapter: str) -> set[str]:
 
 
 def test_the_committed_tables_are_up_to_date() -> None:
-    message = "run `python -m tasks.tables.document` and commit docs/artifacts.md"
+    message = "run `python -m docs.generate.tables` and commit docs/artifacts.md"
     assert with_tables(TEXT) == TEXT, message
 
 
 def test_the_command_writes_the_same_page_from_its_head_alone(tmp_path: Path) -> None:
     page = tmp_path / "artifacts.md"
     page.write_text(TEXT.partition(MARKER)[0] + MARKER + "\n", encoding="utf-8")
-    command = [sys.executable, "-m", "tasks.tables.document", str(page)]
+    command = [sys.executable, "-m", "docs.generate.tables", str(page)]
     subprocess.run(command, cwd=REPOSITORY, check=True)
     assert page.read_text(encoding="utf-8") == TEXT
 

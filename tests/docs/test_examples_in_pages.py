@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCS = REPOSITORY / "docs"

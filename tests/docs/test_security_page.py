@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from tasks.storage import delivered_file
+from tasks.files import delivered_file
 from tests.conftest import REPOSITORY
 
 PAGE = (REPOSITORY / "docs" / "security.md").read_text(encoding="utf-8")

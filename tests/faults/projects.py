@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
-from flows.run_state import state_name
+from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.run_state import state_name
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 
 #: Presets in the order in which projects take them: 60, 52 and 200 images.
 PRESETS = ("dmc-20cm", "ucx-20cm", "dmc-20cm", "ucx-20cm", "uce-low")

@@ -20,7 +20,7 @@ from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.registry import Registry
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.registry import registry_address
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 from tests.faults.projects import damage, published
 from tests.flows.conftest import write_block
 from tests.tasks.registry.records import changed, record

@@ -89,14 +89,14 @@ def test_a_killed_engine(running: Production, figures: dict[str, dict[str, objec
 
 def test_a_killed_runner(running: Production, figures: dict[str, dict[str, object]]) -> None:
     def kill(running: Production, _run: RunRecord) -> None:
-        os.kill(running.server.group_of("flows.deployments"), signal.SIGKILL)
+        os.kill(running.server.group_of("flows.serving.deployments"), signal.SIGKILL)
 
     _outlasted(running, figures, "runner killed", kill)
 
 
 def test_a_killed_server(running: Production, figures: dict[str, dict[str, object]]) -> None:
     def kill(running: Production, _run: RunRecord) -> None:
-        os.kill(running.server.group_of("flows.serving.server"), signal.SIGKILL)
+        os.kill(running.server.group_of("flows.server.prefect_server"), signal.SIGKILL)
 
     _outlasted(running, figures, "server killed", kill)
 

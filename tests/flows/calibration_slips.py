@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tasks.truth_comparison import compare_with_truth
+from tasks.simulation.simulate import simulate_project
+from tasks.simulation.truth_comparison import compare_with_truth
 
 LEVER_ARM = (0.35, -0.12, -1.20)
 GEOMETRIES: Mapping[str, tuple[str, ...]] = {

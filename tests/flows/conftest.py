@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 
 COLUMNS, ROWS, PIXEL_UM, FOCAL_LENGTH_MM = 10_000, 8_000, 5.0, 50.0
 HEIGHT_M, BASE_M, STRIP_DISTANCE_M = 1000.0, 400.0, 450.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 from tasks.simulation.toml_text import toml_text
 
 #: What each name begins with; every one that HTML, SVG, CSS, typst, a template or a database could take up.

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from flows.aerial_triangulation import aerial_triangulation
 from flows.command.result_table import result_table
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 
 AXES = ("dx", "dy", "dz")
 GATE = "gates.check_over_limit={max=1.0}"

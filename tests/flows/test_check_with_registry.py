@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.direct_georeferencing_check import direct_georeferencing_check
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.direct_georeferencing_check import direct_georeferencing_check
+from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.coordinates.crs import MapFrame
-from tasks.importing.cameras import write_cameras
+from tasks.deliveries.cameras import write_cameras
 from tasks.registry.calibration_file import read_calibrations
 from tasks.registry.registry import Registry, Signature
 from tasks.settings.cameras import CameraIdentity
@@ -23,9 +23,9 @@ from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
-from tasks.simulate import simulate_project
-from tasks.storage.artifact import digest_of_file
-from tasks.storage.stage_record import read_records
+from tasks.simulation.simulate import simulate_project
+from tasks.store.artifact import digest_of_file
+from tasks.store.stage_record import read_records
 from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 from tests.tasks.registry.records import add, approve, changed, record

@@ -11,12 +11,12 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from flows.aerial_triangulation import aerial_triangulation
 from flows.command.main import app
-from flows.project_run import RunRequest, carry_out
-from tasks.storage.run_lock import run_lock
-from tasks.storage.stage_record import read_records
-from tasks.storage.store import Store
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.store.run_lock import run_lock
+from tasks.store.stage_record import read_records
+from tasks.store.store import Store
 from tests.flows.conftest import write_block
 
 DAY = 86_400

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.project_run import RunRequest
+from flows.runs.project_run import RunRequest
 from tests.command_line import aerocal
 from tests.conftest import PROJECT
 

@@ -16,10 +16,10 @@ from adjust.camera.additional.correction import correction
 from adjust.camera.additional.effect import effects
 from adjust.camera.additional.evaluation import slope_of
 from adjust.camera.additional.register import additional_parameters
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
 
 C = 0.08

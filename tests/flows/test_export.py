@@ -13,9 +13,9 @@ from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa, from_phi_omega_kappa
 from adjust.handover.cartesian_map import CartesianMap, Pose, on_ground
 from adjust.handover.rational import RationalPolynomials
-from flows.aerial_triangulation import aerial_triangulation
 from flows.command.export_execution import write_export
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
 from tasks.handover.export import export_results
 from tasks.handover.formats.patb import photo_numbers
@@ -23,7 +23,7 @@ from tasks.handover.formats.register import REGISTER
 from tasks.handover.receiver import EARTH_RADIUS_M, World
 from tasks.handover.results import Results, read_results
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 from tests.tasks.handover.test_read_back import WITH_THEIR_GROUND
 
 SMALLER = (

@@ -11,13 +11,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from flows.direct_georeferencing_check import direct_georeferencing_check
-from flows.project_run import RunRequest, carry_out
-from flows.scenario_sweep import sweep_of
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.direct_georeferencing_check import direct_georeferencing_check
+from flows.stories.scenario_sweep import sweep_of
+from flows.stories.system_calibration import system_calibration
+from tasks.documents.report.export import export_figures
+from tasks.documents.time_series.page import write_time_series
 from tasks.registry.registry import Registry
-from tasks.registry.time_series_page import write_time_series
-from tasks.report.export import export_figures
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.registry import registry_address
 from tests.flows.hostile_names import CAMERA, IDENTITY, PAYLOADS, PROJECT, fly

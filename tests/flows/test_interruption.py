@@ -17,7 +17,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tasks.storage.run_lock import run_lock
+from tasks.store.run_lock import run_lock
 from tests.command_line import aerocal
 from tests.conftest import Start
 

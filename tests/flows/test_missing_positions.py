@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 
 
 def without_position(project: Path, images: list[str], columns: tuple[str, ...] = ("x", "y", "z")) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 from tests.flows.hostile_names import renamed
 
 #: Zeros in front, so that names merge with others as soon as anything takes them for numbers.

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from flows.command.plan_execution import PlanOptions, execute_plan
-from flows.project_plan import plan_of_project, plan_of_specification
+from flows.stories.project_plan import plan_of_project, plan_of_specification
 from tasks.errors import InputError, NotComputableError
 from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "flight_patterns"
 NAMES = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flows.flight_check import FlightCheck, flight_check
+from flows.stories.flight_check import FlightCheck, flight_check
 from tasks.settings.load_simulation import load_simulation
 
 PUBLISHED_RMSE_M = (0.029, 0.033, 0.059)

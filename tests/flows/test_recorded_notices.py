@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, text
 
-from flows.recorded_run import FlowRunIdentity, tell_recalibration
-from tasks.notification.outbox import Outbox
+from flows.runs.recorded_run import FlowRunIdentity, tell_recalibration
+from tasks.production.outbox import Outbox
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
-from tests.tasks.notification.runs import ended_run
+from tests.tasks.production.runs import ended_run
 
 
 def test_a_calibration_that_is_due_is_told_once_for_a_run(

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 
 from adjust.geometry import rotation
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 
 ARM = (0.8, -0.3, -1.2)
 FLIGHT = ("points.count=400", "points.detection=0.7", f"truth.lever_arm_m={list(ARM)}")

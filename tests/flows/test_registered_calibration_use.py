@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.registry.registry import Registry
 from tasks.settings.cameras import CameraIdentity

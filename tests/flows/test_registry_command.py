@@ -18,8 +18,8 @@ from flows.command.main import app
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.registry import registry_address
 from tests.postgresql_server import PASSWORD, PostgresqlServer
+from tests.tasks.documents.report.page_reader import Page
 from tests.tasks.registry.records import Registry, add, approve, changed, record
-from tests.tasks.report.page_reader import Page
 
 
 class Console:
@@ -283,7 +283,7 @@ def test_help_teaches_and_comes_without_the_database(console: Console) -> None:
     for word in ("add", "approve", "verify", "Exit codes", "AEROCAL_REGISTRY", "project.flown"):
         assert word in done.stdout
     # Nor does a run that asks no registry.
-    loaded = "import flows.command.main, flows.project_run, sys; print('sqlalchemy' in sys.modules)"
+    loaded = "import flows.command.main, flows.runs.project_run, sys; print('sqlalchemy' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["False"]
 

@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
-from tests.tasks.report.page_reader import Page
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.tasks.documents.report.page_reader import Page
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 #: Ground sampling distance for 1 m of flying height in the block of these tests: 5 µm / 50 mm.

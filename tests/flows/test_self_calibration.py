@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
+from tasks.simulation.simulate import simulate_project
 
 PARAMETERS = "adjustment.self_calibration.parameters"
 ALL_52 = f'{PARAMETERS}="bluh:1-12+42-73+81-88"'

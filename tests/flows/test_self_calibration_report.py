@@ -14,14 +14,14 @@ import pytest
 
 from adjust.camera.additional.base import ImageFormat
 from adjust.camera.additional.register import AdditionalParameters, additional_parameters
-from flows.aerial_triangulation import aerial_triangulation
 from flows.command.figure_export import write_figures
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.documents.report.self_calibration import MOST_ROWS
 from tasks.errors import InputError
-from tasks.report.self_calibration import MOST_ROWS
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tests.tasks.report.page_reader import Page, ReadTable
+from tasks.simulation.simulate import simulate_project
+from tests.tasks.documents.report.page_reader import Page, ReadTable
 
 SELECTION = "bluh:1-4+9-11+42-45"
 PIXEL = 5.2e-6

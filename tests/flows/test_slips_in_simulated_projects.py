@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.examination import examine_project
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from flows.stories.examination import examine_project
 from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tasks.storage.store import Store
+from tasks.simulation.simulate import simulate_project
+from tasks.store.store import Store
 
 # Undulations of the geoid, metres: India and New Guinea are further out, Germany has 34 to 51.
 UNDULATIONS = (-30.0, 48.0)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.direct_georeferencing_check import direct_georeferencing_check
 from flows.overview.project_grid import STAGE_LABELS
-from flows.project_run import RunRequest
-from flows.recorded_run import FlowRunIdentity, carry_out_recorded
+from flows.runs.project_run import RunRequest
+from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded
+from flows.stories.aerial_triangulation import aerial_triangulation
+from flows.stories.direct_georeferencing_check import direct_georeferencing_check
 from tasks.production.board import Board
 from tasks.production.project_row import ProjectRow
 from tasks.production.records import configured_records

@@ -12,12 +12,12 @@ import pytest
 from scipy import stats
 
 from adjust.geometry import rotation
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from flows.stories.system_calibration import system_calibration
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tasks.truth_comparison import compare_with_truth
+from tasks.simulation.simulate import simulate_project
+from tasks.simulation.truth_comparison import compare_with_truth
 from tests.close_range import FOCAL_LENGTH_MM, K1, PRINCIPAL_POINT_MM, CloseRange, close_range, write_project
 
 POSITIONS = ["x", "y", "z"]

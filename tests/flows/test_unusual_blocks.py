@@ -9,11 +9,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tasks.truth_comparison import compare_with_truth
+from tasks.simulation.simulate import simulate_project
+from tasks.simulation.truth_comparison import compare_with_truth
 
 ANGLES = ["heading", "pitch", "roll"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tasks.sweep.published import published_table
+from tasks.settings.published_sweep import published_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 

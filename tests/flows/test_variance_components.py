@@ -9,8 +9,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tests.flows.conftest import PIXEL_SIGMA
 
 

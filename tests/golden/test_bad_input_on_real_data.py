@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 DATA = "ign_ultracam_eagle_m3"

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from adjust.geometry import rotation
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tests.golden.dbat_camcal import (
     COLUMNS,

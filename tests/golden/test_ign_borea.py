@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from flows.examination import examine_project
+from flows.stories.examination import examine_project
 from tasks.settings.load import load_project
-from tasks.storage.store import Store
+from tasks.store.store import Store
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_borea" / "project.toml"
 

@@ -18,14 +18,14 @@ import pandas as pd
 import pytest
 from pyproj import CRS
 
-from flows.project_run import RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.coordinates.crs import MapFrame
-from tasks.ingest import import_exposures
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.load import load_project
-from tasks.storage.store import Store
+from tasks.stages.ingest import import_exposures
+from tasks.store.store import Store
 from tasks.tables.parquet import read_table
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"

@@ -12,8 +12,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from flows.project_run import RunOutcome, RunRequest, carry_out
-from flows.system_calibration import system_calibration
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"

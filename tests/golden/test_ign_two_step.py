@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tasks.ingest import import_exposures
 from tasks.settings.inputs import ExposuresInput
 from tasks.settings.load import load_project
-from tasks.storage.notes import read_notes
-from tasks.storage.store import Store
+from tasks.stages.ingest import import_exposures
+from tasks.stages.two_step import calibrate_in_two_steps
+from tasks.store.notes import read_notes
+from tasks.store.store import Store
 from tasks.tables.parquet import read_table
-from tasks.two_step import calibrate_in_two_steps
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 OTHER_MOUNTING = ["x00030", "x00032", "x00040"]

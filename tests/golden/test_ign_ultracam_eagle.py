@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from adjust.geometry import rotation
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
 from tasks.settings.coordinates import Heights

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flows.serving.api import Api
-from flows.serving.server_process import SERVER_WORDS, free_port
-from flows.serving.state_file import kept_words
+from flows.server.api import Api
+from flows.server.server_process import SERVER_WORDS, free_port
+from flows.server.state_file import kept_words
 from tasks.production.records import Records
 
 T = TypeVar("T")

@@ -10,11 +10,11 @@ import pandas as pd
 
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedManifest
-from tasks.publish import publish
+from tasks.results.publish import publish
 from tasks.settings.project import Project
-from tasks.storage.notes import Notes, write_notes
-from tasks.storage.stage_record import read_records
-from tasks.storage.store import Store, stored
+from tasks.store.notes import Notes, write_notes
+from tasks.store.stage_record import read_records
+from tasks.store.store import Store, stored
 
 
 @stored("make_tables")

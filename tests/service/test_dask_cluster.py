@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from flows import cluster as module
-from flows.cluster import cluster
-from flows.serving.server_process import free_port
-from flows.stage import stage
+from flows.runs import cluster as module
+from flows.runs.cluster import cluster
+from flows.runs.stage import stage
+from flows.server.server_process import free_port
 from tasks.errors import InputError, NotComputableError
-from tasks.storage.artifact import verified
-from tasks.storage.installation import InstallationError
-from tasks.storage.store import Store, stored
+from tasks.files.installation import InstallationError
+from tasks.store.artifact import verified
+from tasks.store.store import Store, stored
 from tests.service.dask_cluster import REPOSITORY, DaskCluster, dask_cluster
 from tests.service.served import until
 

@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
-from flows.serving.api import Api
-from flows.serving.door import door_of
-from flows.serving.server_process import (
+from flows.server.api import Api
+from flows.server.door import door_of
+from flows.server.server_process import (
     CLIENT_WORDS,
     SERVER_WORDS,
     ServerAddress,
@@ -60,7 +60,7 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)
     door = door_of("ann:words", [address.host], [])
-    server = [sys.executable, "-m", "flows.serving.server", "server", "start"]
+    server = [sys.executable, "-m", "flows.server.prefect_server", "server", "start"]
     server += ["--host", address.host, "--port", str(address.port)]
     ours = {**base, "PREFECT_API_URL": address.api, CLIENT_WORDS: door.words}
     confined = {"AEROCAL_ROOTS": f'["{tmp_path / "root"}"]', "AEROCAL_RECORDS": str(tmp_path / "r.sqlite")}

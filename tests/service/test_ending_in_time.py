@@ -69,7 +69,7 @@ def test_while_a_run_reads_a_huge_delivery(tmp_path: Path) -> None:
     with served(tmp_path) as server:
         run = server.start(MANUAL, {"project": "huge"})
         until(lambda: server.run(run)["state_type"] == "RUNNING", 120)
-        runner = server.group_of("flows.deployments")
+        runner = server.group_of("flows.serving.deployments")
         until(lambda: is_open(tmp_path / "root", "image_points.csv"), 120)
         began = time.monotonic()
         server.process.send_signal(signal.SIGTERM)

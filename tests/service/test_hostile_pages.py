@@ -23,7 +23,7 @@ import psutil
 import pytest
 from playwright.sync_api import BrowserContext, Error, Page, sync_playwright
 
-from flows.serving.door import basic
+from flows.server.door import basic
 from tests.flows.conftest import write_block
 from tests.flows.test_delivered_modules import plant
 from tests.service.served import Served, served

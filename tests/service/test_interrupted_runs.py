@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from flows.serving.api import AUTOMATION
+from flows.server.api import AUTOMATION
 from tasks.production.run_record import RunRecord
-from tasks.storage.run_lock import run_lock
+from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
 from tests.service.served import Served, further_runner, served, until
 
@@ -64,7 +64,7 @@ def test_a_killed_engine_is_followed_by_another_that_takes_up_its_run(server: Se
 
 def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Served) -> None:
     results = server.folder / "root" / "block" / "runner"
-    group = server.group_of("flows.deployments")
+    group = server.group_of("flows.serving.deployments")
     with run_lock(results):
         run = begun(server, "runner")
         engine = recorded(server, run).process or 0
@@ -81,7 +81,7 @@ def test_a_run_that_finishes_while_the_server_is_away_is_not_begun_again(server:
     results = server.folder / "root" / "block" / "server"
     with run_lock(results):
         run = begun(server, "server")
-        os.kill(server.group_of("flows.serving.server"), signal.SIGKILL)
+        os.kill(server.group_of("flows.server.prefect_server"), signal.SIGKILL)
         until(lambda: "The server has ended by itself" in server.printed, 10)
     until(lambda: recorded(server, run).state == "Completed", 120)
     until(lambda: _state(server, run) == "Completed", 200)
@@ -156,10 +156,10 @@ def test_one_delivery_delivered_three_times_with_a_redeploy_between_is_computed_
         deliver()
         runs(first, 2)
         # Nobody carries it out before the server is stopped.
-        os.kill(first.group_of("flows.deployments"), signal.SIGSTOP)
+        os.kill(first.group_of("flows.serving.deployments"), signal.SIGSTOP)
         deliver()
         until(lambda: len(first.runs(flow_runs={"tags": {"all_": ["delivery"]}})) == 3, 60)
-        os.kill(first.group_of("flows.deployments"), signal.SIGCONT)
+        os.kill(first.group_of("flows.serving.deployments"), signal.SIGCONT)
         first.process.kill()
         first.process.wait()
     with served(tmp_path, "--limit", "2", "--cron", "30 1 * * *") as second:

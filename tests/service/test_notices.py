@@ -11,11 +11,11 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from flows.serving.door import basic
-from flows.serving.server_process import free_port
+from flows.server.door import basic
+from flows.server.server_process import free_port
 from tests.flows.conftest import write_block
 from tests.service.served import Served, served, until
-from tests.tasks.notification.receivers import WebReceiver, web_receiver
+from tests.tasks.production.receivers import WebReceiver, web_receiver
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
 

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from flows.project_run import RunRequest, carry_out
-from flows.serving.roots import RESULTS_VARIABLE, configured_results, results_of_server, roots_of
-from flows.workers import processes
+from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.workers import processes
+from flows.server.roots import RESULTS_VARIABLE, configured_results, results_of_server, roots_of
 from tasks.errors import InputError
+from tasks.files.installation import InstallationError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results
 from tasks.object_storage.workspace import ObjectWorkspace
-from tasks.publish import OF_SWEEPS, publish
+from tasks.results.publish import OF_SWEEPS, publish
+from tasks.results.summary import Summary
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.storage.installation import InstallationError
-from tasks.storage.store import Store
-from tasks.summary import Summary
+from tasks.store.store import Store
 from tests.service.object_server import ObjectServer
 from tests.service.stages_on_storage import (
     BOTH,

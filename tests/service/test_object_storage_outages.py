@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from tasks.files.installation import InstallationError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results
 from tasks.object_storage.workspace import ObjectWorkspace
 from tasks.settings.project import Project
-from tasks.storage.installation import InstallationError
 from tests.service.object_server import (
     BUCKET,
     ObjectServer,

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from flows.direct_georeferencing_check import direct_georeferencing_check
-from flows.flight_check import flight_check
-from flows.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.direct_georeferencing_check import direct_georeferencing_check
+from flows.stories.flight_check import flight_check
 from tasks.settings.load_simulation import load_simulation
 
 pytestmark = pytest.mark.service

@@ -17,15 +17,15 @@ from pathlib import Path
 
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunRequest, carry_out
-from flows.serving.door import basic
-from flows.serving.state_file import find_server
+from flows.runs.project_run import RunRequest, carry_out
+from flows.server.door import basic
+from flows.server.state_file import find_server
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.files.installation import InstallationError
 from tasks.production.run_record import RunRecord
 from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
-from tasks.storage.installation import InstallationError
-from tasks.storage.run_lock import run_lock
+from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
 from tests.postgresql_server import PASSWORD, PostgresqlServer
 from tests.service.served import Served, alive, recorded_states, served, until

@@ -19,9 +19,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from flows.serving.door import basic
-from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, free_port
-from tasks.storage.installation import InstallationError
+from flows.server.door import basic
+from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, free_port
+from tasks.files.installation import InstallationError
 from tests.flows.conftest import write_block
 from tests.service.served import Served, environment, served
 

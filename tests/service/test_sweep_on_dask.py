@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tasks.storage.stage_record import StageRecord, read_records
+from tasks.store.stage_record import StageRecord, read_records
 from tests.service.dask_cluster import REPOSITORY, dask_cluster
 
 pytestmark = pytest.mark.service

@@ -9,11 +9,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tasks.ingest import import_control, import_exposures, import_image_points
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.storage.notes import Notes, read_notes
-from tasks.storage.store import Outputs, Store
+from tasks.stages.ingest import import_control, import_exposures, import_image_points
+from tasks.store.notes import Notes, read_notes
+from tasks.store.store import Outputs, Store
 from tasks.tables.parquet import read_table
 
 PROJECT = """\

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tasks.errors import AerocalError, InputError, NotComputableError
-from tasks.storage.installation import InstallationError
+from tasks.files.installation import InstallationError
 
 
 def test_a_long_path_leaves_room_for_what_is_wrong() -> None:

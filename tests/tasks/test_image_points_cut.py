@@ -7,12 +7,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tasks.ingest import import_exposures, import_image_points
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
-from tasks.simulate import simulate_project
-from tasks.storage.notes import read_notes
-from tasks.storage.store import Store
+from tasks.simulation.simulate import simulate_project
+from tasks.stages.ingest import import_exposures, import_image_points
+from tasks.store.notes import read_notes
+from tasks.store.store import Store
 
 
 @pytest.fixture(scope="module")

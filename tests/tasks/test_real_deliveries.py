@@ -8,11 +8,11 @@ import pytest
 
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
-from tasks.importing.cameras import frame_cameras
-from tasks.ingest import import_control, import_exposures, import_image_points, project_frame
+from tasks.deliveries.cameras import frame_cameras
 from tasks.settings.load import load_project
-from tasks.storage.notes import read_notes
-from tasks.storage.store import Store
+from tasks.stages.ingest import import_control, import_exposures, import_image_points, project_frame
+from tasks.store.notes import read_notes
+from tasks.store.store import Store
 from tasks.tables.parquet import read_table
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -11,8 +11,8 @@ import pytest
 from adjust.simulate.flight_plan import flight_plan
 from adjust.simulate.truth import block_truth
 from tasks.settings.load_simulation import load_simulation, preset_names
+from tasks.settings.published_sweep import published_table
 from tasks.simulation.simulation_input import block_specification
-from tasks.sweep.published import published_table
 from tasks.sweep.scenario import scenarios
 
 

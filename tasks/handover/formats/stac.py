@@ -14,10 +14,10 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
 from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, in_angles
-from tasks.storage.json_text import from_json
 
 _EXTENSION = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
 _VERSION = "1.0.0"

@@ -2,7 +2,7 @@
 
 The key is also the sort order. Names and meanings of published tables are a contract: they are extended,
 never renamed. A number that does not exist is null, never zero or NaN. A new table is a `TableSchema` in the
-file of its subject and a line in `SCHEMAS`; users see it if `tasks.publish` names it.
+file of its subject and a line in `SCHEMAS`; users see it if `tasks.results.publish` names it.
 """
 
 from __future__ import annotations

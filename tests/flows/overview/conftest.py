@@ -10,9 +10,9 @@ from flask.testing import FlaskClient
 
 from flows.overview.application import application
 from flows.overview.sources import Sources
-from flows.serving.api import Api
-from flows.serving.door import basic, door_of
-from flows.serving.roots import Roots
+from flows.server.api import Api
+from flows.server.door import basic, door_of
+from flows.server.roots import Roots
 from tasks.production.records import Records
 
 DASHBOARD = "http://127.0.0.1:4200"

@@ -13,7 +13,7 @@ import pytest
 from flask.testing import FlaskClient
 
 from flows.overview.sources import Sources
-from flows.serving.watch import InboxNews
+from flows.server.watch import InboxNews
 from tasks.production.records import Records
 from tests.tasks.production.runs import ended, run, summary
 from tests.tasks.production.test_documents import REPORT, publish

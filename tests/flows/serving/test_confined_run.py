@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from flows.aerial_triangulation import aerial_triangulation
-from flows.project_run import RunOutcome, RunRequest, Story, carry_out
-from flows.serving.roots import Roots, roots_of
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
+from flows.server.roots import Roots, roots_of
+from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
+from tasks.results.summary import Summary
 from tasks.settings.project import Project
-from tasks.storage.store import Store
-from tasks.summary import Summary
+from tasks.store.store import Store
 from tests.flows.conftest import write_block
 
 

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.prefect
 def test_parameters_that_a_story_does_not_take_are_refused_in_one_line(
     parameters: dict[str, object], said: str
 ) -> None:
-    from flows.deployed import aerial_triangulation
+    from flows.serving.deployed import aerial_triangulation
 
     trouble = trouble_in(aerial_triangulation, parameters)
     assert trouble is not None
@@ -41,16 +41,16 @@ def test_parameters_that_a_story_does_not_take_are_refused_in_one_line(
 
 @pytest.mark.parametrize("output", ["results", "a b", "Ergebnisse-für-Ä", "2026.11", "ſ…"])
 def test_parameters_that_it_takes_are_not(output: str) -> None:
-    from flows.deployed import aerial_triangulation, clean_up
+    from flows.serving.deployed import aerial_triangulation, clean_up
 
     assert trouble_in(aerial_triangulation, {"project": "block", "output": output}) is None
     assert trouble_in(clean_up, {"keep_days": 3}) is None
 
 
 def test_every_deployment_refuses_unknown_parameters() -> None:
-    from flows.deployments import deployments
-    from flows.serving.roots import Roots
-    from flows.serving.settings import Settings
+    from flows.server.roots import Roots
+    from flows.server.settings import Settings
+    from flows.serving.deployments import deployments
 
     made = deployments(Settings(Roots(()), Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9))
     assert len(made) == 7

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.serving.roots import RESULTS_VARIABLE, Roots, configured_results, results_of_server, roots_of
+from flows.server.roots import RESULTS_VARIABLE, Roots, configured_results, results_of_server, roots_of
 from tasks.errors import InputError
 
 TOLD = {RESULTS_VARIABLE: "s3://surveys/production"}

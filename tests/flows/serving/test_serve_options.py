@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from flows.serving.door import door_of
-from flows.serving.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
-from flows.serving.settings import Settings, settings_of, settings_of_runner
-from flows.serving.state_file import kept_words, words_of
+from flows.server.door import door_of
+from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
+from flows.server.settings import Settings, settings_of, settings_of_runner
+from flows.server.state_file import kept_words, words_of
 from tasks.errors import InputError
-from tasks.storage.installation import InstallationError
+from tasks.files.installation import InstallationError
 
 LOCAL = ServerAddress("127.0.0.1", 4200)
 DOOR = door_of("aerocal:secret", ["127.0.0.1"], [])

@@ -8,9 +8,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from tasks.deliveries.cameras import write_cameras
 from tasks.errors import InputError
 from tasks.georeferencing.calibrated_identity import refuse_other_cameras
-from tasks.importing.cameras import write_cameras
 from tasks.settings.cameras import CameraInput
 from tasks.settings.direct_georeferencing import CalibrationInput
 

@@ -8,7 +8,7 @@ import pytest
 
 from tasks.calibration.record import CalibrationRecord
 from tasks.georeferencing.registered_calibration import RegisteredCalibration, calibration_of_registered
-from tasks.storage.stage_key import Keyed
+from tasks.store.stage_key import Keyed
 from tests.tasks.registry.records import NAMES, SIGMAS, VALUES, changed, covariance, record
 
 SURVEYED = pd.DataFrame(

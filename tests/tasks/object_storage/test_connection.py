@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tasks.files.installation import InstallationError
 from tasks.object_storage.connection import connection_from
-from tasks.storage.installation import InstallationError
 
 KEYS = {"AWS_ACCESS_KEY_ID": "AKIDEXAMPLE", "AWS_SECRET_ACCESS_KEY": "geheim", "AWS_SESSION_TOKEN": "pssst"}
 

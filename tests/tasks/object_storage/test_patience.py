@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from tasks.files.installation import InstallationError
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.connection import patiently
-from tasks.storage.installation import InstallationError
 
 ADDRESS = ObjectAddress("surveys", "block")
 REFUSED = (

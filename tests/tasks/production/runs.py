@@ -7,9 +7,9 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from tasks.files.json_text import JSON
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord, StageTime, State
-from tasks.storage.json_text import JSON
 
 NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
 ADJUSTED = (

@@ -134,7 +134,7 @@ def test_stages_of_a_run_in_work_are_read_from_its_folder(records: Records, tmp_
 
 
 def _keep(folder: Path, number: int, stage: str, started: str) -> None:
-    from tasks.storage.stage_record import StageRecord, keep_record
+    from tasks.store.stage_record import StageRecord, keep_record
 
     (folder / ".store").mkdir(exist_ok=True)
     keep_record(folder / ".store", StageRecord(stage, str(number), False, started, 1.0, {}, {}))

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from tasks.files.json_text import read_json, replace_json
 from tasks.production.documents import ChangedDocumentError, NoDocumentError, documents_of, read_document
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
-from tasks.storage.artifact import digest_of_file
-from tasks.storage.json_text import read_json, replace_json
+from tasks.store.artifact import digest_of_file
 from tests.tasks.production.runs import ended, run
 
 REPORT = b"<!DOCTYPE html><title>report</title>"

@@ -16,11 +16,11 @@ from sqlalchemy import event, func, select
 
 from tasks.database.address import DatabaseAddress
 from tasks.errors import AerocalError, InputError
+from tasks.files.installation import InstallationError
 from tasks.registry.approval import approval_of
 from tasks.registry.history import Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.tables import CALIBRATIONS, METADATA
-from tasks.storage.installation import InstallationError
 from tests.tasks.registry.records import add, approve, changed, record
 
 # Forked children need no second to import everything; each opens a connection of its own.

@@ -9,11 +9,11 @@ import pytest
 from sqlalchemy import text
 
 from tasks.errors import InputError
+from tasks.files.json_text import json_text
 from tasks.registry.due import CameraDue, DueLimits, due_of
 from tasks.registry.registry import Registry
 from tasks.registry.watch import as_json, watch_of
 from tasks.settings.cameras import CameraIdentity
-from tasks.storage.json_text import json_text
 from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, record
 
 SPRING, SUMMER, AUTUMN = date(2024, 3, 1), date(2024, 6, 1), date(2024, 9, 1)

@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from tasks.coordinates.crs import MapFrame
+from tasks.files.installation import InstallationError
 from tasks.settings.coordinates import ELLIPSOIDAL
-from tasks.storage.artifact import artifact_of
-from tasks.storage.installation import InstallationError
+from tasks.store.artifact import artifact_of
 from tasks.tables.parquet import read_table, write_table
 from tasks.tables.schemas import CONTROL_POINTS, IMAGE_POINTS, OBJECT_POINTS, PARAMETERS, RESIDUALS, SCHEMAS
 

@@ -13,7 +13,7 @@ import pytest
 
 from tasks.coordinates.crs import MapFrame
 from tasks.settings.coordinates import ELLIPSOIDAL
-from tasks.storage.artifact import artifact_of
+from tasks.store.artifact import artifact_of
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
 from tasks.tables.parquet import ROW_GROUP, read_table, write_row_groups, write_table

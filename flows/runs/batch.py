@@ -1,0 +1,117 @@
+"""Many projects with one story: each of them as if it had been run alone, several at a time."""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flows.runs.project_run import RunRequest, StoryName, carry_out, story_named
+from flows.runs.stage import Attempt, stage
+from flows.runs.workers import workers
+from tasks.errors import AerocalError, InputError
+from tasks.files.delivered_file import is_there
+from tasks.files.installation import writing_into
+from tasks.results.summary import Summary
+from tasks.settings.base import variables_in
+from tasks.settings.registry import REGISTRY_VARIABLE
+
+_log = logging.getLogger("aerocal")
+
+
+@dataclass(frozen=True)
+class ProjectEnd:
+    """How one project of a batch ended.
+
+    Attributes
+    ----------
+    request : what was to be run.
+    summary : what stands in its summary.json; None if the machine or aerocal is at fault.
+    error : why there is no result, in one line; None if there is one.
+    """
+
+    request: RunRequest
+    summary: Summary | None
+    error: str | None = None
+
+
+def carry_out_batch(
+    requests: Sequence[RunRequest], story: StoryName, count: int | None
+) -> tuple[ProjectEnd, ...]:
+    """Run the story on every project, each in its own folder; one that fails stops no other.
+
+    Parameters
+    ----------
+    requests : the projects, with absolute paths: a worker elsewhere has another working folder.
+    count : how many at a time on this machine; None: one for each processor. A cluster has its own number.
+
+    Returns
+    -------
+    ends : in the order of `requests`.
+
+    Raises
+    ------
+    InputError
+        If two projects would write into the same folder.
+    InstallationError
+        If a worker is ended from outside, or the cluster cannot be used; what is finished is kept.
+    """
+    _require_own_folders(requests)
+    there = [request for request in requests if is_there(request.project_file)]
+    for request in there:
+        with writing_into(request.directory):
+            request.directory.mkdir(parents=True, exist_ok=True)
+    named = {name for request in there for name in variables_in(request.project_file)}
+    done: list[int] = []
+
+    def say(index: int, end: Attempt[ProjectEnd]) -> None:
+        done.append(index)
+        _log.info("batch: %d of %d: %s", len(done), len(requests), in_one_line(requests[index], end))
+
+    folders = tuple(request.directory for request in there)
+    with workers(count, folders, (*sorted(named), REGISTRY_VARIABLE)) as executor:
+        ends = run_project.attempt(
+            [{"request": request} for request in requests], story, executor=executor, when_done=say
+        )
+    return tuple(end for end in ends if isinstance(end, ProjectEnd))
+
+
+def _require_own_folders(requests: Sequence[RunRequest]) -> None:
+    taken: dict[object, RunRequest] = {}
+    for request in requests:
+        other = taken.setdefault(request.directory.resolve(), request)
+        if other != request:
+            raise InputError(
+                f"The results of {other.project_file} and {request.project_file} would go into the same "
+                f"folder {request.directory}.",
+                "Give each project a folder of its own, or run them one by one with --out.",
+            )
+
+
+def _run_project(story: StoryName, *, request: RunRequest) -> ProjectEnd:
+    """Run one project, and say how it ended, whatever happens."""
+    try:
+        outcome = carry_out(story_named(story), request)
+    except AerocalError as error:
+        return ProjectEnd(request, None, str(error))
+    except Exception as error:
+        # A defect with one project is no reason to leave the others undone.
+        what = " ".join(traceback.format_exception_only(error)).strip()
+        return ProjectEnd(
+            request, None, f"A defect of aerocal ({what}). `aerocal run` of this project says where."
+        )
+    return ProjectEnd(request, outcome.summary, outcome.error)
+
+
+run_project = stage(_run_project)
+
+
+def in_one_line(request: RunRequest, end: Attempt[ProjectEnd]) -> str:
+    """What became of a project, for the progress on the screen."""
+    name = f"{request.project_file.parent.name}/{request.project_file.name}"
+    if not isinstance(end, ProjectEnd) or end.summary is None:
+        return f"{name}: failed"
+    sigma0 = end.summary.sigma0
+    figure = f", σ0 {sigma0:.3f}" if sigma0 is not None else ""
+    return f"{name}: {end.summary.status.replace('_', ' ')}{figure}"

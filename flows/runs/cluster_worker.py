@@ -1,0 +1,175 @@
+"""What a worker of a Dask cluster does: make sure that it may take part, then carry out a call.
+
+A worker outlives the runs it works for, so nothing it needs to know is kept in it: every call brings along
+what is expected of its worker. That also covers a worker that joins in the middle of a run.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from flows.runs.workers import THREADS_VARIABLE
+from tasks.files.installation import InstallationError
+from tasks.store.software import Software, software_here
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why a worker cannot take part: what is wrong with it, and the remedy."""
+
+    what: str
+    remedy: str
+
+    def of(self, worker: str) -> InstallationError:
+        """The error that names the worker."""
+        return InstallationError(f"The Dask worker {worker} {self.what}.", self.remedy)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What every worker of a run must have in common with it.
+
+    Attributes
+    ----------
+    software : what the run computes with.
+    words : a file and its text, in every folder the workers read from and write to.
+    environment : (name, value) of variables that decide what is read; None: not set.
+    """
+
+    software: Software
+    words: tuple[tuple[Path, str], ...]
+    environment: tuple[tuple[str, str | None], ...] = ()
+
+    def trouble(self, threads: int) -> Trouble | None:
+        """Why this process cannot take part; None if it can.
+
+        Parameters
+        ----------
+        threads : how many calls the worker carries out at once.
+        """
+        return (
+            _other_software(self.software)
+            or _too_many_threads(threads)
+            or _other_files(self.words)
+            or _other_environment(self.environment)
+        )
+
+
+def _other_software(expected: Software) -> Trouble | None:
+    differences = expected.differences(software_here())
+    if not differences:
+        return None
+    return Trouble(
+        f"computes with other software than this run ({'; '.join(differences)}), so its results could differ",
+        "Install the same on all machines, and start the scheduler and its workers again.",
+    )
+
+
+def _too_many_threads(threads: int) -> Trouble | None:
+    if threads == 1:
+        return None
+    return Trouble(
+        f"has {threads} threads, and a worker computes on one",
+        f"Start `dask worker ADDRESS --nthreads 1 --nworkers {threads}` in its place.",
+    )
+
+
+def _other_files(words: tuple[tuple[Path, str], ...]) -> Trouble | None:
+    for file, text in words:
+        try:
+            seen = file.read_text(encoding="utf-8")
+        except OSError:
+            seen = ""
+        if seen != text:
+            return Trouble(
+                f"does not see what this run writes into {file.parent}",
+                "Put the project and its results into a folder that all machines share under one path.",
+            )
+    return None
+
+
+def _other_environment(environment: tuple[tuple[str, str | None], ...]) -> Trouble | None:
+    others = [name for name, value in environment if os.environ.get(name) != value]
+    if not others:
+        return None
+    # The values are nobody's business.
+    return Trouble(
+        f"has {' and '.join(others)} set to something else than this run",
+        "Start it with the same environment.",
+    )
+
+
+def examine(expected: Expected, dask_worker: Any) -> tuple[Trouble | None, str]:
+    """What a worker says before a run: why it cannot take part, and which kind of processor it has.
+
+    Parameters
+    ----------
+    dask_worker : the worker itself; Dask fills it in.
+    """
+    return expected.trouble(dask_worker.state.nthreads), software_here().processor
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call of a function, to be carried out by a worker.
+
+    The function and its arguments travel packed, as they do to a worker process, so that Dask neither
+    searches them nor loads them in the scheduler.
+
+    Attributes
+    ----------
+    packed : function, arguments, keyword arguments.
+    name : of the function, for the page of the cluster.
+    expected : what the worker must have in common with the run.
+    """
+
+    packed: bytes = field(repr=False)
+    name: str
+    expected: Expected = field(repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        function: Callable[..., Any],
+        arguments: tuple[Any, ...],
+        keywords: Mapping[str, Any],
+        expected: Expected,
+    ) -> Call:
+        """Pack a call."""
+        name = getattr(function, "__name__", "call")
+        return cls(pickle.dumps((function, arguments, dict(keywords))), name, expected)
+
+    @property
+    def __name__(self) -> str:
+        """What Dask calls the work, and learns the usual duration of."""
+        return self.name
+
+    def __call__(self) -> Any:
+        """Carry out the call, on one thread.
+
+        Raises
+        ------
+        InstallationError
+            If the worker cannot take part.
+        """
+        _require_fit(self.expected)
+        os.environ[THREADS_VARIABLE] = "1"
+        function, arguments, keywords = pickle.loads(self.packed)
+        return function(*arguments, **keywords)
+
+
+@cache
+def _require_fit(expected: Expected) -> None:
+    """Once for each run: what was found stays so."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    trouble = expected.trouble(worker.state.nthreads)
+    if trouble is not None:
+        raise trouble.of(worker.address)

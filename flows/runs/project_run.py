@@ -1,0 +1,233 @@
+"""One run of a story on a project: settings in, published results or one clear reason out.
+
+Whoever starts it (the command line, a Prefect flow) gets the same outcome: the project file is read,
+the output folder is locked, the story runs, and an input error or an adjustment that cannot be
+computed ends in a summary.json that says so and changes nothing else.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.files.delivered_file import is_there
+from tasks.files.installation import InstallationError, writing_into
+from tasks.georeferencing.registered_cameras import with_registered_cameras
+from tasks.object_storage.address import ObjectAddress, output_place
+from tasks.object_storage.connection import local_folder
+from tasks.results.summary import Summary, failed_summary, write_summary
+from tasks.settings.base import DATA_VARIABLE
+from tasks.settings.load import load_project, load_variants
+from tasks.settings.project import Project
+from tasks.store.run_lock import run_lock
+from tasks.store.stage_record import read_records, timings_s
+from tasks.store.store import Store
+
+Story: TypeAlias = Callable[[Project, Store], Summary]
+
+_log = logging.getLogger("aerocal")
+
+#: A story of a project: module in flows, function in it, and Prefect flow all have this name.
+StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
+
+
+def story_named(name: StoryName) -> Story:
+    """The story of this name; loaded when it is asked for."""
+    story: Story = getattr(import_module(f"flows.{name}"), name)
+    return story
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What to run.
+
+    Attributes
+    ----------
+    project_file : the TOML file.
+    out : the output folder; None: ``results`` beside the project file, or with an address the folder of this
+        user that stands for it.
+    overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
+    data : a second folder for relative input paths.
+    roots : folders that every input file must lie under (runs of a deployment); empty: anywhere.
+    address : where finished stages and results are kept on object storage, too; None: nowhere.
+    """
+
+    project_file: Path
+    out: Path | None = None
+    overrides: tuple[str, ...] = ()
+    data: Path | None = None
+    roots: tuple[Path, ...] = ()
+    address: ObjectAddress | None = None
+
+    @classmethod
+    def of(
+        cls, project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None
+    ) -> RunRequest:
+        """The request that a command or a flow parameter means; `out`: a folder or an address, as text.
+
+        Raises
+        ------
+        InputError
+            If the output place looks like an address and is none.
+        """
+        place = None if out is None else output_place(out)
+        if isinstance(place, ObjectAddress):
+            return cls(project_file, None, overrides, data, address=place)
+        return cls(project_file, place, overrides, data)
+
+    @property
+    def directory(self) -> Path:
+        """The output folder."""
+        if self.out is not None:
+            return self.out
+        return self.project_file.parent / "results" if self.address is None else local_folder(self.address)
+
+    @property
+    def place(self) -> Path | ObjectAddress | None:
+        """What was asked for with `of`: a folder or an address; None: neither."""
+        return self.out if self.out is not None else self.address
+
+    def store(self) -> Store:
+        """The store of the output folder, with its remote side if there is an address."""
+        if self.address is None:
+            return Store.of(self.directory)
+        # Loaded only for an address, as the client of the storage is.
+        from tasks.object_storage.workspace import ObjectWorkspace
+
+        return Store.of(self.directory, ObjectWorkspace.at(self.address))
+
+    def project(self) -> Project:
+        """Read the project file, and take what its cameras want from the registry of calibrations.
+
+        Raises
+        ------
+        InputError
+            If it, or a value in it, is wrong, or the registry has no calibration for a camera.
+        """
+        return with_registered_cameras(
+            load_project(
+                self.project_file,
+                self.overrides,
+                self.data,
+                environment=self._environment(),
+                roots=self.roots,
+            )
+        )
+
+    def declared_story(self) -> StoryName:
+        """What the project file declares: a calibration, a check, or neither, and so an adjustment.
+
+        Of a calibration the check is a part. A project that cannot be read is left to the story to refuse.
+        """
+        try:
+            project = load_project(self.project_file, self.overrides, self.data)
+        except InputError:
+            return "aerial_triangulation"
+        if "calibration" in project.model_fields_set:
+            return "system_calibration"
+        return (
+            "direct_georeferencing_check"
+            if "direct_georeferencing" in project.model_fields_set
+            else "aerial_triangulation"
+        )
+
+    def variants(self) -> dict[str, Project]:
+        """The variants of the project that its sweep computes.
+
+        Raises
+        ------
+        InputError
+            If there is no sweep, or what a variant changes is wrong.
+        """
+        variants = load_variants(
+            self.project_file, self.overrides, self.data, environment=self._environment(), roots=self.roots
+        )
+        return {name: with_registered_cameras(project) for name, project in variants.items()}
+
+    def _environment(self) -> dict[str, str] | None:
+        """The variables that paths may use; None: all."""
+        if not self.roots:
+            return None
+        # A message about a path shows its variables; those of the server are nobody's business.
+        return {name: value for name, value in os.environ.items() if name == DATA_VARIABLE}
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    directory : the output folder.
+    summary : what stands in its summary.json.
+    error : why there is no result, in one line; None if there is one.
+    failed_stage : the stage that could not be done; None: none, or it did not come to any.
+    address : where the results are on object storage, if that was asked for in place of a folder.
+    """
+
+    directory: Path
+    summary: Summary
+    error: str | None = None
+    failed_stage: str | None = None
+    address: ObjectAddress | None = None
+
+    @classmethod
+    def of(cls, request: RunRequest, summary: Summary, error: AerocalError | str | None = None) -> RunOutcome:
+        """How the run of a request ended."""
+        stage = error.stage if isinstance(error, AerocalError) else None
+        address = request.address if request.out is None else None
+        return cls(request.directory, summary, None if error is None else str(error), stage, address)
+
+    @property
+    def place(self) -> Path | ObjectAddress:
+        """Where the results are."""
+        return self.directory if self.address is None else self.address
+
+
+def carry_out(story: Story, request: RunRequest) -> RunOutcome:
+    """Run a story on a project and publish its result.
+
+    Raises
+    ------
+    InstallationError
+        If the machine stands in the way (full disk, no permission, object storage that does not answer).
+    """
+    store = request.store()
+    try:
+        project = request.project()
+        with run_lock(request.directory, request.roots):
+            store.begin_run()
+            return RunOutcome.of(request, story(project, store))
+    except InputError as error:
+        return _without_result(request, store, "input_error", error)
+    except NotComputableError as error:
+        return _without_result(request, store, "not_computable", error)
+
+
+def _without_result(
+    request: RunRequest, store: Store, status: Literal["input_error", "not_computable"], error: AerocalError
+) -> RunOutcome:
+    """Say in summary.json why there is no result; everything else stays as it is."""
+    summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
+    # A mistyped project path must not leave a results folder in some unrelated place.
+    if request.place is not None or is_there(request.project_file):
+        with writing_into(request.directory), run_lock(request.directory, request.roots):
+            write_summary(request.directory, summary)
+        _tell_remotely(store, summary)
+    return RunOutcome.of(request, summary, error)
+
+
+def _tell_remotely(store: Store, summary: Summary) -> None:
+    """Say it on the remote side, too; whether that can be done changes nothing about what is wrong."""
+    if store.remote is None:
+        return
+    try:
+        store.remote.tell(summary.to_json())
+    except InstallationError as error:
+        _log.warning("the reason could not be told to object storage: %s", error)

@@ -1,0 +1,167 @@
+"""A run of a project that production remembers: noted when it begins and when it has ended.
+
+Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
+remarked on and stop no adjustment; what is missing in them is mended from the server's own records
+(`flows.server.reconciliation`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
+from flows.runs.run_state import state_message, state_name
+from tasks.errors import AerocalError
+from tasks.files.installation import InstallationError
+from tasks.files.json_text import JSON
+from tasks.patience import Patience
+from tasks.production.notice import notice_of_run
+from tasks.production.records import Records, configured_records, project_name, write_notice
+from tasks.production.run_record import RunRecord, State
+from tasks.production.stage_states import stages_since
+from tasks.store.stage_record import utc_now
+
+_log = logging.getLogger("aerocal")
+
+#: How long a database that does not answer is waited for, s: before an adjustment hardly, with its result
+#: until a server that was started again must be back.
+_PATIENCE_BEGINNING = Patience(1.0, 15.0, 10.0)
+_PATIENCE_END = Patience(1.0, 15.0, 180.0)
+
+
+@dataclass(frozen=True)
+class FlowRunIdentity:
+    """What the server knows a run by.
+
+    Attributes
+    ----------
+    id : of the flow run.
+    story : name of the flow.
+    """
+
+    id: str
+    story: str
+
+
+def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdentity) -> RunOutcome:
+    """Run a story on a project and note what becomes of it.
+
+    Raises
+    ------
+    InstallationError
+        If the machine stands in the way.
+    """
+    records = configured_records()
+    if records is None:
+        return carry_out(story, request)
+    # As exact as the records of the stages are, none of which may seem older.
+    begun = datetime.fromisoformat(utc_now())
+    _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING)
+    noted = _Noted(records, identity, request, begun)
+    try:
+        outcome = carry_out(story, request)
+    except AerocalError as error:
+        noted.end("Failed", str(error), error.stage, may_pass=True)
+        raise
+    except (OSError, MemoryError) as error:
+        noted.end("Failed", f"The machine stood in the way: {type(error).__name__}: {error}.", may_pass=True)
+        raise
+    except Exception as error:
+        noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
+        raise
+    noted.end(
+        state_name(outcome),
+        state_message(outcome),
+        outcome.failed_stage,
+        {name: value for name, value in outcome.summary.to_json().items() if name != "timings_s"},
+    )
+    return outcome
+
+
+def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
+    """Note a run that was refused before there was a project file."""
+    records = configured_records()
+    if records is None:
+        return
+    now = datetime.now(UTC)
+    run = RunRecord(identity.id, project, "", "", identity.story, "Running", "", now, begun=now)
+
+    def write() -> None:
+        records.begin(run)
+        records.end(identity.id, "InputError", message)
+
+    _noted(write, _PATIENCE_END)
+
+
+def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
+    """Put into the outbox that a calibration is due, or that nobody could look; such runs have no record."""
+    records = configured_records()
+    run = {"id": identity.id, "project": "registry", "story": identity.story, "state": state}
+    notice = notice_of_run({**run, "message": message, "directory": ""}, None, utc_now())
+    if records is None or notice is None:
+        return
+
+    def write() -> None:
+        with records.writing() as connection:
+            # Without a record nobody knows whether the run has been told before; so it is told once.
+            write_notice(connection, replace(notice, id=f"{identity.id}:{state}"))
+
+    _noted(write, _PATIENCE_END)
+
+
+def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
+    return RunRecord(
+        identity.id,
+        project_name(request.project_file.absolute()),
+        str(request.project_file.absolute()),
+        str(request.directory.absolute()),
+        identity.story,
+        "Running",
+        "",
+        datetime.now(UTC),
+    )
+
+
+@dataclass(frozen=True)
+class _Noted:
+    """A run whose beginning is noted."""
+
+    records: Records
+    identity: FlowRunIdentity
+    request: RunRequest
+    begun: datetime
+
+    def end(
+        self,
+        state: State,
+        message: str,
+        failed_stage: str | None = None,
+        summary: dict[str, JSON] | None = None,
+        *,
+        may_pass: bool = False,
+    ) -> None:
+        """Note how it has ended."""
+        stages = stages_since(self.request.directory, self.begun)
+        _noted(
+            lambda: self.records.end(
+                self.identity.id,
+                state,
+                message,
+                may_pass=may_pass,
+                stages=stages,
+                failed_stage=failed_stage,
+                summary=summary,
+            ),
+            _PATIENCE_END,
+        )
+
+
+def _noted(write: Callable[[], None], patience: Patience) -> None:
+    """Write into the records; again and again while their database does not answer."""
+    try:
+        patience.tried(write, lambda error: isinstance(error, InstallationError))
+    except AerocalError as error:
+        _log.warning("the record of runs could not be written: %s", error)

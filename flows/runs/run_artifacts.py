@@ -1,0 +1,73 @@
+"""What a run shows in Prefect's dashboard besides its state: one short text, composed here."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from flows.runs.project_run import RunOutcome, RunRequest
+from flows.runs.recorded_run import FlowRunIdentity
+from flows.runs.run_state import state_message, state_name
+from tasks.production.notice import report_address
+from tasks.production.records import project_name
+from tasks.production.run_record import PUBLISHING, State
+from tasks.production.short_text import ShortText
+from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
+
+#: Name of the failed state of a flight check whose estimates are not what was simulated.
+CONTRADICTS_TRUTH = "ContradictsTruth"
+
+
+def text_of_outcome(
+    outcome: RunOutcome,
+    request: RunRequest,
+    identity: FlowRunIdentity,
+    contradictions: Sequence[str] = (),
+    *,
+    recorded: bool = True,
+) -> ShortText:
+    """The text of a run that has ended with an outcome.
+
+    Parameters
+    ----------
+    contradictions : sentences on estimates that contradict the known truth.
+    recorded : whether the records of production know the run; otherwise nobody serves its files.
+    """
+    project_file, state = request.project_file.absolute(), state_name(outcome)
+    overview = _overview() if recorded and state in PUBLISHING else None
+    links = [] if overview is None else [("Report", report_address(overview, identity.id, identity.story))]
+    place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
+    return ShortText(
+        project_name(project_file),
+        project_file,
+        identity.story,
+        CONTRADICTS_TRUTH if contradictions else state,
+        " ".join(contradictions) or state_message(outcome),
+        outcome.summary.problems if state in PUBLISHING else (),
+        str(place),
+        [*links, *_page()],
+    )
+
+
+def text_of_refusal(project: str, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
+    """The text of a run that has come to no outcome.
+
+    Parameters
+    ----------
+    project : as it was named.
+    """
+    place = Path(project)
+    folder = place.parent if place.suffix == ".toml" else place
+    return ShortText(folder.name or project, place, identity.story, state, message, links=_page())
+
+
+def _page() -> list[tuple[str, str]]:
+    overview = _overview()
+    return [] if overview is None else [("Production page", f"{overview}/")]
+
+
+def _overview(environment: Mapping[str, str] = os.environ) -> str | None:
+    """Address of the production page that shows the runs of this process; None: there is none."""
+    base = environment.get(OVERVIEW_VARIABLE)
+    return base.rstrip("/") if base and environment.get(RECORDS_VARIABLE) else None

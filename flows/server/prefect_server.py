@@ -1,0 +1,144 @@
+"""The program of the server: Prefect's own, made to work with the SQLAlchemy that is installed.
+
+Since SQLAlchemy 2.1 a bulk INSERT refuses values of hybrid properties that do not say what becomes of them;
+2.0 left them alone. Prefect 3.8 hands such a value (the state of a flow run, stored by other means) to the
+INSERT of every scheduled run, so no schedule would ever begin anything. Here those properties are told to
+leave the values alone again, in the server's process only. On SQLite, transactions wait for each other.
+
+The dashboard's pages ask a provider of usage statistics for settings even where statistics are off. A
+Content-Security-Policy lets them speak to their own server and nobody else. In front of all of it stands our
+door (`flows.server.guard`); whoever has passed it is not asked by the pages again.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+from collections.abc import MutableMapping
+from functools import wraps
+from typing import Any, cast
+from urllib.parse import urlsplit
+
+from flows.server.door import DOOR_VARIABLE, Door, door_from
+from flows.server.guard import Guard
+from flows.server.server_process import SERVER_WORDS
+
+
+def main() -> None:
+    """Carry out a command of Prefect's command line, with the arguments of this process."""
+    leave_hybrid_values_alone()
+    begin_writing_at_once()
+    door = door_from(os.environ.get(SERVER_WORDS), os.environ.get(DOOR_VARIABLE))
+    leave_the_login_to_the_door()
+    keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
+    runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+
+def leave_hybrid_values_alone() -> None:
+    """Let bulk INSERTs of Prefect's tables pass over hybrid properties, as SQLAlchemy 2.0 did."""
+    from prefect.server.database import orm_models
+    from sqlalchemy.ext.hybrid import hybrid_property
+
+    for table in (orm_models.FlowRun, orm_models.TaskRun, orm_models.FlowRunState, orm_models.TaskRunState):
+        for kind in table.__mro__:
+            for member in vars(kind).values():
+                if isinstance(member, hybrid_property) and getattr(member, "bulk_dml_setter", None) is None:
+                    member.bulk_dml_setter = cast(Any, _leave_alone)
+
+
+def _leave_alone(_table: type, _values: MutableMapping[str, object], _value: object) -> None:
+    """What becomes of the value of a property in a bulk INSERT: nothing."""
+
+
+def begin_writing_at_once() -> None:
+    """Let a transaction on SQLite that may write wait for its turn before it reads.
+
+    Prefect begins them reading. One that then writes while another has done so is refused at once ("database
+    is locked"), however long SQLite was told to wait; seen several times a run.
+    """
+    from prefect.server.database import configurations
+
+    kind, mode = configurations.AioSqliteConfiguration, configurations.SQLITE_BEGIN_MODE
+    begin_transaction, begin = kind.begin_transaction, kind.begin_sqlite_stmt
+
+    def begin_writing(self: Any, session: Any, *_: Any, **_for_update: Any) -> Any:
+        return begin_transaction(self, session, with_for_update=True)
+
+    def begin_once(self: Any, connection: Any) -> None:
+        begin(self, connection)
+        if mode.get() is not None:
+            # What is asked within, on another connection, reads; it would wait for the one around it.
+            mode.set("DEFERRED")
+
+    kind.begin_transaction = begin_writing  # type: ignore[method-assign]
+    kind.begin_sqlite_stmt = begin_once  # type: ignore[assignment,method-assign]
+
+
+def leave_the_login_to_the_door() -> None:
+    """Have the dashboard's pages ask nobody for a password: who sees them has been let in."""
+    from prefect.server.api import server
+    from prefect.server.schemas.ui import UISettings
+    from pydantic import field_validator
+
+    class Settings(UISettings):
+        @field_validator("auth", mode="before")
+        @classmethod
+        def _nobody(cls, _value: object) -> None:
+            return None
+
+    vars(server)["UISettings"] = Settings
+
+
+def keep_pages_to_this_server(api: str, door: Door) -> None:
+    """Have every page of the dashboard speak to this server only, and nobody else to it.
+
+    Parameters
+    ----------
+    api : address of the API as browsers know it; only its path, or "", if it is that of the page.
+    door : who is let in.
+    """
+    from prefect.server.api import server
+    from starlette.middleware import Middleware
+
+    create_app = server.create_app
+    policy = connections_policy(api)
+
+    @wraps(create_app)
+    def create_quiet_app(*args: Any, **kwargs: Any) -> Any:
+        app = create_app(*args, **kwargs)
+        app.user_middleware[:0] = [Middleware(Guard, door=door), Middleware(_PagePolicy, policy=policy)]
+        return app
+
+    server.create_app = create_quiet_app
+
+
+def connections_policy(api: str) -> str:
+    """What the pages may connect to, as a Content-Security-Policy."""
+    parts = urlsplit(api)
+    places = ["'self'"]
+    if parts.netloc:
+        socket = {"http": "ws", "https": "wss"}[parts.scheme]
+        places += [f"{parts.scheme}://{parts.netloc}", f"{socket}://{parts.netloc}"]
+    return f"connect-src {' '.join(places)}; object-src 'none'; base-uri 'self'; frame-ancestors 'self'"
+
+
+class _PagePolicy:
+    """Adds the policy to every HTML answer."""
+
+    def __init__(self, app: Any, policy: str) -> None:
+        self.app = app
+        self.policy = policy.encode()
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        async def send_with_policy(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                headers = message.setdefault("headers", [])
+                if any(name == b"content-type" and value.startswith(b"text/html") for name, value in headers):
+                    headers.append((b"content-security-policy", self.policy))
+            await send(message)
+
+        await self.app(scope, receive, send_with_policy if scope["type"] == "http" else send)
+
+
+if __name__ == "__main__":
+    main()

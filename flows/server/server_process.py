@@ -1,0 +1,201 @@
+"""Prefect's server as a child process: its settings, and waiting until it is well."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import socket
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from flows.server.child import Child, Lifeline
+from flows.server.door import DOOR_VARIABLE, Door
+from tasks.files.installation import InstallationError
+
+#: Prefect's own variable of the words (``user:password``) a server asks for.
+SERVER_WORDS = "PREFECT_SERVER_API_AUTH_STRING"
+_DAY_S = 86_400
+#: The same on the side of those who ask it.
+CLIENT_WORDS = "PREFECT_API_AUTH_STRING"
+
+
+@dataclass(frozen=True)
+class ServerAddress:
+    """Where the server listens.
+
+    Attributes
+    ----------
+    host, port : address and port.
+    public : address under which browsers reach it (behind a proxy, from other machines); None: as it is here.
+    """
+
+    host: str
+    port: int
+    public: str | None = None
+
+    @property
+    def base(self) -> str:
+        """Address for programs on this machine."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}"
+
+    @property
+    def dashboard(self) -> str:
+        """Address of the dashboard for browsers."""
+        if self.public is not None:
+            return self.public.rstrip("/")
+        # Listening everywhere is no address that a browser could open.
+        everywhere = self.host in ("0.0.0.0", "::")
+        return f"http://{socket.gethostname()}:{self.port}" if everywhere else self.base
+
+    @property
+    def api(self) -> str:
+        """Address of the API."""
+        return f"{self.base}/api"
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether nobody but programs on this machine reaches it."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    def require_free(self, option: str = "--port") -> None:
+        """Make sure that nobody listens there.
+
+        Parameters
+        ----------
+        option : names another port.
+
+        Raises
+        ------
+        InstallationError
+            If the port is taken, or the host is none of this machine.
+        """
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                trial.bind((self.host, self.port))
+            except OSError as error:
+                raise InstallationError(
+                    f"Nothing can listen on {self.host} port {self.port} ({error.strerror or error}).",
+                    f"Choose another one with {option}, or end the program that uses it.",
+                ) from error
+
+
+def free_port(host: str) -> int:
+    """A port of this host that is free at the moment."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
+        trial.bind((host, 0))
+        return int(trial.getsockname()[1])
+
+
+def server_environment(
+    address: ServerAddress,
+    database: str | None,
+    door: Door,
+    environment: Mapping[str, str] = os.environ,
+    *,
+    history_days: int = 365,
+) -> dict[str, str]:
+    """The variables of the server's process.
+
+    Parameters
+    ----------
+    database : ``postgresql://…``, or None for Prefect's SQLite file in our folder.
+    door : who is let in.
+    history_days : how long runs that have ended are remembered, with their logs and artifacts. Which
+        deliveries have been done is remembered elsewhere (`tasks.production.records`).
+
+    Raises
+    ------
+    InstallationError
+        If the database is not understood.
+    """
+    settings = {
+        "PREFECT_SERVER_API_HOST": address.host,
+        "PREFECT_SERVER_API_PORT": str(address.port),
+        SERVER_WORDS: door.words,
+        DOOR_VARIABLE: door.as_variable(),
+        # That of the page itself, so that every name of this machine will do.
+        "PREFECT_SERVER_UI_API_URL": f"{urlsplit(address.dashboard).path.rstrip('/')}/api",
+        # Pages of other origins may not start runs through the browser of somebody who is here.
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.dashboard,
+        "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+        # By itself Prefect forgets events only, after a week, and runs never.
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(history_days * _DAY_S),
+    }
+    if database is not None:
+        settings["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = _connection(database)
+    # A server that is told of another one would report to it.
+    kept = {name: value for name, value in environment.items() if name != "PREFECT_API_URL"}
+    return {**kept, **settings}
+
+
+def _connection(database: str) -> str:
+    found = re.match(r"(?:postgresql|postgres)(?:\+asyncpg)?://(.+)", database)
+    if found is None:
+        raise InstallationError(
+            "The address of the database is not understood.",
+            "Write postgresql://USER@HOST/DATABASE, the password in PGPASSWORD; or leave --database out.",
+        )
+    return f"postgresql+asyncpg://{found.group(1)}"
+
+
+def start_server(
+    address: ServerAddress, environment: Mapping[str, str], log: Path, lifeline: Lifeline
+) -> Child:
+    """Start the server; it is not well yet."""
+    where = ("--host", address.host, "--port", str(address.port))
+    return Child(
+        "flows.server.prefect_server",
+        "server",
+        "start",
+        *where,
+        environment=environment,
+        log=log,
+        lifeline=lifeline,
+    )
+
+
+def wait_until(
+    what: str, is_so: Callable[[], bool], child: Child, is_over: Callable[[], bool], timeout_s: float
+) -> bool:
+    """Wait for something a child is to bring about; False if it was called off before.
+
+    Raises
+    ------
+    InstallationError
+        If the child ends, or the time passes; with the last lines of its log.
+    """
+    until = time.monotonic() + timeout_s
+    while not is_so():
+        if is_over():
+            return False
+        if child.ended or time.monotonic() > until:
+            reason = "ended" if child.ended else f"took longer than {timeout_s:.0f} s"
+            raise InstallationError(
+                f"The {what} {reason}.", f"Its log is {child.log}; the last lines:\n{child.last_lines()}"
+            )
+        time.sleep(0.3)
+    return True
+
+
+def is_well(address: ServerAddress) -> bool:
+    """Whether the server answers."""
+    try:
+        with urllib.request.urlopen(f"{address.api}/health", timeout=5) as answer:
+            return bool(answer.status == 200)
+    except (OSError, urllib.error.URLError):
+        return False

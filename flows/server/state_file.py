@@ -1,0 +1,247 @@
+"""Where the running server is, and the words it asks for: files in the state folder, for this user only.
+
+Prefect knows a server by the address it is told; here later commands of the same user find it by
+themselves. The lock is the operating system's, so it ends with the process that holds it, however that
+ends; a process number that has been given to another program deceives nobody. The words are given, or made
+at the first start; commands of the same user report to the server without being told, and others on the
+machine cannot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import platformdirs
+
+from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress
+from tasks.files.installation import InstallationError, writing_into
+
+#: Names another folder for the state.
+STATE_VARIABLE = "AEROCAL_STATE"
+
+
+@dataclass(frozen=True)
+class RunningServer:
+    """What the state file says.
+
+    Attributes
+    ----------
+    url : API address, with ``/api``.
+    pid : number of the process of ``aerocal serve``.
+    records : where the records of production are, without a password; None: an older server.
+    overview : address of the production page for browsers; None: an older server.
+    """
+
+    url: str
+    pid: int
+    records: str | None = None
+    overview: str | None = None
+
+
+@dataclass(frozen=True)
+class FoundServer:
+    """A state file and whether the process that wrote it is alive."""
+
+    server: RunningServer
+    alive: bool
+
+
+def state_folder() -> Path:
+    """Folder of what this user's server keeps: state file, lock, logs, Prefect's database."""
+    named = os.environ.get(STATE_VARIABLE)
+    return Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
+
+
+def find_server(folder: Path | None = None) -> FoundServer | None:
+    """The server that the state file names; None if there is no such file, or nothing to be read in it."""
+    folder = state_folder() if folder is None else folder
+    try:
+        content = json.loads((folder / "serve.json").read_text(encoding="utf-8"))
+        server = RunningServer(
+            str(content["url"]), int(content["pid"]), content.get("records"), content.get("overview")
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return FoundServer(server, _is_locked(folder / "serve.lock"))
+
+
+def _is_locked(file: Path) -> bool:
+    try:
+        handle = os.open(file, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+def make_private(folder: Path) -> None:
+    """Make the folder of states, for this user only; one that is there stays as it is.
+
+    Raises
+    ------
+    InstallationError
+        If it cannot be made.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise _not_writable(folder, error) from error
+
+
+def _not_writable(folder: Path, error: OSError) -> InstallationError:
+    return InstallationError(
+        f"{folder} cannot be written ({error.strerror}).",
+        "Change its permissions, or name another folder with --state.",
+    )
+
+
+@contextmanager
+def the_only_server(folder: Path) -> Iterator[None]:
+    """Be the server of this folder while the context lasts; its state file is gone afterwards.
+
+    Raises
+    ------
+    InstallationError
+        If another one lives, or the folder cannot be written.
+    """
+    make_private(folder)
+    try:
+        handle = os.open(folder / "serve.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise _not_writable(folder, error) from error
+    try:
+        _hold(handle, folder)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                (folder / "serve.json").unlink()
+    finally:
+        os.close(handle)
+
+
+def _hold(handle: int, folder: Path) -> None:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        found = find_server(folder)
+        where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
+        raise InstallationError(
+            f"A server of yours is already running{where}.",
+            "Use it, or end it first; a second one needs a folder of its own (--state).",
+        ) from error
+
+
+def write_state(folder: Path, server: RunningServer) -> None:
+    """Write the state file: readable for this user only, never half-written."""
+    temporary = folder / "serve.json.new"
+    temporary.unlink(missing_ok=True)
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "w", encoding="utf-8") as stream:
+        json.dump(asdict(server), stream)
+    temporary.replace(folder / "serve.json")
+
+
+_SECRET = "secret"
+_LINK = "link"
+
+
+def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str] = os.environ) -> str:
+    """The words a server asks for: those of the environment, else its own.
+
+    Parameters
+    ----------
+    folder : of its state.
+
+    Raises
+    ------
+    InstallationError
+        If others could reach it and it was not told what they are to say.
+    """
+    given = environment.get(SERVER_WORDS)
+    if given:
+        return given
+    if not address.is_loopback:
+        raise InstallationError(
+            f"With --host {address.host} others could start runs and read results without being asked.",
+            f"Set {SERVER_WORDS}=user:password in the environment (and {CLIENT_WORDS} where runs are "
+            "reported from), or stay with 127.0.0.1.",
+        )
+    kept = kept_words(folder)
+    if kept is None:
+        kept = f"aerocal:{secrets.token_urlsafe(32)}"
+        _write_privately(folder / _SECRET, kept)
+    return kept
+
+
+def kept_words(folder: Path) -> str | None:
+    """The words that a server of this folder has made; None: it has not.
+
+    Raises
+    ------
+    InstallationError
+        If others can read them, or wrote them.
+    """
+    file = folder / _SECRET
+    try:
+        handle = os.open(file, os.O_RDONLY | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise InstallationError(
+            f"{file} cannot be read ({error.strerror}).", "Remove it, and start again."
+        ) from error
+    with os.fdopen(handle, encoding="utf-8") as stream:
+        about = os.fstat(handle)
+        if about.st_uid != os.geteuid() or about.st_mode & 0o077:
+            raise InstallationError(
+                f"Others can read or have written the secret of the server, {file}.",
+                "Remove it; the next start of aerocal serve makes another one.",
+            )
+        return stream.read(1_000).strip() or None
+
+
+def keep_link(folder: Path, link: str) -> Path:
+    """Write the link that makes a browser known, for this user only; where it stands."""
+    _write_privately(folder / _LINK, link)
+    return folder / _LINK
+
+
+def bring_words_to(address: str, folder: Path | None = None) -> None:
+    """Let this process bring the kept words to the server of this user, if that is who is asked.
+
+    Parameters
+    ----------
+    address : of the API that is asked.
+    """
+    folder = state_folder() if folder is None else folder
+    found = find_server(folder)
+    if os.environ.get(CLIENT_WORDS) or found is None or not found.alive or found.server.url != address:
+        return
+    kept = kept_words(folder)
+    if kept is not None:
+        os.environ[CLIENT_WORDS] = kept
+
+
+def _write_privately(file: Path, text: str) -> None:
+    with writing_into(file.parent):
+        temporary = file.with_suffix(".new")
+        with contextlib.suppress(FileNotFoundError):
+            temporary.unlink()
+        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(f"{text}\n")
+        temporary.replace(file)

@@ -1,0 +1,265 @@
+"""The stories as deployments run them: a form of the settings, and nothing outside the configured folders.
+
+Imports Prefect when imported, as `flows.serving.registered` does. Annotations are evaluated on purpose, and
+parameters described as Google does: Prefect builds its forms from them. The flows carry the names of those
+that are run by hand, so that the dashboard shows all runs of a story together.
+"""
+
+import logging
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+from flows.server.prefect_settings import prepare_prefect
+
+prepare_prefect()
+
+from prefect import Flow, flow  # noqa: E402
+from prefect.client.orchestration import get_client  # noqa: E402
+from prefect.client.schemas.objects import FlowRun, State  # noqa: E402
+from prefect.runtime import flow_run  # noqa: E402
+from prefect.states import Completed, Failed  # noqa: E402
+from pydantic import AfterValidator, Field  # noqa: E402
+
+from flows.runs.clean_up import Act, clean_up_below  # noqa: E402
+from flows.runs.project_run import RunRequest, Story  # noqa: E402
+from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
+from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
+from flows.runs.run_state import STATE_NAMES  # noqa: E402
+from flows.server.api import configured_api  # noqa: E402
+from flows.server.inbox import (  # noqa: E402
+    StoryOfDeliveries,
+    configured_inbox,
+    schedule_deliveries,
+)
+from flows.server.roots import (  # noqa: E402
+    OUTPUT_PATTERN,
+    configured_results,
+    configured_roots,
+    output_name,
+    registry_of_runner,
+)
+from flows.server.run_form import RunForm  # noqa: E402
+from flows.serving.registered import identity, show, state_of  # noqa: E402
+from flows.stories.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
+from flows.stories.direct_georeferencing_check import (  # noqa: E402
+    direct_georeferencing_check as direct_georeferencing_story,
+)
+from flows.stories.system_calibration import system_calibration as system_calibration_story  # noqa: E402
+from tasks.errors import InputError  # noqa: E402
+from tasks.files.installation import InstallationError  # noqa: E402
+from tasks.production.records import configured_records  # noqa: E402
+from tasks.registry.drift import DriftLimits  # noqa: E402
+from tasks.registry.due import DueLimits  # noqa: E402
+from tasks.registry.registry import Registry  # noqa: E402
+from tasks.registry.watch import watch_of  # noqa: E402
+from tasks.results.retention import KEEP_DAYS  # noqa: E402
+from tasks.settings.registry import registry_address  # noqa: E402
+
+_HOUR_S = 3600
+_log = logging.getLogger("aerocal")
+
+ProjectParameter = Annotated[str, Field(min_length=1, max_length=1000)]
+Days = Annotated[int, Field(ge=0, le=36_500)]
+Limit = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+CameraNames = Annotated[Sequence[str], Field(max_length=1000)]
+#: Name of the failed state in which a camera needs a calibration.
+RECALIBRATION_DUE = "RecalibrationDue"
+OutputParameter = Annotated[
+    str,
+    Field(min_length=1, max_length=100, json_schema_extra={"pattern": OUTPUT_PATTERN}),
+    AfterValidator(output_name),
+]
+#: The form as it is opened.
+AS_IN_PROJECT = RunForm()
+
+
+def run_name() -> str:
+    """Name of a run that begins: project and story."""
+    project = Path(str(flow_run.parameters["project"]))
+    folder = project.parent if project.suffix == ".toml" else project
+    return f"{folder.name or project.name} · {flow_run.flow_name}"
+
+
+def name_outcome(flow: "Flow[..., Any]", flow_run: FlowRun, state: State[Any]) -> None:
+    """Put the state a run ended in behind its name."""
+    story = str(flow.name)
+    project = flow_run.name.partition(f" · {story}")[0]
+    with get_client(sync_client=True) as client:
+        client.update_flow_run(flow_run.id, name=f"{project} · {story} · {state.name}")
+
+
+def _confined(story: Story, project: str, settings: RunForm, output: str) -> State[None]:
+    """Run a story on a project under the configured folders."""
+    try:
+        roots = configured_roots()
+        file = roots.project_file(project)
+        out = roots.output_folder(file, output)
+        address = configured_results(file, output, roots)
+        request = RunRequest(file, out, settings.overrides(), roots=roots.folders, address=address)
+        outcome = carry_out_recorded(story, request, identity())
+    except InputError as error:
+        note_refusal(identity(), project, str(error))
+        show(text_of_refusal(project, "InputError", str(error), identity()))
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    except InstallationError as error:
+        show(text_of_refusal(project, "Failed", str(error), identity()))
+        return Failed(message=str(error))
+    show(text_of_outcome(outcome, request, identity()))
+    return state_of(outcome)
+
+
+def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[None]]":
+    """The flow of a story on a project of this server."""
+
+    def run(
+        project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
+    ) -> State[None]:
+        """Run the story.
+
+        Args:
+            project: The project file or its folder; absolute, or as seen from a folder of this server.
+            settings: What shall differ from the project file.
+            output: Name of the folder of the results, beside the project file.
+        """
+        return _confined(story, project, settings, output)
+
+    run.__name__ = name.replace("-", "_")
+    made: Flow[..., State[None]] = flow(
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=12 * _HOUR_S,
+        persist_result=False,
+        on_completion=[name_outcome],
+        on_failure=[name_outcome],
+    )(run)
+    return made
+
+
+aerial_triangulation = _story_flow(
+    "aerial-triangulation",
+    "Adjust the block of a project: orientations, object points and their precision, report, gates.",
+    aerial_triangulation_story,
+)
+system_calibration = _story_flow(
+    "system-calibration",
+    "Calibrate camera, mounting and GNSS from a calibration flight, with certificate.",
+    system_calibration_story,
+)
+direct_georeferencing_check = _story_flow(
+    "direct-georeferencing-check",
+    "Check what GNSS, INS and a calibration give without any control.",
+    direct_georeferencing_story,
+)
+
+
+@flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)
+def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
+    """Start a run for every complete delivery of the inbox that has none yet.
+
+    Args:
+        story: What is done with deliveries.
+    """
+    records = configured_records()
+    if records is None:
+        raise InstallationError("This runner has no records of production.", "Start it with aerocal serve.")
+    scheduled = schedule_deliveries(configured_api(), records, configured_inbox(), configured_roots(), story)
+    for sentence in scheduled.sentences():
+        _log.info(sentence)
+    return Completed(message=" ".join(scheduled.sentences()))
+
+
+def registry_run_name() -> str:
+    """Name of a run that looks through the registry and begins."""
+    return f"registry · {flow_run.flow_name}"
+
+
+@flow(
+    name="recalibration-due",
+    flow_run_name=registry_run_name,
+    timeout_seconds=_HOUR_S,
+    persist_result=False,
+    on_completion=[name_outcome],
+    on_failure=[name_outcome],
+)
+def recalibration_due(
+    within_days: Days = 30,
+    max_age_days: Days = 730,
+    sigma: Limit | None = None,
+    focal_length_um: Limit | None = None,
+    principal_point_um: Limit | None = None,
+    boresight_deg: Limit | None = None,
+    lever_arm_mm: Limit | None = None,
+    without: CameraNames = (),
+) -> State[None]:
+    """Say which cameras of the registry need a calibration: none in force, expiring, too old, or drifted.
+
+    Args:
+        within_days: Days ahead; what ends so soon is due.
+        max_age_days: Age in days, from the flight on, up to which a calibration serves; 0 for no limit.
+        sigma: Limit of the change of a single parameter, in its σ; empty for one false alarm in 1,000.
+        focal_length_um: Limit of the change of the focal length besides, in µm, whatever its σ.
+        principal_point_um: The same of either coordinate of the principal point, in µm.
+        boresight_deg: The same of each angle of the boresight, in degrees.
+        lever_arm_mm: The same of each component of the lever arm, in mm.
+        without: Cameras that are left out; name, body or lens of each.
+    """
+    drift = DriftLimits(sigma, focal_length_um, principal_point_um, boresight_deg, lever_arm_mm)
+    limits = DueLimits(within_days, max_age_days or None, drift, tuple(without))
+    try:
+        registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
+        watch = watch_of(registry.contents(), date.today(), limits)
+    except InputError as error:
+        tell_recalibration(identity(), "InputError", str(error))
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    except InstallationError as error:
+        tell_recalibration(identity(), "Failed", str(error))
+        return Failed(message=str(error))
+    for sentence in watch.sentences:
+        _log.info(sentence)
+    message = " ".join(watch.sentences)
+    if not watch.due:
+        return Completed(message=message)
+    tell_recalibration(identity(), RECALIBRATION_DUE, message)
+    return Failed(name=RECALIBRATION_DUE, message=message)
+
+
+def clean_up_run_name() -> str:
+    """Name of a clean-up that begins."""
+    return f"output folders · {flow_run.flow_name}"
+
+
+@flow(
+    name="clean-up",
+    flow_run_name=clean_up_run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    on_completion=[name_outcome],
+    on_failure=[name_outcome],
+)
+def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
+    """Remove stored results of stages that nobody has used for long; what a manifest names always stays.
+
+    Args:
+        keep_days: Days that a stored result stays after it was made or used last.
+        act: Remove them, or only look what would be removed.
+    """
+    try:
+        done = clean_up_below(configured_roots().folders, keep_days, act)
+    except InputError as error:
+        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+    for sentence in done.sentences:
+        _log.info(sentence)
+    return Completed(message=" ".join(done.sentences))
+
+
+#: The flows of a project, each with a deployment ``manual``.
+STORIES: Sequence["Flow[..., State[None]]"] = (
+    aerial_triangulation,
+    system_calibration,
+    direct_georeferencing_check,
+)
+#: All that a runner carries out, whatever the server says.
+FLOWS: Sequence["Flow[..., State[None]]"] = (*STORIES, inbox, recalibration_due, clean_up)

@@ -1,0 +1,232 @@
+"""The program of the runner: registers the deployments of the stories and carries out their runs.
+
+Prefect's own runner carries out what its server says, and ends when that is away; ours does neither. Loads
+Prefect when imported, as the flows it serves do.
+"""
+
+import asyncio
+import logging
+import shlex
+import sys
+from collections.abc import Awaitable, Callable, Sequence
+from functools import wraps
+from typing import Any
+
+import httpx
+
+from flows.server.inbox import MANUAL, ON_DELIVERY
+from flows.server.prefect_settings import HEARTBEAT_S
+from flows.server.settings import Settings, settings_of_runner
+from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
+
+from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
+from prefect import Flow  # isort: skip
+from prefect.client.schemas.objects import FlowRun  # isort: skip
+from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags  # isort: skip
+from prefect.deployments.runner import RunnerDeployment  # isort: skip
+from prefect.runner import Runner  # isort: skip
+from prefect.runner._starter_engine import EngineCommandStarter  # isort: skip
+from prefect.schedules import Cron  # isort: skip
+from prefect.types.entrypoint import EntrypointType  # isort: skip
+from prefect.utilities.callables import ParameterSchema  # isort: skip
+
+_log = logging.getLogger("aerocal")
+
+#: Tag of every deployment of ours.
+TAG = "aerocal"
+#: Names of the deployments with a schedule.
+NIGHTLY = "nightly"
+RECALIBRATION_DUE = "recalibration-due"
+CLEAN_UP = "clean-up"
+_SCHEDULED = (NIGHTLY, RECALIBRATION_DUE)
+#: Every night at three.
+_DAILY = "0 3 * * *"
+#: Seconds between two questions for runs to begin.
+_POLL_S = 2.0
+#: Seconds between two looks of a further runner for deployments.
+_LOOK_S = 20.0
+
+
+class DrainingRunner(Runner):
+    """A runner that carries out our flows only; asked to end, it begins no further run and waits.
+
+    Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
+    the event loop was doing. And while the server is away, this runner goes on asking: Prefect's own ends
+    after three questions without an answer, and its runs with it.
+    """
+
+    async def __aenter__(self) -> "DrainingRunner":
+        """Begin, patient from now on."""
+        await super().__aenter__()
+        vars(self._scheduled_run_poller)["_resolve_starter"] = self._starter
+        assert self._hook_runner is not None
+        self._hook_runner._resolve_flow = _flow_of_ours
+        for asking, question in (
+            (self._scheduled_run_poller, "_get_and_submit_flow_runs"),
+            (self._cancelling_observer, "_check_for_cancelled_flow_runs"),
+        ):
+            vars(asking)[question] = _patient(getattr(asking, question))
+        return self
+
+    def _starter(self, _run: FlowRun) -> EngineCommandStarter:
+        """What starts a run: our program, whatever pull steps and entry point the server has for it."""
+        return EngineCommandStarter(
+            command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),
+            tmp_dir=self._tmp_dir,
+            cwd=self._tmp_dir,
+            heartbeat_seconds=HEARTBEAT_S,
+            control_channel=self._control_channel,
+        )
+
+    def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
+        """Stop looking for runs; the context of the runner then waits for those that have begun."""
+        _log.info("asked to end: finishing the runs that have begun, beginning no more")
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
+
+
+async def _flow_of_ours(_run: FlowRun) -> Flow[..., Any]:
+    """Stands for the flow of any run when hooks are looked for; ours have none that a runner would call."""
+    return STORIES[0]
+
+
+def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+    """A question to the server that is asked another time if there is no answer."""
+
+    @wraps(question)
+    async def asked(*args: Any, **kwargs: Any) -> None:
+        try:
+            await question(*args, **kwargs)
+        except httpx.HTTPError as error:
+            _log.warning("the server does not answer (%s); asking again", str(error).partition("\n")[0])
+
+    return asked
+
+
+def deployments(settings: Settings) -> list[RunnerDeployment]:
+    """The deployments there are with these options; to be called outside an event loop."""
+    made = [_of(story, MANUAL, "Started by hand.") for story in STORIES]
+    if settings.inbox is not None:
+        story = next(one for one in STORIES if one.name == settings.story)
+        made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
+        made.append(
+            _of(
+                inbox,
+                NIGHTLY,
+                "Looks through the inbox and starts what has no run yet.",
+                schedule=Cron(settings.cron, timezone=settings.timezone) if settings.cron else None,
+                parameters={"story": settings.story},
+            )
+        )
+    if settings.recalibration_cron is not None:
+        made.append(
+            _of(
+                recalibration_due,
+                RECALIBRATION_DUE,
+                "Looks through the registry of calibrations.",
+                schedule=Cron(settings.recalibration_cron, timezone=settings.timezone),
+            )
+        )
+    if settings.keep_days is not None:
+        made.append(
+            _of(
+                clean_up,
+                CLEAN_UP,
+                "Every night.",
+                schedule=Cron(_DAILY, timezone=settings.timezone),
+                parameters={"keep_days": settings.keep_days},
+            )
+        )
+    return made
+
+
+def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
+    made: RunnerDeployment = story.to_deployment(
+        name,
+        description=f"{story.description} {description}",
+        tags=[TAG],
+        entrypoint_type=EntrypointType.MODULE_PATH,
+        **more,
+    )
+    schema = made._parameter_openapi_schema
+    # Said, not left to its default: what is not set is not sent.
+    made._parameter_openapi_schema = _ClosedSchema(
+        **schema.model_dump(exclude_unset=True), additionalProperties=False
+    )
+    return made
+
+
+class _ClosedSchema(ParameterSchema):
+    """The parameters there are, and no others: the server refuses a run with unknown ones."""
+
+    additionalProperties: bool  # noqa: N815
+
+
+def main() -> None:
+    """Register the deployments, and carry out their runs until asked to end."""
+    logging.getLogger("aerocal").setLevel(logging.INFO)
+    # Every two seconds as long as runs wait for their turn.
+    logging.getLogger("prefect.runner").addFilter(lambda said: "skipped (at capacity)" not in said.msg)
+    settings = settings_of_runner()
+    if settings.registers:
+        asyncio.run(_serve(settings.limit, deployments(settings)))
+    else:
+        asyncio.run(_help(settings.limit))
+
+
+def _runner(limit: int) -> DrainingRunner:
+    return DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+
+
+async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
+    runner = _runner(limit)
+    unscheduled = [one.name for one in made if one.name in _SCHEDULED and not one.schedules]
+    registered = {await runner.aadd_deployment(one) for one in made}
+    async with get_client() as client:
+        await _rest(client, registered, unscheduled)
+    await runner.start()
+
+
+async def _help(limit: int) -> None:
+    """Carry out runs of the deployments that the server's own runner has registered, and may register."""
+    runner = _runner(limit)
+    async with get_client() as client, asyncio.TaskGroup() as tasks:
+        looking = tasks.create_task(_look_for_deployments(client, runner))
+        await runner.start()
+        looking.cancel()
+
+
+async def _look_for_deployments(client: PrefectClient, runner: DrainingRunner) -> None:
+    """Let a runner carry out the runs of projects; looks for new deployments every so often.
+
+    What looks through inbox and registry is left to the runner that has been told of them.
+    """
+
+    async def look() -> None:
+        for one in await client.read_deployments(deployment_filter=_ours()):
+            if one.name in (MANUAL, ON_DELIVERY):
+                runner._deployment_registry.register_deployment(one.id, one.name)
+
+    while True:
+        await _patient(look)()
+        await asyncio.sleep(_LOOK_S)
+
+
+async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequence[str]) -> None:
+    """Take the schedules of an earlier start away where this runner does not carry them out.
+
+    Schedules that people have made in the dashboard, and what they have paused, stay.
+    """
+    for one in await client.read_deployments(deployment_filter=_ours()):
+        if one.id in registered and one.name not in unscheduled:
+            continue
+        for schedule in await client.read_deployment_schedules(one.id):
+            await client.delete_deployment_schedule(one.id, schedule.id)
+
+
+def _ours() -> DeploymentFilter:
+    return DeploymentFilter(tags=DeploymentFilterTags(all_=[TAG]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The flows as plain functions: which stages, in which order."""

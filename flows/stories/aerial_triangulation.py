@@ -1,0 +1,63 @@
+"""Aerial triangulation: from the deliveries of a flight to adjusted exterior orientations."""
+
+from __future__ import annotations
+
+from flows.runs.stage import stage
+from flows.stories.block_preparation import PreparedBlock, prepare_block
+from tasks.documents.report.provenance import delivered_names
+from tasks.results import publish as publishing
+from tasks.results.summary import Summary
+from tasks.settings.project import Project
+from tasks.stages import bundle_adjustment, report
+from tasks.store.artifact import Artifact
+from tasks.store.store import Outputs, Store
+
+adjust_bundle = stage(bundle_adjustment.adjust_bundle)
+write_report = stage(report.write_report)
+publish = stage(publishing.publish)
+
+
+def aerial_triangulation(project: Project, store: Store) -> Summary:
+    """Read the deliveries, find approximate values, adjust the bundle, report and publish the result."""
+    block = prepare_block(project, store)
+    stages = (*block.stages, adjusted_block(project, store, block))
+    return publish(store, project, (*stages, report_of(project, store, stages)))
+
+
+def adjusted_block(
+    project: Project,
+    store: Store,
+    block: PreparedBlock,
+    calibrated: tuple[Artifact, Artifact] | None = None,
+) -> Outputs:
+    """Adjust the bundle of a prepared block.
+
+    Parameters
+    ----------
+    calibrated : parameters and correlations its cameras come from, as the first of two steps.
+    """
+    return adjust_bundle(
+        store,
+        exposures=block.exposures["exposures"],
+        cameras=block.exposures["cameras"],
+        image_points=block.image_points["image_points"],
+        control_points=block.control["control_points"],
+        distances=block.control["distances"],
+        approximate_points=block.approximate["approximate_points"],
+        approximate_boresight=block.approximate["approximate_boresight"],
+        approximate_orientations=block.approximate["approximate_orientations"],
+        project=project.project,
+        adjustment=project.adjustment,
+        calibrated=calibrated,
+    )
+
+
+def report_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:
+    """Report on the adjustment among the stages."""
+    return write_report(
+        store,
+        stages=stages,
+        project=project,
+        name=project.project.name,
+        files=delivered_names(project),
+    )

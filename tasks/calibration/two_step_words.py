@@ -1,0 +1,87 @@
+"""What a two-step calibration has found, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT
+from adjust.calibration.orientation_differences import COMPONENTS
+from adjust.calibration.two_step import GroupMean, TwoStep
+from tasks.calibration.offset_words import offset_sentence, test_words
+from tasks.calibration.orientation_pairs import CameraDifferences
+from tasks.calibration.two_step_tables import strip_names
+from tasks.plausibility.lever_arm import lever_arm_suspicion
+
+# A drift is mentioned if it is larger than this and this many times its standard deviation.
+_NOTABLE_DRIFT_DEG = 0.01
+_NOTABLE_T = 5.0
+# Names of strips in a sentence.
+_MOST_NAMES = 12
+
+
+def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: float) -> tuple[str, ...]:
+    """What contradicts one boresight and one offset for all, and what the offset is."""
+    found = result.main.mean
+    sigma = np.nan_to_num(result.main.widened[3:6])
+    # In height a shift looks like a lever arm in every strip.
+    sigma[2] = np.hypot(sigma[2], UNSTATED_SHIFT)
+    slip = lever_arm_suspicion(item.given_lever_arm, found.robust[3:6], sigma, item.camera)
+    # Only an offset that is fixed in the aircraft says something about the lever arm.
+    remarks = [slip] if slip is not None and result.offset.verdict == "body" else []
+    remarks += [_of_mounting(item, result, group, error_probability) for group in result.others]
+    if not result.mountings.tested:
+        remarks.append(
+            f"Camera {item.camera}: {len(result.strips.strip)} strips are too few to tell one of another "
+            "mounting from their scatter."
+        )
+    elif not result.mountings.lever_arms_comparable:
+        remarks.append(
+            f"Camera {item.camera}: the lever arms of its flights cannot be compared: a flight in one "
+            "direction does not tell a lever arm from its GNSS shift."
+        )
+    if result.offset.verdict != "neither":
+        remarks.append(offset_sentence(item.camera, result))
+    by_flight = result.offset.tests["shift_by_flight"]
+    if by_flight.probability < error_probability:
+        remarks.append(
+            f"The GNSS shift of camera {item.camera} differs from flight to flight ({test_words(by_flight)})."
+        )
+    return (*remarks, *_drifts(item, result))
+
+
+def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, error_probability: float) -> str:
+    """Which strips have another mounting, how it differs, and what to do."""
+    names = strip_names(item, result, group.number)
+    shown = ", ".join(names[:_MOST_NAMES])
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    main = result.main.mean
+    difference = np.rad2deg(group.mean.robust[:3] - main.robust[:3])
+    sigma = np.rad2deg(np.hypot(group.sigma[:3], np.nan_to_num(result.main.sigma[:3])))
+    angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in zip(difference, sigma, strict=True))
+    moved = ""
+    if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
+        moved = f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m; "
+    return (
+        f"Strips {shown}{more} ({group.images:,} images) have another mounting of camera {item.camera}: "
+        f"{moved}boresight roll, pitch, yaw differ by {angles}. They are left out of the result (probability "
+        f"of finding any other mounting by chance {100 * error_probability:g} %): give them a camera of "
+        "their own."
+    )
+
+
+def _plan(group: GroupMean) -> str:
+    forward, right = group.mean.robust[3:5]
+    return f"({forward:+.2f}, {right:+.2f})"
+
+
+def _drifts(item: CameraDifferences, result: TwoStep) -> Iterator[str]:
+    strips = result.strips
+    drift, sigma = np.rad2deg(strips.drift[:, :3]), np.rad2deg(strips.drift_sigma[:, :3])
+    notable = (np.abs(drift) > _NOTABLE_DRIFT_DEG) & (np.abs(drift) > _NOTABLE_T * sigma)
+    for k, j in np.argwhere(notable):
+        yield (
+            f"Strip {item.strip_names[strips.strip[k]]}: the {COMPONENTS[j]} of the INS drifts by "
+            f"{drift[k, j]:+.4f}° ± {sigma[k, j]:.4f}° against the adjusted orientations."
+        )

@@ -1,0 +1,1 @@
+"""Pages and certificates that people read."""

@@ -1,0 +1,168 @@
+"""Section of the checks: differences at control, at independent check points, and what may be said of them.
+
+Control of the calibration says how well it fits. Only independent check points carry a statement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from tasks.accuracy.statement import AccuracyClass, CheckPointDifferences, statements
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, components, numbers, text_column
+from tasks.documents.certificate.content import Block, Listing, Section, Sentences, Words, beside
+from tasks.documents.certificate.material import CertificateMaterial
+from tasks.documents.georeferencing import check_tables
+from tasks.documents.georeferencing.verdict import verdict
+from tasks.documents.report.material import Material
+from tasks.documents.report.surveyed_points import AXES, differences
+from tasks.georeferencing.point_differences import INDEPENDENT
+
+MOST_POINTS = 200
+_HEADINGS = ("east", "north", "up")
+
+_OF_CONTROL = (
+    "control",
+    "Control points of the calibration: no accuracy",
+    "The calibration was fitted to these points. Their differences say how well it fits; no statement about "
+    "accuracy follows from them.",
+)
+_OF_CHECK = (
+    "check",
+    "Independent check points of the adjustment",
+    "Their coordinates took no part in the adjustment; their image points did.",
+)
+
+
+def check_section(material: CertificateMaterial) -> Section:
+    """Differences and statements."""
+    results = material.results
+    blocks: list[Block] = [
+        Words("Differences are computed − given, along east, north and up; no RMS is centred.", "note")
+    ]
+    control, check = (differences(results, is_check=is_check) for is_check in (False, True))
+    blocks += beside(_listed(control, *_OF_CONTROL), _listed(check, *_OF_CHECK))
+    if len(check):
+        blocks.append(Sentences("Statements from the adjustment", _statements(results, check)))
+    else:
+        blocks.append(
+            Words("The adjustment had no independent check points: it allows no statement about accuracy.")
+        )
+    blocks += _direct(material)
+    return Section("checks", "Checks", tuple(blocks))
+
+
+def _listed(table: pd.DataFrame, name: str, caption: str, note: str) -> Listing | None:
+    return Listing(difference_table(name, caption, table, note)) if len(table) else None
+
+
+def difference_table(name: str, caption: str, table: pd.DataFrame, note: str) -> Table:
+    """RMS, mean and largest difference in metres and in GSD."""
+    rows = []
+    for key, words, plus in (
+        ("rms", "RMS", False),
+        ("mean", "mean", True),
+        ("largest", "largest |d|", False),
+    ):
+        metres = [_figure(key, table[f"{axis}_m"]) for axis in AXES]
+        in_gsd = [_figure(key, table[f"{axis}_gsd"]) for axis in AXES]
+        cells: tuple[Cell, ...] = (words, *numbers(metres, 3, plus=plus), *numbers(in_gsd, 2, plus=plus))
+        rows.append(Row(key, cells))
+    counts = numbers((float(table[f"{axis}_m"].notna().sum()) for axis in AXES), 0)
+    rows.append(Row("points", ("points", *counts, "", "", "")))
+    columns = (
+        text_column("figure", ""),
+        *components("{}_m", _HEADINGS, "m", AXES),
+        *components("{}_gsd", _HEADINGS, "GSD", AXES),
+    )
+    return Table(f"{name}-differences", caption, columns, tuple(rows), note)
+
+
+def _figure(key: str, values: pd.Series) -> float | None:
+    known = values.dropna().to_numpy(np.float64)
+    if len(known) == 0:
+        return None
+    if key == "rms":
+        return float(np.sqrt(np.mean(known**2)))
+    return float(np.mean(known) if key == "mean" else np.max(np.abs(known)))
+
+
+def _statements(results: Material, check: pd.DataFrame) -> tuple[str, ...]:
+    """The sentences of the standards for the check points of the adjustment."""
+    surveyed = results.control_points.set_index("point").loc[check["point"]]
+    found = CheckPointDifferences(
+        check[[f"{axis}_m" for axis in AXES]].to_numpy(np.float64),
+        surveyed[[f"sigma_{axis}_m" for axis in "xyz"]].to_numpy(np.float64),
+    )
+    asked = results.project.direct_georeferencing.accuracy_class_m
+    wanted = None if asked is None else AccuracyClass(*asked)
+    return tuple(statement.sentence for statement in statements(found, wanted))
+
+
+def _direct(material: CertificateMaterial) -> list[Block]:
+    """Direct georeferencing with this calibration, where it was checked."""
+    check = material.check
+    if check is None:
+        return [Words("Direct georeferencing with this calibration was not checked.")]
+    blocks: list[Block] = [Words(f"Direct georeferencing with this calibration. {verdict(check).sentence}")]
+    independent, in_models, at_control = check_tables.difference_tables(check)
+    both = (Listing(table) if table.rows else None for table in (independent, in_models))
+    blocks += beside(*both)
+    if at_control.rows:
+        blocks.append(Listing(at_control))
+    parallaxes = check_tables.parallax_table(check)
+    if parallaxes.rows:
+        blocks.append(Listing(parallaxes))
+    sentences = tuple(statement.sentence for statement in check.figures.statements)
+    if sentences:
+        blocks.append(Sentences("Statements from direct georeferencing", sentences))
+    return blocks
+
+
+def point_section(material: CertificateMaterial) -> Section | None:
+    """Annex: every control and check point; None without any."""
+    results = material.results
+    blocks: list[Block] = []
+    for name, caption, is_check in (
+        ("control-points", _OF_CONTROL[1], False),
+        ("check-points", _OF_CHECK[1], True),
+    ):
+        table = differences(results, is_check=is_check)
+        if len(table):
+            blocks.append(Listing(point_table(name, caption, table)))
+    if material.check is not None and len(material.check.points):
+        points = material.check.points
+        own = points[points["status"] == INDEPENDENT]
+        if len(own):
+            caption = "Independent check points, georeferenced directly"
+            blocks.append(Listing(point_table("direct-points", caption, own)))
+    return Section("points", "Annex: surveyed points", tuple(blocks)) if blocks else None
+
+
+def point_table(name: str, caption: str, table: pd.DataFrame) -> Table:
+    """One row for each point by name: differences, their predicted σ, and the rays."""
+    shown = table.sort_values("point", kind="stable").head(MOST_POINTS)
+    note = "" if len(shown) == len(table) else f"The first {len(shown)} of {len(table):,} by name."
+    columns = (
+        text_column("point", "point"),
+        *components("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES),
+        *components("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES),
+        Column("rays", "rays"),
+    )
+    rows = tuple(_point_row(row) for row in shown.to_dict("records"))
+    return Table(name, caption, columns, rows, note)
+
+
+def _point_row(row: dict[object, object] | dict[str, object]) -> Row:
+    given = {str(key): value for key, value in row.items()}
+    values: Sequence[float] = [float(str(given[f"{axis}_m"])) for axis in AXES]
+    sigmas: Sequence[float] = [float(str(given[f"sigma_{axis}_m"])) for axis in AXES]
+    cells: tuple[Cell, ...] = (
+        str(given["point"]),
+        *numbers(values, 3, plus=True),
+        *numbers(sigmas, 3),
+        Number(float(str(given["rays"]))),
+    )
+    return Row(str(given["point"]), cells)

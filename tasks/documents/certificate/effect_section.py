@@ -1,0 +1,103 @@
+"""Section of the image: effect of the additional parameters, and what the residuals still show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from markupsafe import Markup
+
+from adjust.camera.interior import FrameCamera
+from tasks.document_kit import axes
+from tasks.document_kit.format_plot import FormatPlot
+from tasks.documents.certificate.content import Block, Figure, Listing, Section, Words, beside
+from tasks.documents.certificate.material import CertificateMaterial
+from tasks.documents.report import image_errors, image_errors_plot, residual_field
+from tasks.documents.report.material import Material
+from tasks.documents.report.residual_field import ResidualField
+
+#: Where the drawings over the format have room for it: left, top, width, height.
+_ROOM = (70.0, 24.0, axes.WIDTH - 82.0, 640.0)
+_LEAST_WIDTH = 470.0
+# Drawings narrower than this stand side by side.
+_NARROW = 0.62
+
+
+def effect_section(material: CertificateMaterial) -> Section:
+    """Maps over the image format, of the certified camera only."""
+    results, name = material.results, material.record.camera.name
+    before, effects = _effects(results, name)
+    after, residuals = _residuals(results, name)
+    figures = [*effects, *residuals]
+    blocks: list[Block] = [*before, *after]
+    if len(figures) > 1 and all(figure.width < _NARROW for figure in figures):
+        for first in range(0, len(figures), 2):
+            blocks += beside(*figures[first : first + 2])
+    else:
+        blocks += figures
+    return Section("image", "Systematic image errors and residuals", tuple(blocks))
+
+
+def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+    """Table and map of what the additional parameters do."""
+    errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name == name)
+    acting = tuple(own for own in errors if own.all.longest_um > 0.0)
+    if not acting:
+        offered = " Those that were offered have all been eliminated." if errors else ""
+        return [Words(f"No additional parameters act on the image.{offered}")], []
+    figures = []
+    for index, own in enumerate(acting, start=1):
+        name_of_figure = "image-errors" if len(acting) == 1 else f"image-errors-{index}"
+        caption = (
+            f"Effect of the additional parameters of {own.entity}: the systematic image error −Δ, by which a "
+            "measured coordinate is wrong."
+        )
+        words = f"Systematic image errors of {own.entity}, root mean square {own.all.rms_um:.2f} µm"
+        figure = Figure(name_of_figure, caption, words, image_errors_plot.errors_plot(own))
+        figures.append(_cut(figure, own.camera))
+    return [Listing(image_errors.errors_table(acting))], figures
+
+
+def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+    """Table and maps of the mean residuals, and of what was added to the image coordinates."""
+    confidence = results.project.adjustment.confidence
+    fields = tuple(f for f in residual_field.residual_fields(results) if f.camera.name == name)
+    figures = []
+    for field in fields:
+        figures.append(_residual_map(field, confidence))
+        if field.correction is not None:
+            figure = Figure(
+                "residual-corrections",
+                "What was added to the image coordinates before the adjustment: the mean residuals of an "
+                "earlier one. They are not parameters of the record; who uses the record needs them.",
+                f"Corrections of the image coordinates of camera {field.camera.name}",
+                residual_field.field_plot(field, field.correction, "Corrections"),
+            )
+            figures.append(_cut(figure, field.camera))
+    if not fields:
+        return [Words("No sub-area of the image has enough residuals for a mean.")], []
+    return [Listing(residual_field.field_table(fields, confidence))], figures
+
+
+def _residual_map(field: ResidualField, confidence: float) -> Figure:
+    caption = (
+        "Mean residuals (adjusted − observed) in sub-areas of the image, after the correction by all "
+        f"parameters. Dark: different from zero at {100 * confidence:g} %; the table says how many are so "
+        "by chance."
+    )
+    figure = Figure(
+        "mean-residuals",
+        caption,
+        f"Mean residuals of camera {field.camera.name} in sub-areas of the image",
+        residual_field.field_plot(field, field.mean, "Mean residuals"),
+    )
+    return _cut(figure, field.camera)
+
+
+def _cut(figure: Figure, camera: FrameCamera) -> Figure:
+    """The figure without the empty ground to the right of a format that is taller than wide."""
+    plot = FormatPlot.within(camera.half_format, *_ROOM)
+    # The legend under the format needs some room of its own.
+    right = round(min(max(plot.x.end + 30.0, _LEAST_WIDTH), axes.WIDTH))
+    whole, cut = f'viewBox="0 0 {axes.WIDTH:g} ', f'viewBox="0 0 {right:g} '
+    drawing = Markup(str(figure.drawing).replace(whole, cut, 1))
+    return replace(figure, drawing=drawing, width=right / axes.WIDTH)

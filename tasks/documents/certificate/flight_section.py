@@ -1,0 +1,152 @@
+"""Section of the calibration flight: its facts, its levels, its map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from tasks.coordinates.crs import MapFrame
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.documents.certificate.content import Block, Fact, Facts, Figure, Listing, Section
+from tasks.documents.certificate.exposure_use import exposure_table
+from tasks.documents.certificate.flight_geometry import strip_groups
+from tasks.documents.certificate.flight_map import flight_map
+from tasks.documents.certificate.identity_section import NOT_DECLARED
+from tasks.documents.certificate.material import CertificateMaterial
+
+
+def flight_section(material: CertificateMaterial) -> Section:
+    """When, how and over which control the flight was flown."""
+    blocks: list[Block] = [
+        Facts("flight", "", _facts(material)),
+        Listing(level_table(material)),
+        Listing(strip_group_table(material)),
+        Listing(exposure_table(material)),
+    ]
+    if len(material.images):
+        caption = (
+            "Flight pattern. Each strip is drawn to the right of its line as it was flown, so that a line "
+            "flown forward and reverse shows two arrows; dots are exposures, triangles control points, "
+            "circles check points."
+        )
+        blocks.append(
+            Figure(
+                "flight-pattern",
+                caption,
+                "Map of the flight strips with control and check points",
+                flight_map(material),
+            )
+        )
+    return Section("flight", "Calibration flight", tuple(blocks))
+
+
+def _facts(material: CertificateMaterial) -> tuple[Fact, ...]:
+    flight, settings = material.record.flight, material.results.project.project
+    flown = NOT_DECLARED if flight.flown is None else flight.flown.isoformat()
+    frame = MapFrame.of(settings.crs, settings.heights).description
+    facts = [
+        Fact("project", "project", (flight.project,)),
+        Fact("flown", "date of the flight", (flown,)),
+        Fact("frame", "coordinate reference system", (frame,)),
+        Fact("images", "images", (Number(flight.images),)),
+        Fact("strips", "strips", (Number(flight.strips),)),
+        Fact("heights_m", "flying heights above ground", numbers(flight.heights_m, 0), "m"),
+        Fact("ground_m", "height of the ground (median)", (Number(_ground(material), 0),), "m"),
+        Fact("gsd_m", "ground sampling distance", numbers((g * 100 for g in flight.gsd_m), 1), "cm"),
+        Fact("headings_deg", "flight directions", numbers(flight.headings_deg, 0), "°"),
+        Fact("object_points", "object points", (Number(flight.object_points),)),
+        Fact("image_points", "image points", (Number(flight.image_points),)),
+        Fact("control_points", "control points", (Number(flight.control_points),)),
+    ]
+    return tuple(facts)
+
+
+def _ground(material: CertificateMaterial) -> float | None:
+    """Median height of the ground under the images, metres; None without images."""
+    ground = material.images["ground_m"]
+    return float(ground.median()) if len(ground) else None
+
+
+def level_table(material: CertificateMaterial) -> Table:
+    """One row for each flying height: GSD, images, strips and directions."""
+    columns = (
+        text_column("level", "height level"),
+        Column("height_m", "height above ground", "m"),
+        Column("altitude_m", "altitude", "m"),
+        Column("gsd_cm", "GSD", "cm"),
+        Column("scale", "image scale 1 :"),
+        Column("images", "images"),
+        Column("strips", "strips"),
+        text_column("directions", "flight directions (strips)"),
+    )
+    flight = material.record.flight
+    rows = []
+    for level, (height, gsd) in enumerate(zip(flight.heights_m, flight.gsd_m, strict=True)):
+        images = material.images[material.images["level"] == level]
+        cells: tuple[Cell, ...] = (
+            f"level {level + 1}",
+            Number(height, 0),
+            Number(float(images["z_m"].median()), 0),
+            Number(gsd * 100.0, 1),
+            Number(gsd / (material.record.camera.pixel_um * 1e-6), 0),
+            Number(len(images)),
+            Number(images["strip"].nunique()),
+            _directions(images, flight.headings_deg),
+        )
+        rows.append(Row(f"level-{level + 1}", cells))
+    note = "Altitude: median of the projection centres in the height system of the project."
+    return Table("levels", "Height levels, as found in the data", columns, tuple(rows), note)
+
+
+def strip_group_table(material: CertificateMaterial) -> Table:
+    """One row for each height and axis of flight: bases, overlaps and line spacing."""
+    columns = (
+        text_column("group", "height level, axis of the strips"),
+        Column("images", "images"),
+        Column("strips", "strips"),
+        Column("lines", "lines"),
+        Column("height_m", "height above ground", "m"),
+        Column("base_m", "base", "m"),
+        Column("base_over_height", "base / height"),
+        Column("forward_overlap", "forward overlap", "%"),
+        Column("spacing_m", "line spacing", "m"),
+        Column("side_overlap", "side overlap", "%"),
+    )
+    rows = tuple(
+        Row(
+            f"level-{group.level + 1}@{group.axis_deg:.0f}",
+            (
+                f"level {group.level + 1}, {group.axis_deg:.0f}° and {group.axis_deg + 180.0:.0f}°",
+                Number(group.images),
+                Number(group.strips),
+                Number(group.lines),
+                Number(group.height_m, 0),
+                Number(group.base_m, 0),
+                Number(group.base_over_height, 2),
+                Number(_percent(group.forward_overlap), 0),
+                Number(group.spacing_m, 0),
+                Number(_percent(group.side_overlap), 0),
+            ),
+        )
+        for group in strip_groups(material.images, material.record.camera)
+    )
+    note = (
+        "Medians, from the adjusted projection centres; axes are those of the map, strips of a single "
+        "exposure are left out. Overlaps hold at the median ground; strips on one line count as one line."
+    )
+    return Table("strip-groups", "Overlaps and bases", columns, rows, note)
+
+
+def _percent(part: float | None) -> float | None:
+    return None if part is None else 100.0 * part
+
+
+def _directions(images: pd.DataFrame, known: tuple[float, ...]) -> str:
+    """Directions of the record with the number of strips that fly them: ``90° (7), 270° (7)``."""
+    found: list[float] = []
+    for _, strip in images.groupby("strip", sort=True):
+        angle = np.deg2rad(strip["heading_deg"].dropna().to_numpy(np.float64))
+        if len(angle) and known:
+            mean = np.arctan2(np.sin(angle).mean(), np.cos(angle).mean())
+            found.append(min(known, key=lambda heading: -np.cos(np.deg2rad(heading) - mean)))
+    return ", ".join(f"{heading:.0f}° ({found.count(heading)})" for heading in known if heading in found)

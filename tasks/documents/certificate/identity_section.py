@@ -1,0 +1,96 @@
+"""Section of the camera: what was calibrated, by the numbers on it."""
+
+from __future__ import annotations
+
+from tasks.document_kit.table import Number
+from tasks.documents.certificate.content import Block, Fact, Facts, Figure, Section, Words
+from tasks.documents.certificate.image_axes import image_axes
+from tasks.documents.certificate.material import CertificateMaterial
+from tasks.settings.cameras import CameraIdentity
+
+NOT_DECLARED = "not declared"
+_PRODUCTS = {
+    "virtual_image": "virtual image (composed of the images of all heads, or of a single-head camera)",
+    "camera_head": "image of one camera head",
+}
+
+
+def identity_section(material: CertificateMaterial) -> Section:
+    """The camera, its image and its mounting."""
+    camera = material.record.camera
+    identity = camera.identity
+    half = (camera.columns * camera.pixel_um * 1e-3, camera.rows * camera.pixel_um * 1e-3)
+    parts = (
+        Fact("name", "camera", (camera.name,)),
+        *(Fact(key, label, (value,) if value else ()) for key, label, value in _declared(identity)),
+        Fact("product", "image", (_PRODUCTS[identity.product],)),
+        Fact(
+            "size_px",
+            "size of the image, columns × rows",
+            (Number(camera.columns), Number(camera.rows)),
+            "px",
+            " × ",
+        ),
+        Fact("size_mm", "the same on the focal plane", (Number(half[0], 3), Number(half[1], 3)), "mm", " × "),
+        Fact("pixel_um", "pixel", (Number(camera.pixel_um, _decimals(camera.pixel_um)),), "µm"),
+    )
+    blocks: list[Block] = [Facts("camera", "", parts)]
+    missing = [label.partition(",")[0] for _, label, value in _declared(identity) if not value]
+    if missing:
+        blocks.append(
+            Words(
+                f"The project does not declare: {', '.join(missing)}. What is filled in by hand is no part "
+                "of the record that the verification code proves.",
+                "note",
+            )
+        )
+    return Section("camera", "Camera", tuple(blocks))
+
+
+def axes_section(material: CertificateMaterial) -> Section:
+    """How pixels and image coordinates are counted, and how the camera sits in the aircraft."""
+    camera = material.record.camera
+    origin = material.results.project.cameras[camera.name].pixel_origin
+    facts = (
+        Fact("mount_deg", "mounting κ, forward is", (_forward(camera.mount_deg),)),
+        Fact("pixel_origin", "pixel (0, 0) is the", (f"{origin} of the top-left pixel",)),
+        Fact(
+            "calibration_axes_deg",
+            "axes of additional parameters, turned by",
+            (Number(camera.calibration_axes_deg), "° counter-clockwise against x, y"),
+            joint="",
+        ),
+    )
+    drawing = Figure(
+        "image-axes",
+        "The image as it lies on the screen, the ground seen from above: pixels are counted from the "
+        "top-left corner, x and y from the format centre. The cross of the principal point shows its side of "
+        "the format centre; its distance is not to scale.",
+        "Image axes, principal point and direction of flight",
+        image_axes(material),
+        0.8,
+    )
+    return Section("axes", "Image axes and mounting", (Facts("axes", "", facts), drawing))
+
+
+def _declared(identity: CameraIdentity) -> tuple[tuple[str, str, str | None], ...]:
+    """Key, label and value of what only the project can say about the camera."""
+    return (
+        ("manufacturer", "manufacturer", identity.manufacturer),
+        ("type", "type", identity.type),
+        ("body", "camera body, serial number", identity.body),
+        ("lens", "lens, serial number", identity.lens),
+        ("imu", "inertial unit, serial number", identity.imu),
+        ("mount", "installation in the aircraft", identity.mount),
+    )
+
+
+def _decimals(value: float) -> int:
+    """Decimals a given number has, up to four."""
+    return next((n for n in range(4) if round(value, n) == value), 4)
+
+
+def _forward(mount_deg: int) -> str:
+    """Mounting in words."""
+    edge = {0: "+x (last column)", 90: "−y (last row)", 180: "−x (first column)", 270: "+y (first row)"}
+    return f"{mount_deg}°: {edge[mount_deg]}"

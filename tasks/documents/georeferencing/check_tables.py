@@ -1,0 +1,260 @@
+"""The tables of the page of a check."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tasks.document_kit.table import (
+    Column,
+    Number,
+    Row,
+    Table,
+    components,
+    decimals_for,
+    numbers,
+    text_column,
+)
+from tasks.documents.georeferencing.material import CheckMaterial, DifferenceFigures, Triple
+from tasks.georeferencing.difference_statistics import CONFIDENCE, PARTS
+from tasks.georeferencing.point_differences import INDEPENDENT
+from tasks.quantities import quantity_words
+
+_AXES = ("x", "y", "z")
+_HEADINGS = ("east", "north", "up")
+_PERCENT = f"{100 * CONFIDENCE:g} %"
+MOST_ROWS = 50
+
+# Figure, words, decimals, whether a positive number shows its sign.
+_FIGURES = (
+    ("points", "points", 0, False),
+    ("rmse_m", "RMS, not centred [m]", 3, False),
+    ("predicted_rmse_m", "predicted RMS [m]", 3, False),
+    ("predicted_low_m", f"from ({_PERCENT}) [m]", 3, False),
+    ("predicted_high_m", f"to ({_PERCENT}) [m]", 3, False),
+    ("degrees_of_freedom", "degrees of freedom of it", 1, False),
+    ("mean_m", "mean [m]", 3, True),
+    ("predicted_mean_sigma_m", "predicted σ of the mean [m]", 3, False),
+    ("sd_m", "standard deviation about the mean [m]", 3, False),
+    ("max_m", "largest |d| [m]", 3, False),
+    ("rmse_gsd", "RMS [GSD]", 2, False),
+    ("max_gsd", "largest |d| [GSD]", 2, False),
+)
+_PART_WORDS = {
+    "image_points": "image points",
+    "gnss_ins": "GNSS and INS of single images",
+    "strips": "GNSS and INS, common to a strip",
+    "calibration": "calibration, common to all images",
+    "survey": "survey of the points",
+    "shared": "seen by the calibration, too (−: less)",
+}
+
+
+def difference_tables(material: CheckMaterial) -> tuple[Table, ...]:
+    """Figures at the independent points, at the control of the calibration, and in the models."""
+    figures = material.figures
+    return (
+        _difference_table("independent", "Independent check points, all rays", figures),
+        _difference_table(
+            "models", "Independent check points, two rays of a stereo model", figures.in_models
+        ),
+        _difference_table(
+            "control", "Control of the calibration: no accuracy", figures.at_control_of_calibration
+        ),
+    )
+
+
+def _difference_table(name: str, caption: str, figures: DifferenceFigures) -> Table:
+    columns = (text_column("figure", "figure"), *components("{}", _HEADINGS, "", _AXES))
+    rows = []
+    for key, words, decimals, plus in _FIGURES:
+        values: Triple = getattr(figures, key)
+        if any(value is not None for value in values):
+            rows.append(Row(key, (words, *numbers(values, decimals, plus=plus))))
+    return Table(name, caption, columns, tuple(rows) if figures.count else ())
+
+
+def source_table(material: CheckMaterial) -> Table:
+    """What each kind of error would give by itself, at the independent points and in their models."""
+    columns = (
+        text_column("source", "source"),
+        *components("{}_m", [f"all rays, {h}" for h in _HEADINGS], "m", _AXES),
+        *components("model_{}_m", [f"in models, {h}" for h in _HEADINGS], "m", _AXES),
+    )
+    none: Triple = (None, None, None)
+    figures, models = material.figures, material.figures.in_models
+    rows = [
+        Row(
+            part,
+            (
+                _PART_WORDS[part],
+                *numbers(figures.predicted_parts_m.get(part, none), 3),
+                *numbers(models.predicted_parts_m.get(part, none), 3),
+            ),
+        )
+        for part in PARTS
+    ]
+    together = (*numbers(figures.predicted_rmse_m, 3), *numbers(models.predicted_rmse_m, 3))
+    rows.append(Row("all", ("all together", *together)))
+    return Table(
+        "sources", "What the predicted RMS comes from", columns, tuple(rows) if figures.count else ()
+    )
+
+
+def point_table(material: CheckMaterial) -> Table:
+    """One row for each surveyed point, the largest |d|/σ first."""
+    table = material.points.copy()
+    for axis in _AXES:
+        d, sigma = (table[name].to_numpy(np.float64) for name in (f"d{axis}_m", f"sigma_d{axis}_m"))
+        table[f"d{axis}_gsd"] = d / table["gsd_m"].to_numpy(np.float64)
+        table[f"d{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
+    table["largest"] = table[[f"d{axis}_ratio" for axis in _AXES]].max(axis=1)
+    table = table.sort_values("largest", ascending=False, kind="stable")
+    shown = table.head(MOST_ROWS)
+    columns = (
+        text_column("point", "point"),
+        text_column("status", "was"),
+        *components("d{}_m", [f"d {h}" for h in _HEADINGS], "m", _AXES),
+        *components("sigma_d{}_m", [f"σ {h}" for h in _HEADINGS], "m", _AXES),
+        *components("d{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", _AXES),
+        *components("d{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", _AXES),
+        Column("rays", "rays"),
+    )
+    rows = tuple(
+        Row(
+            str(row["point"]),
+            (
+                str(row["point"]),
+                "check" if row["status"] == INDEPENDENT else "control",
+                *numbers((row[f"d{axis}_m"] for axis in _AXES), 3, plus=True),
+                *numbers((row[f"sigma_d{axis}_m"] for axis in _AXES), 3),
+                *numbers((row[f"d{axis}_gsd"] for axis in _AXES), 2, plus=True),
+                *numbers((row[f"d{axis}_ratio"] for axis in _AXES), 1),
+                *numbers((row["rays"],), 0),
+            ),
+        )
+        for row in shown.to_dict("records")
+    )
+    note = (
+        ""
+        if len(shown) == len(table)
+        else f"The {len(shown)} largest of {len(table):,}; all in direct_georeferencing.parquet."
+    )
+    return Table("points", "Surveyed points, the largest |d|/σ first", columns, rows, note)
+
+
+def statement_table(material: CheckMaterial) -> Table:
+    """What the standards let say."""
+    columns = (
+        text_column("standard", "standard"),
+        text_column("edition", "edition"),
+        Column("check_points", "check points"),
+        Column("needed", "needed"),
+        text_column("sentence", "statement"),
+    )
+    rows = tuple(
+        Row(
+            item.standard,
+            (
+                item.standard,
+                item.edition,
+                Number(item.check_points),
+                Number(item.check_points_needed),
+                item.sentence,
+            ),
+        )
+        for item in material.figures.statements
+    )
+    return Table("statements", "Statements according to published standards", columns, rows)
+
+
+def parallax_table(material: CheckMaterial) -> Table:
+    """Figures of the y-parallaxes beside their prediction."""
+    f = material.figures
+    columns = (
+        text_column("figure", "figure"),
+        Column("found", "found", "µm"),
+        Column("predicted", "predicted", "µm"),
+        Column("low", f"from ({_PERCENT})", "µm"),
+        Column("high", f"to ({_PERCENT})", "µm"),
+    )
+    low, high = f.y_parallax_predicted_low_um, f.y_parallax_predicted_high_um
+    rows = (
+        ("rms", "RMS", (f.y_parallax_rms_um, f.y_parallax_predicted_rms_um, low, high)),
+        (
+            "max",
+            "largest",
+            (
+                f.y_parallax_max_um,
+                f.y_parallax_predicted_max_um,
+                None,
+                f.y_parallax_predicted_max_limit_um,
+            ),
+        ),
+        (
+            "remaining",
+            "σ after a relative orientation of each model: image coordinates alone",
+            (f.y_parallax_remaining_sigma_um, f.y_parallax_image_sigma_um, None, None),
+        ),
+    )
+    made = tuple(Row(key, (words, *numbers(values, 2))) for key, words, values in rows)
+    return Table("parallaxes", "y-parallaxes of all models", columns, made if f.y_parallaxes else ())
+
+
+def model_table(material: CheckMaterial) -> Table:
+    """The models with the largest RMS."""
+    models = material.models[material.models["points"] > 0]
+    models = models.sort_values("rms_um", ascending=False, kind="stable")
+    shown = models.head(20)
+    columns = (
+        text_column("model", "model"),
+        text_column("strip", "strip"),
+        Column("points", "points"),
+        Column("mismatches", "mismatches"),
+        Column("base_m", "base", "m"),
+        Column("rms_um", "RMS", "µm"),
+        Column("predicted_rms_um", "predicted RMS", "µm"),
+        Column("max_um", "largest", "µm"),
+        Column("remaining_rms_um", "RMS after relative orientation", "µm"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['left']}|{row['right']}",
+            (
+                f"{row['left']} – {row['right']}",
+                str(row["strip"]),
+                *numbers((row["points"], row["mismatches"], row["base_m"]), 0),
+                *numbers((row[n] for n in ("rms_um", "predicted_rms_um", "max_um")), 1),
+                *numbers((row["remaining_rms_um"],), 2),
+            ),
+        )
+        for row in shown.to_dict("records")
+    )
+    note = (
+        "" if len(shown) == len(models) else f"{len(shown)} of {len(models):,}; all in stereo_models.parquet."
+    )
+    return Table("model-parallaxes", "Models with the largest y-parallaxes", columns, rows, note)
+
+
+def calibration_table(material: CheckMaterial) -> Table:
+    """The calibration that was applied."""
+    columns = (
+        text_column("parameter", "parameter"),
+        text_column("entity", "of"),
+        Column("value", "value"),
+        Column("sigma", "σ"),
+        text_column("unit", "unit"),
+    )
+    rows = tuple(
+        Row(
+            f"{item.parameter}@{item.entity}",
+            (
+                quantity_words(item.parameter),
+                item.entity or "",
+                *numbers((item.value,), decimals_for(item.sigma) or 6),
+                *numbers((item.sigma,), decimals_for(item.sigma)),
+                item.unit or "",
+            ),
+        )
+        for item in material.figures.calibration
+    )
+    return Table("calibration", "Calibration that was applied", columns, rows)

@@ -1,0 +1,220 @@
+"""The map of the block: overlap, footprints, images by strip, control and check points with differences."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from adjust.arrays import Floats
+from tasks.document_kit import axes, markup, palette
+from tasks.document_kit.difference_arrows import ArrowScale, arrows, symbol
+from tasks.document_kit.footprints import footprints, overlap
+from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.map_plot import MapPlot
+from tasks.document_kit.raster import Classes, Raster, cells
+from tasks.documents.report.material import Material
+from tasks.documents.report.surveyed_points import differences
+
+_CELLS = 200
+#: Above this many images the outlines of footprints would only be a grey area.
+MOST_OUTLINES = 600
+# Above this many images each strip is one element: single names would take several megabytes.
+_MOST_NAMED = 3000
+_MOST_STRIP_NAMES = 40
+_SINGLE = "#f6c9a8"
+# The overlap is the ground on which all symbols stand.
+_DARKEST = 0.68
+
+
+def block_map(material: Material) -> Markup:
+    """The map with its legends; needs at least one adjusted image."""
+    images = material.oriented
+    corners = footprints(images, material.cameras)
+    known = corners[np.isfinite(corners).all(axis=(1, 2))].reshape(-1, 2)
+    surveyed = _surveyed(material)
+    everything = np.vstack(
+        [known, images[["x_m", "y_m"]].to_numpy(np.float64), surveyed[["x_m", "y_m"]].to_numpy(np.float64)]
+    )
+    plot = MapPlot.over(everything[:, 0], everything[:, 1])
+    covered, entries = _overlap(corners, known, plot)
+    y = plot.bottom + 6
+    parts = [covered, plot.axes(), _outlines(images, corners, plot), _strips(images, plot)]
+    legend, y = swatches(plot.x.start, y, "images that see the ground", entries, _room(plot))
+    parts += [legend]
+    if len(surveyed):
+        drawn, y = _points(surveyed, plot, y)
+        parts.append(drawn)
+    return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
+
+
+def _room(plot: MapPlot) -> float:
+    return axes.WIDTH - plot.x.start - 10
+
+
+def _overlap(corners: Floats, known: Floats, plot: MapPlot) -> tuple[Markup, list[Swatch]]:
+    """Cells coloured by the number of footprints over them, and the entries of the legend."""
+    if len(known) == 0:
+        return Markup(""), []
+    raster = Raster.over(known[:, 0], known[:, 1], _CELLS)
+    count = overlap(corners, raster)
+    classes = overlap_classes(int(count.max()))
+    colours = (
+        [_SINGLE, *palette.sequence(len(classes.words) - 1, _DARKEST)]
+        if len(classes.words) > 1
+        else [_SINGLE]
+    )
+    found = np.where(count > 0, classes.of(count.astype(np.float64)), -1)
+    titles = [f"seen by {words} images" for words in classes.words]
+    titles[0] = "seen by one image only"
+    entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
+    entries[0] = Swatch(_SINGLE, "1 (no intersection)")
+    return cells(raster, plot, found, colours, titles), entries
+
+
+def overlap_classes(most: int) -> Classes:
+    """Classes of the number of images: each number by itself up to 8, then in widening steps."""
+    starts = list(range(1, min(most, 8) + 1))
+    if most > 8:
+        starts = [n for n in (1, 2, 3, 4, 5, 7, 10, 15, 20, 30, 50) if n <= most]
+    ends = [following - 1 for following in starts[1:]] + [None]
+    words = [_range(first, last) for first, last in zip(starts, ends, strict=True)]
+    if starts[-1] == most:
+        words[-1] = str(most)
+    return Classes(tuple(float(n) for n in starts[1:]), tuple(words))
+
+
+def _range(first: int, last: int | None) -> str:
+    if last is None:
+        return f"{first} and more"
+    return str(first) if last == first else f"{first}–{last}"
+
+
+def _outlines(images: pd.DataFrame, corners: Floats, plot: MapPlot) -> Markup:
+    """Footprints as thin outlines, the fainter the more there are."""
+    if len(images) > MOST_OUTLINES:
+        return Markup("")
+    data = "".join(
+        markup.path_of(plot.x.of(corner[:, 0]), plot.y.of(corner[:, 1]), closed=True)
+        for corner in corners
+        if np.isfinite(corner).all()
+    )
+    opacity = f"{np.clip(6.0 / np.sqrt(len(images)), 0.1, 0.5):.2f}"
+    return markup.element("path", {"class": "footprint", "stroke-opacity": opacity, "d": data})
+
+
+def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
+    """Per strip a line through its images, a triangle at each in the direction of flight, and its name."""
+    parts = []
+    strips = list(images.groupby("strip", sort=True))
+    # Thousands of triangles of full size would hide the map under them.
+    size = float(np.clip(70.0 / np.sqrt(len(images)), 2.0, 6.0))
+    for index, (name, strip) in enumerate(strips):
+        colour = palette.category(index)
+        x, y = plot.x.of(strip["x_m"].to_numpy()), plot.y.of(strip["y_m"].to_numpy())
+        drawn = (
+            [markup.element("path", {"class": "track", "d": markup.path_of(x, y), "stroke": colour})]
+            if name
+            else []
+        )
+        heading = strip["heading_deg"].to_numpy(np.float64)
+        if len(images) <= _MOST_NAMED:
+            drawn += [
+                markup.element("path", {"d": _triangle(a, b, h, size), "fill": colour}, markup.title(title))
+                for a, b, h, title in zip(x, y, heading, _titles(strip), strict=True)
+            ]
+        else:
+            data = "".join(_triangle(a, b, h, size) for a, b, h in zip(x, y, heading, strict=True))
+            drawn.append(markup.element("path", {"d": data, "fill": colour}, markup.title(f"strip {name}")))
+        if name and len(strips) <= _MOST_STRIP_NAMES:
+            drawn.append(_strip_name(str(name), x, y))
+        parts.append(markup.group("strip", drawn))
+    return markup.group("strips", parts)
+
+
+def _titles(strip: pd.DataFrame) -> list[str]:
+    """What the pointer shows at each image."""
+    return [
+        f"{image} (strip {name}, {camera})" if name else f"{image} ({camera})"
+        for image, name, camera in zip(strip["image"], strip["strip"], strip["camera"], strict=True)
+    ]
+
+
+def _triangle(x: float, y: float, heading_deg: float, size: float) -> str:
+    """Path data of a triangle that points along the heading; a diamond where it is not known."""
+    if not np.isfinite(heading_deg):
+        return markup.path_of(
+            np.array([x, x + size, x, x - size]), np.array([y - size, y, y + size, y]), closed=True
+        )
+    angle = np.deg2rad(heading_deg)
+    forward, right = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
+    corners = np.array([1.4 * forward, -forward + 0.8 * right, -forward - 0.8 * right]) * size
+    return markup.path_of(x + corners[:, 0], y + corners[:, 1], closed=True)
+
+
+def _strip_name(name: str, x: Floats, y: Floats) -> Markup:
+    """The name of a strip before its first image."""
+    ahead = np.array([x[-1] - x[0], y[-1] - y[0]])
+    length = float(np.hypot(*ahead))
+    back = -14.0 * ahead / length if length > 0 else np.array([0.0, -14.0])
+    return markup.text(float(x[0] + back[0]), float(y[0] + back[1] + 4), name, css_class="halo")
+
+
+def _surveyed(material: Material) -> pd.DataFrame:
+    """Control and check points with plan coordinates, and their differences where they took part."""
+    points = material.control_points
+    points = points[points["x_m"].notna() & points["y_m"].notna()]
+    found = pd.concat([differences(material, is_check) for is_check in (False, True)], ignore_index=True)
+    joined = points[["point", "x_m", "y_m", "role"]].merge(
+        found[["point", "dx_m", "dy_m", "dz_m", "is_check", "status"]], on="point", how="left"
+    )
+    joined["rejected"] = joined["status"].eq("rejected")
+    joined["took_part"] = joined["is_check"].notna()
+    # Without control as observations, a point of the role control is a check point.
+    joined["is_check"] = np.where(
+        joined["took_part"], joined["is_check"].eq(True), joined["role"].eq("check")
+    )
+    return joined
+
+
+def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, float]:
+    """Symbols, arrows and their legend; returns the height under the legend too."""
+    scale = ArrowScale.of(surveyed)
+    drawn = []
+    for row in surveyed.to_dict("records"):
+        place = plot.x.at(float(row["x_m"])), plot.y.at(float(row["y_m"]))
+        took_part, is_check = bool(row["took_part"]), bool(row["is_check"])
+        if scale is not None and took_part:
+            drawn += arrows(row, place, scale)
+        words = _words(row, is_check, took_part)
+        drawn.append(symbol(place, is_check, took_part and not row["rejected"], words))
+    x = plot.x.start
+    for is_check, took_part, words, width in (
+        (False, True, "control point", 120.0),
+        (True, True, "check point", 110.0),
+        (False, False, "takes no part or rejected (hollow)", 220.0),
+    ):
+        drawn += [
+            symbol((x + 7, y + 10), is_check, took_part, ""),
+            markup.text(x + 20, y + 14, words, "start"),
+        ]
+        x += width
+    if scale is not None:
+        drawn.append(scale.legend(x + 10, y + 10))
+    return markup.group("surveyed", drawn), y + 26
+
+
+def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
+    """What the pointer shows at a control or check point."""
+    kind = "check point" if is_check else "rejected control point" if row["rejected"] else "control point"
+    if not took_part:
+        return f"{kind} {row['point']}: takes no part"
+    shown = [
+        f"{name} {float(str(row[f'{name}_m'])):+.3f} m"
+        for name in ("dx", "dy", "dz")
+        if np.isfinite(float(row[f"{name}_m"]))
+    ]
+    return f"{kind} {row['point']}: {', '.join(shown)}"

@@ -1,0 +1,103 @@
+"""The figures of a report as files of their own: SVG that stands alone, for papers and slides.
+
+The drawings are those of the page to the last character; each gets the rules of the page that concern it,
+a size and a white ground.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from tasks.errors import InputError
+from tasks.files.delivered_file import is_there, read_delivered
+from tasks.files.installation import writing_into
+
+_FIGURE, _DRAWING, _DRAWN = '<figure id="figure-', "<svg ", "</svg>"
+_NAME = re.compile(r'(?P<name>[\w-]{1,99})">')
+_RULE = re.compile(r"^svg (?P<rule>[^{].*)$", re.MULTILINE)
+_SIZE = re.compile(r'viewBox="0 0 (?P<width>[\d.]+) (?P<height>[\d.]+)"')
+#: Colours that the page keeps in variables.
+_VARIABLE = re.compile(r"(?P<name>--[\w-]+): (?P<value>#[0-9a-f]+);")
+
+
+def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
+    """Write every figure of a report as ``NAME.svg`` into a folder; returns the files.
+
+    Raises
+    ------
+    InputError
+        If there is no report, or it has no figures with names.
+    InstallationError
+        If the disk is full or the folder cannot be written.
+    """
+    if not is_there(report):
+        raise InputError(
+            "There is no report.html in the folder of results.",
+            "Give the folder a run has written into (results/ beside the project file by default).",
+            file=report,
+        )
+    page = read_delivered(report.resolve(), "table").decode(errors="replace")
+    found = _figures(page)
+    if not found:
+        raise InputError(
+            "The report has no figures with names.",
+            "Run the project again: the report may come from an older version.",
+            file=report,
+        )
+    style = _style_of(page)
+    files = {out / f"{name}.svg": standing_alone(drawing, style) for name, drawing in found.items()}
+    with writing_into(out):
+        out.mkdir(parents=True, exist_ok=True)
+        for file, drawing in files.items():
+            file.write_text(drawing, encoding="utf-8")
+    return tuple(files)
+
+
+def figure_of(page: str, name: str) -> str:
+    """One figure of a page of ours as an SVG file of its own.
+
+    Raises
+    ------
+    KeyError
+        If the page has no figure of this name.
+    """
+    return standing_alone(_figures(page)[name], _style_of(page))
+
+
+def _figures(page: str) -> dict[str, str]:
+    """By name. The page is ours: drawings do not nest, and a figure has one; of another, nothing is found."""
+    found = {}
+    for part in page.split(_FIGURE)[1:]:
+        name, (_, start, rest) = _NAME.match(part), part.partition(_DRAWING)
+        drawing, end, _ = rest.partition(_DRAWN)
+        if name is not None and start and end:
+            found[name["name"]] = start + drawing + end
+    return found
+
+
+def _style_of(page: str) -> str:
+    """The rules of a page for its drawings."""
+    return drawing_rules(page.partition("<style>")[2].partition("</style>")[0])
+
+
+def standing_alone(drawing: str, style: str) -> str:
+    """A drawing of the page with its style, its size and a white ground."""
+    size = _SIZE.search(drawing)
+    if size is None:
+        raise ValueError("the drawing has no viewBox")
+    width, height = size["width"], size["height"]
+    start, _, content = drawing.partition(">")
+    ground = f'<rect width="{width}" height="{height}" fill="#fff"/>'
+    head = f'{start} width="{width}" height="{height}"><style>{style}</style>{ground}'
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}{content}\n'
+
+
+def drawing_rules(css: str) -> str:
+    """The rules of a style sheet for what is inside drawings, variables replaced by their values."""
+    # What is set for paper concerns the size of a drawing on the page only.
+    screen = css.partition("@media print")[0]
+    rules = "\n".join(match["rule"] for match in _RULE.finditer(screen))
+    for variable in _VARIABLE.finditer(screen):
+        rules = rules.replace(f"var({variable['name']})", variable["value"])
+    return rules

@@ -1,0 +1,164 @@
+"""The verdict in one sentence, and the key figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
+from tasks.documents.report.figures import gate_words
+from tasks.documents.report.material import Material
+from tasks.quantities import group_words, unit_words
+from tasks.results.quality_gates import GateResult
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What can be said about the result in one sentence.
+
+    Attributes
+    ----------
+    tone : ``good``; ``attention`` (the global test fails, or nothing could be tested); ``failed`` (a gate).
+    sentence : for people.
+    """
+
+    tone: Literal["good", "attention", "failed"]
+    sentence: str
+
+
+def verdict(material: Material) -> Verdict:
+    """Gates and global test in one sentence."""
+    gates = material.summary.gates
+    free = material.figures.free_network
+    what = "The free network" if free is not None and free.defect else "The block"
+    failed = [gate_words(gate.name) for gate in gates if not gate.passed]
+    test, good = _test_words(material)
+    missed = material.summary.missed_checks
+    if missed is not None:
+        test, good = f"the {missed} are beyond their limits, and {test}", False
+    if any(item.contradicted for item in material.figures.registered_calibrations):
+        test, good = f"{test}; it contradicts a calibration of the registry", False
+    if failed:
+        named = "; ".join(failed)
+        of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
+        verb = "are" if len(failed) > 1 else "is"
+        return Verdict("failed", f"{what} is adjusted, but {of} {verb} not kept ({named}); {test}.")
+    if gates:
+        kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
+    else:
+        kept = "no limits are set in the project"
+    link = "and" if good else "but"
+    return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
+
+
+def _test_words(material: Material) -> tuple[str, bool]:
+    """The global test in words, and whether it is passed."""
+    sigma0, test = material.summary.sigma0, material.figures.global_test
+    if sigma0 is None or test is None or test.lower is None or test.upper is None:
+        return "nothing could be tested because the block has no redundancy", False
+    limits = f"{test.lower:.3f} to {test.upper:.3f}, {100 * test.confidence:g} %"
+    if test.passed:
+        return f"the residuals agree with the stated σ (σ0 = {sigma0:.3f}, allowed {limits})", True
+    side = "larger" if sigma0 > test.upper else "smaller"
+    return f"the residuals are {side} than the stated σ allow (σ0 = {sigma0:.3f}, allowed {limits})", False
+
+
+def key_table(material: Material) -> Table:
+    """The figures of the whole block."""
+    summary, figures = material.summary, material.figures
+    counts = summary.counts
+    rms = figures.image_rms_px or (None, None)
+    height = material.oriented["z_m"] - material.oriented["ground_m"]
+    free = figures.free_network
+    redundancy = f"redundancy n − u + {free.defect}" if free and free.defect else "redundancy n − u"
+    rows = [
+        _row("sigma0", "σ0 a posteriori / a priori", "", (summary.sigma0,), 3),
+        _row("sigma0_um", "σ0 of an image coordinate", "µm", (summary.sigma0_um,), 2),
+        _row("sigma0_px", "σ0 of an image coordinate", "px", (summary.sigma0_px,), 3),
+        _row("image_rms_px", "RMS of the image residuals x, y", "px", rms, 3),
+        _row("redundancy", redundancy, "", (summary.redundancy,), 0),
+        _row("images", "images", "", (counts.images,), 0),
+        _row("object_points", "object points", "", (counts.object_points,), 0),
+        _row("image_points", "image points used", "", (counts.image_points,), 0),
+        _row("rejected", "rejected observations", "", (counts.rejected,), 0),
+        _row("control", "control points", "", (counts.control,), 0),
+        _row("check", "check points", "", (counts.check,), 0),
+        _row("rmse_control_m", "RMS at control points x, y, z", "m", _three(summary.rmse_control_m), 3),
+        _row("rmse_check_m", "RMS at check points x, y, z", "m", _three(summary.rmse_check_m), 3),
+        _row("gsd_m", "ground sampling distance, median", "m", (material.gsd_m,), 3),
+        _row("height_m", "height above ground, median", "m", (float(height.median()),), 0),
+        _row("iterations", "iterations", "", (summary.iterations,), 0),
+        _row("critical_value", "critical value of the rejection", "", (figures.critical_value,), 2),
+        _row("sigma_scaled_by", "factor of all standard deviations", "", (figures.sigma_scaled_by,), 3),
+    ]
+    columns = (
+        text_column("figure", "figure"),
+        text_column("unit", "unit"),
+        *(Column(f"value_{index}", heading) for index, heading in enumerate(("value, or x", "y", "z"))),
+    )
+    return Table("key-figures", "Key figures", columns, tuple(rows))
+
+
+def _three(values: tuple[float | None, ...] | None) -> tuple[float | None, ...]:
+    return values if values is not None else (None, None, None)
+
+
+def _row(key: str, words: str, unit: str, values: tuple[float | None, ...], decimals: int) -> Row:
+    """A row with one to three values; columns beyond them stay empty."""
+    empty = ("",) * (3 - len(values))
+    return Row(key, (words, unit, *numbers(values, decimals), *empty))
+
+
+def group_table(material: Material) -> Table:
+    """The observation groups."""
+    columns = (
+        text_column("group", "observation group"),
+        Column("observations", "observed components"),
+        Column("redundancy", "redundancy"),
+        Column("sigma0", "σ0 of the group"),
+        Column("rejected", "rejected"),
+        Column("uncontrolled", "uncontrolled"),
+    )
+    rows = tuple(
+        Row(
+            group.group,
+            (
+                group_words(group.group),
+                Number(group.observations),
+                Number(group.redundancy, 1),
+                Number(group.sigma0, 3),
+                Number(group.rejected),
+                Number(group.uncontrolled),
+            ),
+        )
+        for group in material.figures.groups
+    )
+    return Table("groups", "Observation groups", columns, rows)
+
+
+def gate_table(gates: Sequence[GateResult]) -> Table:
+    """The limits of the project and what became of them."""
+    columns = (
+        text_column("gate", "limit of"),
+        Column("value", "value"),
+        text_column("bound", ""),
+        Column("limit", "limit"),
+        text_column("unit", "unit"),
+        text_column("passed", "verdict"),
+    )
+    rows = tuple(
+        Row(
+            f"{gate.name}:{gate.bound}",
+            (
+                gate_words(gate.name),
+                Number(gate.value, 3),
+                "≤" if gate.bound == "max" else "≥",
+                Number(gate.limit, 3),
+                unit_words(gate.unit),
+                "kept" if gate.passed else "not kept",
+            ),
+        )
+        for gate in gates
+    )
+    return Table("gates", "Limits set in the project", columns, rows)

@@ -1,0 +1,185 @@
+"""What the report is made from: the tables of the contract, read once, and a few things they imply."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats
+from adjust.camera.interior import FrameCamera
+from adjust.residual_grid.residual_grid import LEAST_REDUNDANCY
+from tasks.block.strip_names import strip_names
+from tasks.deliveries.cameras import frame_cameras
+from tasks.results.figures import AdjustmentFigures, figures_of
+from tasks.results.summary import Summary, summary_of
+from tasks.settings.project import Project
+from tasks.store.artifact import Artifact
+from tasks.store.notes import read_notes
+from tasks.tables.parquet import read_table
+from tasks.tables.places import places_of
+
+IMAGE_POINTS = "image_points"
+#: Status of residuals that took part in the adjustment.
+TOOK_PART = ("used", "uncontrolled")
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The tables of one adjustment, and its figures.
+
+    Attributes
+    ----------
+    project : the settings of the run.
+    summary : what summary.json says, without timings.
+    cameras : by name.
+    camera_table : as cameras.parquet, with the layout of the CCD images and the calibration axes.
+    images : of the block, with their orientation (left join: an image without attitude has none).
+    image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
+        check_points, distance_residuals, model_alternatives, residual_grid, residual_autocorrelation : the
+        tables of these names.
+    self_calibration : the additional parameters that were offered; empty without any.
+    strip_means : orientation_difference_means of a two-step calibration; empty without one.
+    """
+
+    project: Project
+    summary: Summary
+    cameras: Mapping[str, FrameCamera]
+    camera_table: pd.DataFrame
+    images: pd.DataFrame
+    image_points: pd.DataFrame
+    control_points: pd.DataFrame
+    object_points: pd.DataFrame
+    residuals: pd.DataFrame
+    parameters: pd.DataFrame
+    correlations: pd.DataFrame
+    control_residuals: pd.DataFrame
+    check_points: pd.DataFrame
+    distance_residuals: pd.DataFrame
+    model_alternatives: pd.DataFrame
+    residual_grid: pd.DataFrame
+    residual_autocorrelation: pd.DataFrame
+    self_calibration: pd.DataFrame
+    strip_means: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    @cached_property
+    def figures(self) -> AdjustmentFigures:
+        """Figures of the adjustment beyond the contract of summary.json."""
+        return figures_of(self.summary.model_extra)
+
+    @cached_property
+    def oriented(self) -> pd.DataFrame:
+        """Adjusted images in the order of flight: by strip, then by name.
+
+        Besides the columns of ``images`` and ``exterior_orientations``: gsd_m, ground_m (mean height of the
+        terrain in the image, the block's where the image has none).
+        """
+        table = self.images[self.images["x_m"].notna()].copy()
+        table["strip"] = strip_names(table["flight"].fillna(""), table["strip"].fillna(""))
+        table = table.sort_values(["strip", "image"], kind="stable", ignore_index=True)
+        height = table["height_above_ground_m"].to_numpy(np.float64)
+        known = self.object_points["z_m"].to_numpy(np.float64)
+        terrain = float(np.median(known)) if len(known) else 0.0
+        height = np.where(np.isfinite(height), height, table["z_m"].to_numpy(np.float64) - terrain)
+        cameras = [self.cameras[name] for name in table["camera"]]
+        ratio = np.array([camera.pixel_size / camera.focal_length for camera in cameras])
+        table["gsd_m"] = height * ratio
+        table["ground_m"] = table["z_m"] - height
+        return table
+
+    @cached_property
+    def gsd_m(self) -> float:
+        """Ground sampling distance: the median over the images, m; NaN without images."""
+        return float(self.oriented["gsd_m"].median())
+
+    @cached_property
+    def image_residuals(self) -> pd.DataFrame:
+        """One row for each image point: camera, x_mm, y_mm, vx_um, vy_um, wx, wy, used, shows_x, shows_y.
+
+        ``used`` says that both components took part; ``shows_x`` and ``shows_y`` that a component shows
+        errors, because others control it: these make the mean residuals.
+        """
+        places = self.image_points
+        x, y = (self._component(name) for name in ("x", "y"))
+        camera, names = pd.factorize(self.images["camera"])
+        return pd.DataFrame(
+            {
+                "image": places["image"],
+                "point": places["point"],
+                "camera": pd.Categorical.from_codes(
+                    camera[places_of(places["image"], self.images["image"])], categories=names
+                ),
+                "x_mm": places["x_mm"],
+                "y_mm": places["y_mm"],
+                "vx_um": x["residual"],
+                "vy_um": y["residual"],
+                "wx": x["standardized"],
+                "wy": y["standardized"],
+                "used": x["status"].isin(TOOK_PART) & y["status"].isin(TOOK_PART),
+                "shows_x": (x["status"] == "used") & (x["redundancy"] > LEAST_REDUNDANCY),
+                "shows_y": (y["status"] == "used") & (y["redundancy"] > LEAST_REDUNDANCY),
+            }
+        )
+
+    def _component(self, name: str) -> pd.DataFrame:
+        """Residuals of a component of all image points, in the order of image_points.parquet.
+
+        Both tables are in the order of their keys, so nothing has to be joined.
+        """
+        columns = ["image", "point", "residual", "redundancy", "standardized", "status"]
+        chosen = (self.residuals["group"] == IMAGE_POINTS) & (self.residuals["component"] == name)
+        own = self.residuals.loc[chosen, columns].reset_index(drop=True)
+        if not all(own[column].equals(self.image_points[column]) for column in ("image", "point")):
+            raise ValueError("residuals.parquet and image_points.parquet have other image points")
+        return own
+
+    def gsd_at(self, points: pd.Series) -> Floats:
+        """Ground sampling distance (n,) at named points: the median of the images that measure each."""
+        gsd = dict(zip(self.oriented["image"], self.oriented["gsd_m"], strict=True))
+        rays = self.image_points[self.image_points["point"].isin(points)]
+        by_point = rays["image"].map(gsd).astype(np.float64).groupby(rays["point"]).median()
+        return np.asarray(points.map(by_point).fillna(self.gsd_m), np.float64)
+
+
+def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) -> Material:
+    """Read everything the report shows.
+
+    Parameters
+    ----------
+    stages : the outputs of all stages by name, in the order in which they ran.
+    """
+    tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
+    read = {
+        name: read_table(tables[name])
+        for name in (
+            "images",
+            "image_points",
+            "control_points",
+            "object_points",
+            "residuals",
+            "parameters",
+            "correlations",
+            "control_residuals",
+            "check_points",
+            "distance_residuals",
+            "model_alternatives",
+            "residual_grid",
+            "residual_autocorrelation",
+        )
+    }
+    orientations = read_table(tables["exterior_orientations"])
+    read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
+    offered, means = (tables.get(name) for name in ("self_calibration", "orientation_difference_means"))
+    camera_table = read_table(tables["cameras"])
+    return Material(
+        project=project,
+        summary=summary_of([read_notes(outputs["notes"]) for outputs in stages], project.gates, {}),
+        cameras=frame_cameras(camera_table),
+        camera_table=camera_table,
+        self_calibration=pd.DataFrame() if offered is None else read_table(offered),
+        strip_means=pd.DataFrame() if means is None else read_table(means),
+        **read,
+    )

@@ -1,0 +1,168 @@
+"""From the material to the page: every table and plot is made here, the templates place them among words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from tasks.document_kit.table import Table
+from tasks.documents.report import (
+    block_map,
+    calibration,
+    correlations,
+    datum,
+    grid_iteration,
+    histogram,
+    image_errors,
+    image_errors_plot,
+    key_figures,
+    model_tests,
+    orientation_precision,
+    point_precision,
+    provenance,
+    residual_correlation,
+    residual_field,
+    self_calibration,
+    strip_differences,
+    surveyed_points,
+    suspicious,
+    system_parameters,
+    two_step,
+)
+from tasks.documents.report.material import IMAGE_POINTS, Material
+from tasks.documents.report.residual_field import ResidualField
+
+#: Package data: part of the digest of every source that reaches this module.
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A drawing with the name the templates call it by."""
+
+    name: str
+    drawing: Markup
+
+
+def render(material: Material, name: str, files: Sequence[str], software: Mapping[str, str]) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    material : tables and figures.
+    name : the project's name.
+    files : names of the delivered files in the order of the settings.
+    software : versions besides those of the numerical libraries.
+    """
+    tables = {table.name: table for table in _tables(material, files, software)}
+    plots = {plot.name: plot.drawing for plot in _plots(material)}
+    fields = residual_field.residual_fields(material)
+    errors = image_errors.image_errors(material)
+    pairs = image_errors_plot.before_and_after(material)
+    of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
+    tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
+    page: str = (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            name=name,
+            frame=material.figures.frame,
+            verdict=key_figures.verdict(material),
+            problems=material.summary.problems,
+            figures=material.figures,
+            summary=material.summary,
+            tables=tables,
+            plots=plots,
+            fields=[(field, _field_plots(field)) for field in fields],
+            confidence=material.project.adjustment.confidence,
+            calibrated=not material.self_calibration.empty,
+            image_errors=[
+                (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
+            ],
+            comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
+            outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
+        )
+    )
+    return page
+
+
+def _tables(material: Material, files: Sequence[str], software: Mapping[str, str]) -> tuple[Table, ...]:
+    return (
+        key_figures.key_table(material),
+        key_figures.group_table(material),
+        key_figures.gate_table(material.summary.gates),
+        histogram.standardized_table(material),
+        surveyed_points.statistics(material),
+        surveyed_points.check_test_table(material),
+        surveyed_points.point_table(material, is_check=False),
+        surveyed_points.point_table(material, is_check=True),
+        surveyed_points.distance_table(material),
+        orientation_precision.orientation_table(material),
+        point_precision.point_table(material),
+        system_parameters.parameter_table(material),
+        system_parameters.registered_table(material),
+        self_calibration.offered_table(material),
+        self_calibration.group_table(material),
+        self_calibration.flight_table(material),
+        *calibration.calibration_tables(material),
+        *two_step.two_step_tables(material.figures.two_step),
+        datum.datum_table(material),
+        model_tests.strongest_table(material),
+        model_tests.unnoticed_table(material),
+        suspicious.rejected_table(material),
+        suspicious.uncontrolled_images(material),
+        suspicious.uncontrolled_table(material),
+        provenance.settings_table(material.project),
+        provenance.files_table(material.project, files),
+        provenance.versions_table(software),
+    )
+
+
+def _residual_tables(material: Material, fields: Sequence[ResidualField]) -> tuple[Table, ...]:
+    """Figures of the residuals of each camera, and how they were used as corrections."""
+    of_cameras = residual_field.field_table(fields, material.project.adjustment.confidence)
+    iteration = material.figures.residual_grid.iteration
+    return (of_cameras,) if iteration is None else (of_cameras, grid_iteration.iteration_table(iteration))
+
+
+def _field_plots(field: ResidualField) -> dict[str, Markup]:
+    """Mean residuals of a camera, and what was added to its image coordinates."""
+    plots = {"mean": residual_field.field_plot(field, field.mean, "Mean residuals")}
+    if field.correction is not None:
+        plots["correction"] = residual_field.field_plot(field, field.correction, "Corrections")
+    return plots
+
+
+def _plots(material: Material) -> list[Plot]:
+    """The plots for which there is something to show."""
+    made = {
+        "block": block_map.block_map(material),
+        "orientations": orientation_precision.orientation_plot(material),
+        "heights": point_precision.height_precision_map(material) if len(material.object_points) else None,
+        "histogram": histogram.histogram_plot(material)
+        if len(histogram.standardized(material, IMAGE_POINTS))
+        else None,
+        "residual-correlation": residual_correlation.correlation_plot(material),
+        "correlations": correlations.correlation_plot(material),
+        "datum": datum.datum_plot(material),
+        "strip-differences": strip_differences.strip_plot(material.strip_means),
+    }
+    return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]
+
+
+@cache
+def environment() -> Environment:
+    """Templates with escaping on for everything: names come from files."""
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

@@ -1,0 +1,169 @@
+"""The second step of a calibration: means of mountings and flights, and nested tests of the offset."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
+
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.quantities import quantity_words
+from tasks.results.figures import OffsetTestFigure, StripGroupFigure, TwoStepFigure, TwoStepParameterFigure
+
+_ANGLES = ("roll", "pitch", "yaw")
+_OFFSETS = ("forward", "right", "down", "east", "north", "up")
+# Component, value and σ of every mean of a group.
+_Means: TypeAlias = Callable[[StripGroupFigure], Iterable[tuple[str, float | None, float | None]]]
+_TESTED = {
+    "offset": ("any offset", "none"),
+    "lever_arm": ("lever arm", "a GNSS shift alone"),
+    "shift": ("GNSS shift", "a lever arm alone"),
+    "shift_by_flight": ("GNSS shift of each flight", "one GNSS shift"),
+    "lever_arm_by_flight": ("lever arm of each flight", "one lever arm"),
+    "lever_arm_by_mounting": ("lever arm of each mounting", "one lever arm"),
+}
+_VERDICTS = {"not_determinable": "not determinable", "not_called_for": "not called for"}
+
+
+def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
+    """Means, mountings and tests; without a second step nothing."""
+    if not cameras:
+        return ()
+    of_boresight = _means(
+        "two-step-boresights",
+        "Boresights by mounting and by flight",
+        "deg",
+        cameras,
+        lambda group: zip(
+            ("roll", "pitch", "yaw"), group.boresight_deg, group.boresight_sigma_deg, strict=True
+        ),
+        "Mounting 0 is that of most strips and the result.",
+    )
+    of_offset = _means(
+        "two-step-offsets",
+        "Offsets by mounting and by flight",
+        "m",
+        cameras,
+        lambda group: zip(
+            _OFFSETS,
+            (*group.lever_arm_m, *group.shift_m),
+            (*group.lever_arm_sigma_m, *group.shift_sigma_m),
+            strict=True,
+        ),
+        "Forward, right, down: as if the whole offset were a lever arm; east, north, up: as if what the "
+        "given lever arm leaves were a GNSS shift.",
+    )
+    return _mountings(cameras), of_boresight, of_offset, _tests(cameras)
+
+
+def _mountings(cameras: Sequence[TwoStepFigure]) -> Table:
+    columns = (
+        text_column("camera", "camera"),
+        text_column("mounting", "mounting"),
+        Column("images", "images"),
+        text_column("strips", "strips"),
+    )
+    rows = tuple(
+        Row(
+            f"{camera.camera}@mounting {item.mounting}",
+            (camera.camera, str(item.mounting), Number(item.images), ", ".join(item.strips)),
+        )
+        for camera in cameras
+        for item in camera.mountings
+    )
+    return Table("two-step-mountings", "Mountings and their strips", columns, rows)
+
+
+def _means(
+    name: str, caption: str, unit: str, cameras: Sequence[TwoStepFigure], means: _Means, note: str
+) -> Table:
+    """Means with their σ, a row for each mounting and flight."""
+    rows: list[Row] = []
+    components: list[str] = []
+    for camera in cameras:
+        groups: list[tuple[str, StripGroupFigure]] = [
+            (f"mounting {item.mounting}", item) for item in camera.mountings
+        ]
+        groups += [(f"flight {item.flight} (mounting {item.mounting})", item) for item in camera.flights]
+        for label, group in groups:
+            cells: list[Cell] = [camera.camera, label]
+            components = []
+            for component, value, sigma in means(group):
+                components.append(component)
+                cells += numbers((value,), decimals_for(sigma), plus=True)
+                cells += numbers((sigma,), decimals_for(sigma))
+            rows.append(Row(f"{camera.camera}@{label}", tuple(cells)))
+    columns = [text_column("camera", "camera"), text_column("group", "mean of")]
+    for component in components:
+        columns += [Column(component, component, unit), Column(f"sigma_{component}", "σ", unit)]
+    return Table(name, caption, tuple(columns), tuple(rows), note)
+
+
+def _tests(cameras: Sequence[TwoStepFigure]) -> Table:
+    columns = (
+        text_column("camera", "camera"),
+        text_column("tested", "tested"),
+        text_column("against", "against"),
+        Column("chi_squared", "χ²"),
+        Column("freedom", "degrees of freedom"),
+        Column("variance_freedom", "of the variance"),
+        Column("probability", "probability by chance"),
+    )
+    # With one flight or one mounting there is nothing to compare.
+    rows = tuple(
+        _test_row(camera.camera, test)
+        for camera in cameras
+        for test in camera.tests
+        if test.probability is not None or "_by_" not in test.tested
+    )
+    note = (
+        "χ² is the decrease of the squares of the strips' residuals over their variance, which the strips "
+        "give themselves: the probability is that of the F-test. Plan only: in height a shift is a lever arm "
+        "in every heading. –: these strips do not separate the two."
+    )
+    return Table("two-step-tests", "What the strips call for", columns, rows, note)
+
+
+def _test_row(camera: str, test: OffsetTestFigure) -> Row:
+    name, _, by = test.tested.partition("_by_")
+    tested, against = _TESTED.get(test.tested, (f"{name} of each {by}", f"one {name}"))
+    cells: tuple[Cell, ...] = (
+        camera,
+        tested,
+        against,
+        *numbers((test.chi_squared,), 1),
+        Number(test.freedom),
+        Number(test.variance_freedom),
+        *numbers((test.probability,), 4),
+    )
+    return Row(f"{camera}@{test.tested}", cells)
+
+
+def parameter_table(parameters: Sequence[TwoStepParameterFigure]) -> Table:
+    """What a two-step calibration by itself determines."""
+    columns = (
+        text_column("parameter", "parameter"),
+        text_column("camera", "of"),
+        Column("value", "value"),
+        Column("sigma", "σ"),
+        Column("limit", "limit of σ"),
+        text_column("unit", "unit"),
+        text_column("verdict", "verdict"),
+        text_column("because", "because"),
+    )
+    rows = tuple(
+        Row(
+            f"{item.parameter}@{item.camera}",
+            (
+                quantity_words(item.parameter),
+                item.camera,
+                *numbers((item.value,), decimals_for(item.sigma), plus=True),
+                *numbers((item.sigma,), decimals_for(item.sigma)),
+                *numbers((item.limit,), decimals_for(item.limit)),
+                item.unit,
+                _VERDICTS.get(item.verdict, item.verdict),
+                item.because,
+            ),
+        )
+        for item in parameters
+    )
+    return Table("two-step-parameters", "What the second step determines", columns, rows)

@@ -1,0 +1,138 @@
+"""The page of a camera: every parameter over the years, one file that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
+from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
+from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
+from tasks.errors import InputError
+from tasks.files.installation import writing_into
+from tasks.quantities import quantity_words
+from tasks.registry.contents import StoredCalibration
+from tasks.registry.series import ParameterSeries, series_of
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One parameter: its drawing, and the value the drawing counts from."""
+
+    parameter: str
+    reference: str
+    drawing: Markup
+
+
+def write_time_series(file: Path, items: Sequence[StoredCalibration]) -> None:
+    """Write the page of a camera with its calibrations.
+
+    Raises
+    ------
+    InputError
+        If none of them has estimated a parameter of the camera.
+    """
+    page = time_series_page(items)
+    with writing_into(file.parent):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(page, encoding="utf-8")
+
+
+def time_series_page(items: Sequence[StoredCalibration]) -> str:
+    """The page as text."""
+    series = series_of(items)
+    if not series:
+        raise InputError(
+            "No calibration of this camera has determined a parameter.", "There is nothing to draw."
+        )
+    x = time_scale(series)
+    panels = [Panel(quantity_words(one.parameter), _reference(one), series_plot(one, x)) for one in series]
+    camera = items[-1].camera
+    page: str = _environment().get_template("time_series.html.j2").render(
+        camera=camera,
+        items=items,
+        panels=panels,
+        colours=COLOURS,
+        limit=f"{LIMIT:.1f}",
+        calibrations=_calibrations(items),
+        values=_values(series),
+    )  # fmt: skip
+    return page
+
+
+def _reference(series: ParameterSeries) -> str:
+    point = reference_of(series)
+    return f"{Number(point.value, decimals_for(point.sigma))} {series.unit} (calibration {point.calibration})"
+
+
+def _calibrations(items: Sequence[StoredCalibration]) -> Table:
+    names = (
+        ("id", "calibration"), ("flown", "flown"), ("mounting", "mounting"), ("state", "state"),
+        ("validity", "flights of"), ("by", "by"), ("digest", "verification code"),
+    )  # fmt: skip
+    rows = tuple(
+        Row(
+            str(item.id),
+            (
+                str(item.id),
+                str(item.flown or "–"),
+                item.camera.mounting,
+                item.state + (", refused by its own calibration" if item.record.verdict == "refused" else ""),
+                str(item.validity or "–"),
+                (item.approval or item.events[0]).person,
+                item.sealed.digest[:12],
+            ),
+        )
+        for item in items
+    )
+    return Table("calibrations", "Calibrations", tuple(text_column(*name) for name in names), rows)
+
+
+def _values(series: Sequence[ParameterSeries]) -> Table:
+    """Every value with its σ, and its change from the one before."""
+    columns = (
+        text_column("parameter", "parameter"), text_column("id", "calibration"), text_column("day", "date"),
+        Column("value", "value"), Column("sigma", "σ"), text_column("unit", "unit"),
+        Column("change", "change"), Column("t", "in σ"),
+    )  # fmt: skip
+    rows = []
+    for one in series:
+        for index, point in enumerate(one.points):
+            decimals = decimals_for(point.sigma)
+            change, sigma = one.change(index) or (None, 1.0)
+            rows.append(
+                Row(
+                    f"{one.parameter}:{point.calibration}",
+                    (
+                        quantity_words(one.parameter) if index == 0 else "",
+                        str(point.calibration),
+                        str(point.day),
+                        Number(point.value, decimals),
+                        Number(point.sigma, decimals),
+                        one.unit,
+                        Number(change, decimals, plus=True),
+                        Number(None if change is None else change / sigma, 1, plus=True),
+                    ),
+                )
+            )
+    return Table("values", "Values, and their change from the calibration before", columns, tuple(rows))
+
+
+@cache
+def _environment() -> Environment:
+    """Templates with escaping on for everything; macros and style are those of the report."""
+    return Environment(
+        loader=FileSystemLoader([_TEMPLATES, REPORT_TEMPLATES]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

@@ -1,0 +1,188 @@
+"""What tests of the model have found, in words: what differs, where, by how much, and what to check."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from tasks.quantities import COMPONENTS, additional_set, named, quantity_words, shown, with_unit
+from tasks.results.figures import ModelFinding
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """One kind of alternative: its words, what to check, and its axes where it is no kind of parameters."""
+
+    words: str
+    remedy: str
+    axes: tuple[str, ...] = ()
+
+
+_KINDS: Mapping[str, _Kind] = {
+    "lever_arm": _Kind(
+        "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
+        "Check lever_arm_m: from the camera to the antenna, and whether the positions are reduced already.",
+    ),
+    "time_offset": _Kind(
+        "The times of the exposures{of_entity} look wrong against the positions: {size}",
+        "Check the event times and the interpolation of the trajectory, or free time_offset.",
+    ),
+    "boresight": _Kind(
+        "Camera {entity} and INS sit otherwise to each other{where}: {size}",
+        "Was one of them remounted, or the INS aligned anew? Then give that flight a camera of its own "
+        "(inputs.exposures.flights).",
+    ),
+    "focal_length": _Kind(
+        "The focal length of camera {entity} differs{where} by {size}",
+        "Check focus, temperature and pressure, and heights of GNSS and control.",
+    ),
+    "principal_point": _Kind(
+        "The principal point of camera {entity} differs{where} by {size}",
+        "Check pixel_origin and the image axes of this delivery, and the timing of the exposures.",
+    ),
+    "gnss_shift": _Kind(
+        "The GNSS positions{where} are shifted against the others or the control by {size} (east x, north y, "
+        "up z)",
+        "Check their datum, base station and antenna height, or free the shift.",
+    ),
+    "gnss_height_scale": _Kind(
+        "The heights of the GNSS positions have another scale than the rest: {size}",
+        "Check whether these heights are ellipsoidal and in metres.",
+    ),
+    "convergence": _Kind(
+        "The attitudes look as if they were counted from the other north: {size} of the angle between grid "
+        "and true north is in them",
+        "Check angles.reference; 100 % is true for grid north, −100 % grid for true north.",
+    ),
+    "control_shift": _Kind(
+        "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
+        "Check datum and height system (geoid undulation) of both.",
+        ("x", "y", "z"),
+    ),
+    "control_tilt": _Kind(
+        "The heights of the control points are tilted by {size}",
+        "Check the geoid model of both deliveries.",
+        ("east", "north"),
+    ),
+    "control_turn": _Kind(
+        "The control points are turned about the vertical by {size}", "Check the CRS of both deliveries."
+    ),
+    "control_scale": _Kind(
+        "The control points have another scale in plan: {size}",
+        "Check whether coordinates were reduced to the ground (project CRS, not a local scale).",
+    ),
+    "control_height_scale": _Kind(
+        "The heights of the control points have another scale: {size}", "Check their unit."
+    ),
+    "refraction": _Kind(
+        "Refraction differs from what was corrected by {size} of it",
+        "Near −1 it was corrected twice: set adjustment.refraction to what was delivered.",
+    ),
+    "distortion_direction": _Kind(
+        "The distortion given for camera {entity} looks as if it were meant in the other direction: {size} "
+        "of the difference is in the images",
+        "100 % is true for the other direction: values of OpenCV, COLMAP and Metashape belong to "
+        "brown-forward, those of laboratories and Australis to brown; aerocal convert-distortion converts.",
+    ),
+    "distortion_sign": _Kind(
+        "The additional parameters given for camera {entity} look as if their sign were wrong: {size} of the "
+        "difference is in the images",
+        "100 % is true for the other sign: check whether corrections or errors were published.",
+    ),
+}
+_IMAGE_ERRORS = _Kind(
+    "The images of camera {entity} have systematic errors that no parameter describes: {size}",
+    "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
+)
+# Quantity → its kind and axis, of what is no parameter.
+_QUANTITIES = {
+    "_".join(filter(None, (name, axis))): (name, axis)
+    for name, kind in _KINDS.items()
+    for axis in kind.axes or ("",)
+}
+
+
+def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
+    """The causes in a table of alternatives, the likeliest first; axes of the same thing are one cause."""
+    chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
+    causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}
+    for row in chosen.to_dict("records"):
+        kind, _ = _kind_and_axis(str(row["quantity"]))
+        key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
+        causes.setdefault(key, []).append(row)
+    return tuple(_finding(number, key, rows) for number, (key, rows) in enumerate(causes.items(), start=1))
+
+
+def alternative_words(row: Mapping[Hashable, object]) -> str:
+    """What a row of model_alternatives.parquet is about: ``GNSS shift z at the height 780 m``."""
+    return f"{quantity_words(str(row['quantity']))}{_where(str(row['scope']), str(row['part']))}"
+
+
+def _kind_and_axis(quantity: str) -> tuple[str, str]:
+    """The kind of a quantity and its axis; of an additional parameter its set and name."""
+    if quantity in COMPONENTS:
+        return COMPONENTS[quantity].kind.name, COMPONENTS[quantity].axis
+    if quantity in _QUANTITIES:
+        return _QUANTITIES[quantity]
+    of_set = additional_set(quantity)
+    return of_set, quantity[len(of_set) + 1 :]
+
+
+def _finding(
+    number: int, key: tuple[str, str, str, str], rows: list[Mapping[Hashable, object]]
+) -> ModelFinding:
+    kind, entity, scope, part = key
+    moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
+    words = _KINDS.get(kind, _IMAGE_ERRORS)
+    text = words.words.format(
+        entity=entity,
+        of_entity=f" of flight {entity}" if entity else "",
+        where=_where(scope, part),
+        size=", ".join(map(_size, rows)),
+    )
+    t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
+    moved_by = float(str(moving["moved_by_estimate"]))
+    moves = named(quantity_words(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
+    effect = f" It moves {moves} by {moved_by:.1f} σ." if moves else ""
+    # Components of the same thing are no other cause.
+    own = {quantity_words(str(row["quantity"])) for row in rows}
+    others = dict.fromkeys(
+        other
+        for row in rows
+        if isinstance(row["alike"], str)
+        for other in row["alike"].split(", ")
+        if other not in own
+    )
+    alike = f" Nearly the same would be: {', '.join(others)}." if others else ""
+    sentence = f"{text} (t = {abs(t):.1f}).{alike}{effect} {words.remedy}"
+    return ModelFinding(
+        rank=number,
+        quantity=kind,
+        entity=entity,
+        scope=scope,
+        part=part,
+        t=t,
+        moves=moves,
+        moved_by=moved_by,
+        sentence=sentence,
+    )
+
+
+def _where(scope: str, part: str) -> str:
+    return {
+        "all": "",
+        "flight": f" in flight {part}",
+        "height": f" at the height {part}",
+        "direction": f" in the direction {part}",
+        "strip": f" in strip {part}",
+    }[scope]
+
+
+def _size(row: Mapping[Hashable, object]) -> str:
+    """Axis, size and its σ: ``x +0.100 ± 0.004 m``."""
+    _, axis = _kind_and_axis(str(row["quantity"]))
+    unit, factor, _ = shown(str(row["unit"]))
+    value, sigma = (float(str(row[name])) * factor for name in ("explained", "explained_sigma"))
+    return with_unit(f"{f'{axis} ' if axis else ''}{value:+.3g} ± {sigma:.2g}", unit)

@@ -1,0 +1,258 @@
+"""Tests of the model as tables: model_alternatives.parquet and model_alternative_effects.parquet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from adjust.arrays import Bools, Floats
+from adjust.model_tests import ModelTests
+from adjust.parameters import Quantity
+from tasks.evaluation.model_alternatives import Alternative
+from tasks.evaluation.model_findings import alternative_words
+from tasks.evaluation.result_tables import AdjustedBlock
+from tasks.files.json_text import JSON
+from tasks.quantities import reported_unit
+from tasks.results.figures import RestoredGroup, StripScatter
+from tasks.tables import schemas
+from tasks.tables.parquet import write_table
+
+#: Probability that any alternative of a complete model is called significant, shared among all of them.
+ERROR_PROBABILITY = 0.005
+# Beyond the critical value, in σ: the power of 80 %.
+_POWER = float(special.ndtri(0.8))
+# How far an error that is just found moves a parameter, in σ: less and more count as much as these.
+_GRAVITY = (1.0, 30.0)
+# Of calling a scatter from strip to strip too large that is chance, of each quantity.
+_SCATTER_PROBABILITY = 0.001
+# Scores correlated by more than this cannot be told from each other by chance; so many are named.
+_ALIKE, _MOST_ALIKE = 0.7, 3
+# With fewer strips their scatter says nothing.
+_FEW_STRIPS = 4
+_DIVISIONS = ("flight", "height", "direction")
+_KEY = ("quantity", "entity", "scope", "part")
+
+
+@dataclass(frozen=True, eq=False)
+class ExaminedModel:
+    """The alternatives of an adjusted block and what was found.
+
+    Attributes
+    ----------
+    alternatives, found : in the same order.
+    """
+
+    adjusted: AdjustedBlock
+    alternatives: tuple[Alternative, ...]
+    found: ModelTests
+
+    @property
+    def scale(self) -> float:
+        """Factor of all σ: σ0 where it is above 1; σ that are stated too large make nothing significant."""
+        return max(1.0, self.adjusted.result.test.sigma0)
+
+    @cached_property
+    def critical(self) -> Floats:
+        """(k,) |t| above which an alternative is significant.
+
+        The probability of a false alarm is shared in proportion to how far an error that is just found would
+        move a calibrated parameter, 1 to 30 σ (weighted Bonferroni; Genovese, Roeder and Wasserman 2006).
+        """
+        tested = self.found.tests.distinguishable
+        alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER
+        moved = np.abs(self._moved_sigmas).max(axis=0, initial=0.0) * self.found.tests.sigma * self.scale
+        weight = np.where(tested, np.clip(alike * np.nan_to_num(moved), *_GRAVITY), 0.0)
+        share = weight / max(weight.sum(), 1.0)
+        return np.asarray(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY * np.where(tested, share, 1.0)))
+
+    @property
+    def found_from(self) -> Floats:
+        """(k,) size, in its σ, from which an alternative is significant with a probability of 80 %."""
+        return self.critical + _POWER
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """The alternatives that explain the misclosures, the likeliest first."""
+        return self.found.tests.explanation(self.critical * self.scale)
+
+    @cached_property
+    def joint(self) -> tuple[float, Floats]:
+        """How much of vᵀPv they explain together, and with which sizes."""
+        return self.found.tests.joint(self.order) if self.order else (0.0, np.zeros(0))
+
+    def figures(self) -> dict[str, JSON]:
+        """For summary.json: how far all of them together move a parameter, and what they do not explain."""
+        moved = np.abs(self._moved_sigmas[:, list(self.order)] @ self.joint[1])
+        return {
+            "moved_by_findings": float(moved.max(initial=0.0)),
+            "strip_scatter": [
+                item.to_json() for key in self._of_strips() if (item := self._scatter(*key)) is not None
+            ],
+            "restored_groups": [
+                RestoredGroup(group=item.name, sigma0=item.sigma0(self.joint[0])).to_json()
+                for item in self.found.restored
+            ],
+        }
+
+    def _of_strips(self) -> list[tuple[str, str]]:
+        """Quantities, with their entities, that may differ from strip to strip."""
+        found = (item for item in self.alternatives if item.scope == "strip")
+        return list(dict.fromkeys((item.quantity, item.entity) for item in found))
+
+    def _scatter(self, quantity: str, entity: str) -> StripScatter | None:
+        """By how much a quantity differs from strip to strip beyond its σ, if it does so significantly.
+
+        An error of each strip moves what is common to k of them by 1/√k of it, which no σ says.
+        """
+        tests = self.found.tests
+        members = [
+            k
+            for k, item in enumerate(self.alternatives)
+            if (item.quantity, item.entity, item.scope) == (quantity, entity, "strip")
+            and tests.distinguishable[k]
+        ]
+        if len(members) < _FEW_STRIPS:
+            return None
+        statistic, freedom = tests.together(members)
+        statistic /= self.scale**2
+        probability = float(special.chdtrc(freedom, statistic))
+        if probability > _SCATTER_PROBABILITY:
+            return None
+        own = tests.estimate[members] ** 2 - (self.scale * tests.sigma[members]) ** 2
+        scatter = float(np.sqrt(max(float(np.median(own)), own.mean(), 0.0)))
+        every = self._moved_sigmas[:, members]
+        factor = self.alternatives[members[0]].factor
+        return StripScatter(
+            quantity=quantity,
+            entity=entity,
+            unit=self.alternatives[members[0]].unit,
+            strips=len(members),
+            statistic=statistic,
+            freedom=freedom,
+            probability=probability,
+            scatter=scatter * factor,
+            moved_by=float(scatter * np.sqrt((every**2).sum(axis=1)).max(initial=0.0)),
+        )
+
+    def table(self) -> pd.DataFrame:
+        """The rows of model_alternatives.parquet."""
+        tests = self.found.tests
+        factor = np.array([item.factor for item in self.alternatives])
+        rank, explained = np.zeros(len(factor), dtype=np.int64), np.full(len(factor), np.nan)
+        rank[list(self.order)] = np.arange(1, len(self.order) + 1)
+        explained[list(self.order)] = self.joint[1]
+        beside = np.full(len(factor), np.nan)
+        if self.order:
+            beside[list(self.order)] = tests.joint_sigma(self.order)
+        moved = self._moved_sigmas
+        most = np.argmax(np.abs(moved), axis=0) if len(moved) else np.zeros(len(factor), dtype=np.int64)
+        by = moved[most, np.arange(len(factor))] if len(moved) else np.zeros(len(factor))
+        names = [name for name, own in zip(self._names, self._calibrated(), strict=True) if own]
+        size = np.where(rank > 0, explained, tests.estimate)
+        return pd.DataFrame(
+            {
+                **{name: [getattr(item, name) for item in self.alternatives] for name in (*_KEY, "unit")},
+                "estimate": tests.estimate * factor,
+                "sigma": tests.sigma * self.scale * factor,
+                "t": tests.t / self.scale,
+                "detectable": self.found_from * tests.sigma * self.scale * factor,
+                "rank": rank,
+                "explained": explained * factor,
+                "explained_sigma": beside * self.scale * factor,
+                "alike": [self._alike(k) if rank[k] else None for k in range(len(factor))],
+                "moves": [names[k].name if names else None for k in most],
+                "moves_entity": [names[k].entity if names else None for k in most],
+                "moved_by_detectable": np.abs(by) * self.found_from * tests.sigma * self.scale,
+                "moved_by_estimate": np.abs(by * size),
+            }
+        )
+
+    def _alike(self, k: int) -> str | None:
+        """Other alternatives, of no single strip, that would look nearly the same, the likest first."""
+        likeness = np.abs(np.nan_to_num(self.found.tests.correlation[k]))
+        others = [
+            alternative_words({"quantity": item.quantity, "scope": item.scope, "part": item.part})
+            for j in np.argsort(-likeness, kind="stable")
+            for item in (self.alternatives[j],)
+            if likeness[j] > _ALIKE and j != k and item.scope != "strip"
+        ]
+        return ", ".join(others[:_MOST_ALIKE]) or None
+
+    def effects(self) -> pd.DataFrame:
+        """The rows of model_alternative_effects.parquet."""
+        own = np.flatnonzero(self._calibrated())
+        names = [self._names[k] for k in own]
+        effect = self.found.tests.effect[own] * self._units()[own, None]
+        parts = [
+            pd.DataFrame(
+                {
+                    **{name: getattr(item, name) for name in (*_KEY, "unit")},
+                    "parameter": [name.name for name in names],
+                    "parameter_entity": [name.entity for name in names],
+                    "effect": effect[:, k] / item.factor,
+                }
+            )
+            for k, item in enumerate(self.alternatives)
+        ]
+        return pd.concat(parts) if parts and names else pd.DataFrame()
+
+    @cached_property
+    def _moved_sigmas(self) -> Floats:
+        """(h, k) change of the calibrated parameters by b = 1, in their standard deviations.
+
+        A parameter that differs between flights, heights or directions has two values and one result: it is
+        wrong by what it is moved for one of them, and by that less b for the other.
+        """
+        own = self._calibrated()
+        spread = self.adjusted.sigma0 * np.sqrt(np.diagonal(self.adjusted.cofactor.reduced.corner)[own])
+        effect = self.found.tests.effect[own].copy()
+        names = [name for name, kept in zip(self._names, own, strict=True) if kept]
+        for k, item in enumerate(self.alternatives):
+            for row, of in enumerate(names):
+                same = of.name == item.quantity and item.entity in ("", of.entity)
+                differs = item.scope in _DIVISIONS and same
+                if differs and abs(effect[row, k] - 1.0) > abs(effect[row, k]):
+                    effect[row, k] -= 1.0
+        return effect / spread[:, None]
+
+    @cached_property
+    def _names(self) -> tuple[Quantity, ...]:
+        return self.adjusted.result.layout.border_quantities
+
+    def _calibrated(self) -> Bools:
+        """(g,) which columns of the border belong to a calibration: what is random in a strip does not."""
+        families = [
+            item.family.entity_kind != "strip"
+            for item in self.adjusted.result.layout.system
+            for _ in range(int(item.free.sum()))
+        ]
+        return np.array(families, dtype=bool)
+
+    def _units(self) -> Floats:
+        """(g,) factors from SI and radians to the units of parameters.parquet."""
+        factors = [
+            reported_unit(item.family, int(component))[1]
+            for item in self.adjusted.result.layout.system
+            for _, component in np.argwhere(item.free)
+        ]
+        return np.array(factors, dtype=np.float64)
+
+
+def write_model_alternatives(folder: Path, examined: ExaminedModel) -> pd.DataFrame:
+    """Both tables; returns that of the alternatives."""
+    table = examined.table()
+    for schema, rows in (
+        (schemas.MODEL_ALTERNATIVES, table),
+        (schemas.MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
+    ):
+        columns = {
+            column.name: rows[column.name].to_numpy() if column.name in rows else np.zeros(0)
+            for column in schema.columns
+        }
+        write_table(folder / f"{schema.name}.parquet", schema, columns)
+    return table

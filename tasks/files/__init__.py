@@ -1,0 +1,1 @@
+"""Files as they are delivered, JSON, and what the installation can do."""

@@ -1,0 +1,203 @@
+"""A notice: what is to be told about a run that has ended."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Literal, TypeAlias, cast, get_args
+from urllib.parse import quote
+
+from tasks.errors import InputError
+from tasks.files.json_text import JSON, finite, from_json, json_text
+from tasks.nearest_name import did_you_mean
+from tasks.plain_text import visible
+
+#: What a notice is about: a failed gate, a run without result, a calibration that is due, a run that is done.
+NoticeKind: TypeAlias = Literal["gate", "failure", "recalibration", "success"]
+#: What is told unless something else is asked for.
+USUAL: tuple[NoticeKind, ...] = ("gate", "failure", "recalibration")
+
+_KINDS: Mapping[str, NoticeKind] = {
+    "GateFailed": "gate",
+    "InputError": "failure",
+    "NotComputable": "failure",
+    "Failed": "failure",
+    "TimedOut": "failure",
+    "Crashed": "failure",
+    "RecalibrationDue": "recalibration",
+    "Completed": "success",
+}
+#: The page about a run, by story.
+_PAGES: Mapping[str, str] = {
+    "direct-georeferencing-check": "georeferencing_check.html",
+    "scenario-sweep": "sweep.html",
+}
+_LONGEST_SUBJECT = 200
+_LONGEST_LINE = 2_000
+_MOST_PROBLEMS = 20
+
+
+@dataclass(frozen=True)
+class Links:
+    """Where readers find more: addresses of dashboard and production page; None: nowhere."""
+
+    dashboard: str | None = None
+    overview: str | None = None
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What is to be told about a run that has ended.
+
+    Attributes
+    ----------
+    id : the same however often it is sent; another attempt of a run has another one.
+    kind : what it is about.
+    run : number of the flow run.
+    project, story, state, message : as of the run.
+    directory : its output folder; "" without one.
+    ended : ISO 8601, UTC.
+    problems : plain sentences, the gravest first.
+    sigma0 : of the adjustment; None without one.
+    gates : of summary.json.
+    """
+
+    id: str
+    kind: NoticeKind
+    run: str
+    project: str
+    story: str
+    state: str
+    message: str
+    directory: str
+    ended: str
+    problems: tuple[str, ...] = ()
+    sigma0: float | None = None
+    gates: tuple[Mapping[str, JSON], ...] = field(default=())
+
+    @property
+    def subject(self) -> str:
+        """One line, whatever the project is called."""
+        return _line(f"{self.state}: {self.project} ({self.story})")[:_LONGEST_SUBJECT]
+
+    def text(self, links: Links) -> str:
+        """The message as plain text."""
+        parts = [self.message, *_gate_lines(self.gates)]
+        if self.sigma0 is not None:
+            parts.append(f"sigma0 = {self.sigma0:.3f}")
+        lines = [_line(part) for part in parts if part]
+        if self.problems:
+            shown = [f"- {_line(problem)}" for problem in self.problems[:_MOST_PROBLEMS]]
+            more = len(self.problems) - len(shown)
+            lines += ["", "Problems:", *shown, *([f"- {more} more in summary.json"] if more > 0 else [])]
+        addresses = self.addresses(links)
+        lines += ["", *(f"{name.capitalize()}: {address}" for name, address in addresses.items())]
+        if self.directory:
+            lines.append(f"Folder: {_line(self.directory)}")
+        return "\n".join([*lines, f"Ended: {self.ended}"])
+
+    def addresses(self, links: Links) -> dict[str, str]:
+        """Address of the run in the dashboard, and of its report if it has one."""
+        found = {}
+        run = quote(self.run, safe="")
+        if links.overview is not None and self.kind in ("gate", "success") and self.directory:
+            found["report"] = report_address(links.overview, self.run, self.story)
+        if links.dashboard is not None:
+            found["run"] = f"{links.dashboard}/v2/runs/flow-run/{run}"
+        return found
+
+    def payload(self, links: Links) -> dict[str, JSON]:
+        """The notice for programs."""
+        return {**self._content(), "links": cast(JSON, self.addresses(links))}
+
+    def to_text(self) -> str:
+        """For the outbox."""
+        return json_text(self._content())
+
+    def _content(self) -> dict[str, JSON]:
+        return cast(dict[str, JSON], finite(from_json(json.dumps(asdict(self)))))
+
+
+def report_address(overview: str, run: str, story: str) -> str:
+    """Where the production page at an address serves the page about a run."""
+    return f"{overview}/results/{quote(run, safe='')}/{_PAGES.get(story, 'report.html')}"
+
+
+def notice_from(text: str) -> Notice:
+    """What `Notice.to_text` has written."""
+    content = from_json(text)
+    lists = {name: tuple(content[name]) for name in ("problems", "gates")}
+    return Notice(**{**content, **lists})
+
+
+def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None, ended: str) -> Notice | None:
+    """The notice of a run that has ended; None if its state is nothing to tell about (cancelled).
+
+    Parameters
+    ----------
+    run : id, project, story, state, message and directory.
+    ended : when; a run that is begun anew ends another time, and that is told, too.
+    """
+    texts = {name: str(run[name]) for name in ("project", "story", "state", "message", "directory")}
+    kind = _KINDS.get(texts["state"])
+    if kind is None:
+        return None
+    figures = summary or {}
+    problems, gates, sigma0 = (figures.get(name) for name in ("problems", "gates", "sigma0"))
+    return Notice(
+        id=f"{run['id']}:{ended}",
+        kind=kind,
+        run=str(run["id"]),
+        ended=ended,
+        # Without a result the only problem is the message.
+        problems=_texts(problems) if kind in ("gate", "success") else (),
+        sigma0=float(sigma0) if isinstance(sigma0, int | float) else None,
+        gates=tuple(gate for gate in gates if isinstance(gate, Mapping)) if isinstance(gates, list) else (),
+        **texts,
+    )
+
+
+def wanted_kinds(text: str) -> frozenset[NoticeKind]:
+    """The kinds that a text names, separated by commas.
+
+    Raises
+    ------
+    InputError
+        If it names none, or something else.
+    """
+    kinds: tuple[NoticeKind, ...] = get_args(NoticeKind)
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in kinds:
+            raise InputError(f"There are no notices of '{visible(name)}'.", did_you_mean(name, kinds))
+    if not names:
+        raise InputError("--notify-on names nothing.", f"Write some of {', '.join(kinds)}.")
+    return frozenset(kind for kind in kinds if kind in names)
+
+
+def _gate_lines(gates: Sequence[Mapping[str, JSON]]) -> list[str]:
+    """The limits that are not kept."""
+    lines = []
+    for gate in gates:
+        if gate.get("passed") is False:
+            sign = ">=" if gate.get("bound") == "min" else "<="
+            unit = "" if gate.get("unit") == "1" else f" {gate.get('unit')}"
+            lines.append(
+                f"Not kept: {gate.get('name')} = {_figure(gate.get('value'))}{unit}, limit {sign} "
+                f"{_figure(gate.get('limit'))}{unit}"
+            )
+    return lines
+
+
+def _figure(value: JSON) -> str:
+    return f"{value:.4g}" if isinstance(value, int | float) else "none"
+
+
+def _texts(value: JSON) -> tuple[str, ...]:
+    return tuple(str(one) for one in value) if isinstance(value, list) else ()
+
+
+def _line(text: str) -> str:
+    """A text in one line: a header of an e-mail ends with it."""
+    return visible(" ".join(text.split()), _LONGEST_LINE)

@@ -1,0 +1,171 @@
+"""Where notices go: addresses that are secrets, from the environment or a private file only.
+
+An address may hold a password or a token. None is ever shown, logged or stored: people read its number and
+its kind, the outbox holds a slow digest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import re
+import socket
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from uuid import uuid4
+
+import apprise
+from apprise.plugins.custom_json import NotifyJSON
+
+from tasks.errors import InputError
+from tasks.production.notice import Links, Notice
+
+#: Addresses, separated by spaces or line ends.
+ADDRESSES_VARIABLE = "AEROCAL_NOTIFY"
+#: Names a file with one address a line, which nobody but its owner may read.
+FILE_VARIABLE = "AEROCAL_NOTIFY_FILE"
+
+_TYPES = {
+    "gate": apprise.NotifyType.WARNING,
+    "failure": apprise.NotifyType.FAILURE,
+    "recalibration": apprise.NotifyType.WARNING,
+    "success": apprise.NotifyType.SUCCESS,
+}
+_REFUSED = re.compile(r"error=(\d{3})\b")
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What became of one message: whether the receiver took it, and what is to be said about it."""
+
+    accepted: bool
+    said: str
+
+
+@dataclass(frozen=True)
+class NoticeAddress:
+    """Where notices go.
+
+    Attributes
+    ----------
+    number : its place among the addresses, from 1.
+    kind : e.g. ``json``, ``mailtos``.
+    key : what the outbox knows it by.
+    """
+
+    number: int
+    kind: str
+    key: str
+    _url: str = field(repr=False)
+
+    def __str__(self) -> str:
+        return f"address {self.number} ({self.kind})"
+
+    def send(self, notice: Notice, links: Links) -> Sent:
+        """Send a notice and wait until the receiver has taken it, or for some seconds."""
+        with _heard() as heard:
+            receiver = apprise.Apprise.instantiate(self._url)
+            if receiver is None:
+                return Sent(False, "the address is not understood")
+            receiver.notify_format = apprise.NotifyFormat.TEXT
+            if isinstance(receiver, NotifyJSON):
+                receiver.payload_extras["notice"] = notice.payload(links)
+            everybody = apprise.Apprise()
+            everybody.add(receiver)
+            accepted = everybody.notify(
+                title=notice.subject,
+                body=notice.text(links),
+                notify_type=_TYPES[notice.kind],
+                body_format=apprise.NotifyFormat.TEXT,
+            )
+        if accepted:
+            return Sent(True, "accepted")
+        answer = _REFUSED.search(" ".join(heard))
+        if answer is not None:
+            return Sent(False, f"refused with status {answer[1]}")
+        return Sent(False, "not reached, or refused")
+
+
+def configured_addresses(environment: Mapping[str, str] = os.environ) -> tuple[NoticeAddress, ...]:
+    """The addresses of this installation; empty without any.
+
+    Raises
+    ------
+    InputError
+        If an address is not understood (it is not repeated), or the file can be read by others.
+    """
+    text = environment.get(ADDRESSES_VARIABLE, "")
+    file = environment.get(FILE_VARIABLE)
+    where = [(one, ADDRESSES_VARIABLE) for one in text.split()]
+    if file:
+        where += [(one, FILE_VARIABLE) for one in _private_text(Path(file)).split()]
+    found: dict[str, NoticeAddress] = {}
+    for number, (url, source) in enumerate(where, start=1):
+        with _heard():
+            receiver = apprise.Apprise.instantiate(url)
+        if receiver is None:
+            raise InputError(
+                f"Address {number} for notices ({source}) is not understood; it is not shown, for it may "
+                "hold a password.",
+                "Write e.g. jsons://HOST/PATH for a webhook, mailtos://USER:PASSWORD@HOST?to=NAME@DOMAIN for "
+                "e-mail; special characters of a password percent-encoded.",
+            )
+        found.setdefault(url, NoticeAddress(number, url.partition(":")[0].lower(), _key(url), url))
+    return tuple(found.values())
+
+
+def _private_text(file: Path) -> str:
+    try:
+        mode = file.stat().st_mode
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"The file of {FILE_VARIABLE} cannot be read.", "Check its path.", file) from error
+    if mode & 0o077:
+        raise InputError("Others may read this file of addresses.", f"chmod 600 {file}", file)
+    return text
+
+
+def _key(url: str) -> str:
+    """Knows an address again without telling it: slow, so that guessing a password from it costs."""
+    return hashlib.scrypt(url.encode(), salt=b"aerocal notice address", n=2**14, r=8, p=1, dklen=12).hex()
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """What the library says while the context lasts; nobody else hears it, for it may name an address."""
+    messages: list[str] = []
+
+    class _Keep(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            messages.append(record.getMessage())
+
+    logger, handler = logging.getLogger("apprise"), _Keep(logging.WARNING)
+    propagated = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield messages
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = propagated
+
+
+def send_test_message(environment: Mapping[str, str] = os.environ) -> dict[NoticeAddress, Sent]:
+    """Send a message to every address; what became of each.
+
+    Raises
+    ------
+    InputError
+        If there is no address, or one is not understood.
+    """
+    addresses = configured_addresses(environment)
+    if not addresses:
+        raise InputError("There is no address for notices.", f"Set {ADDRESSES_VARIABLE}.")
+    now = datetime.now(UTC).isoformat(timespec="milliseconds")
+    words = f"Notices of aerocal on {socket.gethostname()} arrive here."
+    test = Notice(f"test:{uuid4()}", "success", "", "test", "notify", "Test", words, "", now)
+    return {address: address.send(test, Links()) for address in addresses}

@@ -1,0 +1,157 @@
+"""Publish a run: the stages' finished files and the summary appear in the output folder.
+
+The files are hard links into the store where the file system has them, else copies: each appears
+at once under its name. ``manifest.json`` is replaced last; who trusts it never sees half a run.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tasks.settings.project import Project
+from tasks.store.artifact import Artifact, digest_of_file, verified
+from tasks.files.installation import writing_into
+from tasks.results.manifest import Manifest, manifest_of, read_manifest, write_manifest
+from tasks.store.notes import read_notes
+from tasks.store.run_lock import require_in_place
+from tasks.store.stage_record import read_records, timings_s
+from tasks.store.store import Store
+from tasks.results.summary import Summary, summary_of, write_summary
+
+PUBLISHED = (
+    "images",
+    "cameras",
+    "image_points",
+    "exposures",
+    "control_points",
+    "distances",
+    "exterior_orientations",
+    "object_points",
+    "residuals",
+    "parameters",
+    "correlations",
+    "parameter_influences",
+    "self_calibration",
+    "model_alternatives",
+    "model_alternative_effects",
+    "control_residuals",
+    "check_points",
+    "distance_residuals",
+    "residual_grid",
+    "residual_autocorrelation",
+    "direct_georeferencing",
+    "direct_georeferencing_models",
+    "y_parallaxes",
+    "stereo_models",
+)
+#: What a direct-georeferencing check without an adjustment publishes, beside what an adjustment left there.
+OF_CHECKS = (
+    "images",
+    "cameras",
+    "image_points",
+    "exposures",
+    "control_points",
+    "direct_georeferencing",
+    "direct_georeferencing_models",
+    "y_parallaxes",
+    "stereo_models",
+    "georeferencing_check",
+    "georeferencing_map",
+)
+#: Tables that other kinds of runs publish in their place.
+OF_SWEEPS = ("sweep",)
+#: Published besides the tables.
+DOCUMENTS = (
+    "report",
+    "map",
+    "georeferencing_check",
+    "georeferencing_map",
+    "certificate.html",
+    "certificate.json",
+    "certificate.pdf",
+)
+EVERYTHING = (*PUBLISHED, *DOCUMENTS)
+#: What a system calibration publishes; the records of the cameras come with their own names.
+OF_CALIBRATIONS = (*EVERYTHING, "orientation_differences", "orientation_difference_means")
+
+
+def publish(
+    store: Store,
+    project: Project,
+    stages: Sequence[Mapping[str, Artifact]],
+    names: tuple[str, ...] = EVERYTHING,
+) -> Summary:
+    """Put the result of a run into the output folder.
+
+    Parameters
+    ----------
+    store : the store of the output folder; its parent is where the files go.
+    project : the project that was run; its gates are tested, its settings go into the manifest.
+    stages : the outputs of the stages, in the order in which they ran.
+    names : of everything that a run of this kind publishes.
+
+    Returns
+    -------
+    summary : what stands in summary.json.
+    """
+    notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
+    summary = summary_of(notes, project.gates, timings_s(read_records(store.folder)))
+    artifacts = [outputs[name] for outputs in stages for name in outputs if name in names]
+    put_out(store, project, artifacts, summary, names)
+    return summary
+
+
+def put_out(
+    store: Store, project: Project, artifacts: Sequence[Artifact], summary: Summary, own: Sequence[str]
+) -> None:
+    """Put files and summary into the output folder, the manifest last; then the remote side points to them.
+
+    Parameters
+    ----------
+    own : names of everything that such a run may publish: what is there of them and was not made now is
+        removed, unless somebody changed it. Files of other kinds of runs stay.
+    """
+    directory = store.folder.parent
+    require_in_place(directory)
+    records = read_records(store.folder)
+    with writing_into(directory):
+        last = read_manifest(directory)
+        for artifact in artifacts:
+            _place(artifact, directory / artifact.path.name)
+        made = manifest_of(artifacts, project, records)
+        if last is not None:
+            remove_outdated(directory, last, made, own)
+        write_summary(directory, summary)
+        write_manifest(directory, made if last is None else made.beside(last, own))
+    if store.remote is not None:
+        store.remote.publish(made.to_json(), summary.to_json(), own)
+
+
+def _place(artifact: Artifact, target: Path) -> None:
+    """Make the artifact's bytes appear at `target` in one step."""
+    source = verified(artifact)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    temporary.unlink(missing_ok=True)
+    try:
+        try:
+            os.link(source, temporary)
+        except OSError:
+            # Another file system, or one without hard links.
+            with temporary.open("xb") as copy, source.open("rb") as stream:
+                shutil.copyfileobj(stream, copy)
+        temporary.replace(target)
+    finally:
+        # Renaming one hard link onto another of the same file does nothing and leaves the first.
+        temporary.unlink(missing_ok=True)
+
+
+def remove_outdated(directory: Path, last: Manifest, manifest: Manifest, own: Sequence[str]) -> None:
+    """Remove files that the last run published and this one did not, unless somebody changed them."""
+    for name in (last.artifacts.keys() - manifest.artifacts.keys()) & set(own):
+        entry = last.artifacts[name]
+        path = directory / entry.file
+        if path.is_file() and digest_of_file(path) == entry.sha256:
+            path.unlink()

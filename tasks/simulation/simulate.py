@@ -1,0 +1,200 @@
+"""Write a simulated block as an ordinary project, with its truth beside it.
+
+The project knows nothing of the simulation: it is what a client would deliver. The truth lies in
+``truth/`` and is read by nobody but comparisons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from adjust.arrays import Floats
+from adjust.errors import InconsistentBlockError
+from adjust.geometry import rotation
+from adjust.simulate.block import SimulatedBlock, simulate_block
+from adjust.simulate.trajectory import ENU_FROM_NED
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
+from tasks.errors import InputError
+from tasks.files.installation import writing_into
+from tasks.settings.simulation import Simulation
+from tasks.simulation.simulated_project import project_text
+from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
+from tasks.simulation.simulation_truth import SPECIFICATION, TRUTH, write_truth
+
+# Digits after the point: enough that a project without noise gives the truth back.
+_COORDINATE_DIGITS, _ANGLE_DIGITS, _IMAGE_DIGITS, _TIME_DIGITS = 9, 12, 9, 6
+
+
+@dataclass(frozen=True)
+class SimulatedFiles:
+    """What was written.
+
+    Attributes
+    ----------
+    project_file : the project.
+    images, points, image_points, control, check : how many.
+    """
+
+    project_file: Path
+    images: int
+    points: int
+    image_points: int
+    control: int
+    check: int
+
+
+def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
+    """Simulate a block and write project.toml, its three input files and truth/ into a folder.
+
+    The same simulation writes the same bytes.
+
+    Raises
+    ------
+    InputError
+        If the folder holds files that no simulation wrote, or the settings give no block.
+    InstallationError
+        If the disk is full or the folder cannot be written.
+    """
+    with writing_into(folder):
+        _refuse_foreign(folder)
+    try:
+        block = simulate_block(block_specification(simulation))
+    except InconsistentBlockError as error:
+        raise InputError(str(error), "Change [flight] or [points].") from error
+    with writing_into(folder):
+        _write(folder, simulation, block)
+    truth = block.truth
+    check = int(truth.is_check.sum())
+    return SimulatedFiles(
+        folder / "project.toml",
+        len(truth.plan.images),
+        len(truth.points),
+        len(truth.xy),
+        len(truth.surveyed) - check,
+        check,
+    )
+
+
+def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
+    map_frame, frame = simulated_map_frame(simulation.project), simulated_frame(simulation.project)
+    (folder / TRUTH).mkdir(parents=True, exist_ok=True)
+    # The project file comes last: a folder that was left half-written has none.
+    (folder / "project.toml").unlink(missing_ok=True)
+    write_truth(folder / TRUTH, simulation, block, map_frame, frame)
+    _write_image_points(folder / "image_points.csv", block)
+    _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
+    _write_control(folder / "control.csv", block, map_frame, frame)
+    (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Simulations overwrite simulations, and nothing else."""
+    if folder.is_file():
+        raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / TRUTH / SPECIFICATION).is_file():
+        raise InputError(
+            "The folder is not empty, and no simulation wrote what is in it.",
+            "Give --out a new folder.",
+            file=folder,
+        )
+
+
+def _write_image_points(path: Path, block: SimulatedBlock) -> None:
+    """image_points.csv: image system, mm."""
+    truth = block.truth
+    xy_mm = np.round(block.measured.xy * 1e3, _IMAGE_DIGITS)
+    columns = {
+        "image": _names(truth.plan.images, truth.image),
+        "point": _names(truth.points, truth.point),
+        "x": xy_mm[:, 0],
+        "y": xy_mm[:, 1],
+    }
+    _write_csv(path, columns)
+
+
+def _write_exposures(
+    path: Path, simulation: Simulation, block: SimulatedBlock, map_frame: MapFrame, frame: AdjustmentFrame
+) -> None:
+    """exposures.csv: antenna positions in the project's CRS, angles in degrees."""
+    plan = block.truth.plan
+    positions = map_from_local(map_frame, frame, block.measured.positions)
+    if simulation.project.angles == "heading-pitch-roll":
+        names, angles = ("heading", "pitch", "roll"), _heading_pitch_roll(block, frame)
+    else:
+        names = ("omega", "phi", "kappa")
+        angles = _omega_phi_kappa(block, positions, map_frame, frame)
+    columns = {
+        "image": pa.array(plan.images),
+        "camera": _names(tuple(c.name for c in block.specification.cameras), plan.camera),
+        "flight": _names(plan.flights, plan.flight),
+        "strip": _names(plan.strips, plan.strip),
+        "time": np.round(block.truth.trajectory.time, _TIME_DIGITS),
+        **_xyz(np.round(positions, _COORDINATE_DIGITS)),
+        **dict(zip(names, np.round(np.rad2deg(angles), _ANGLE_DIGITS).T, strict=True)),
+    }
+    if any(simulation.trajectory.rate_deg_s):
+        rates = np.round(np.rad2deg(block.truth.trajectory.rate), _ANGLE_DIGITS)
+        columns |= dict(zip(("rate_roll", "rate_pitch", "rate_yaw"), rates.T, strict=True))
+    _write_csv(path, columns)
+
+
+def _heading_pitch_roll(block: SimulatedBlock, frame: AdjustmentFrame) -> Floats:
+    """Heading, pitch, roll (n, 3) against true north at the observed positions, radians."""
+    local_from_enu = np.asarray(frame.local_from_enu(block.measured.positions))
+    ned_from_body = ENU_FROM_NED.T @ np.swapaxes(local_from_enu, 1, 2) @ block.measured.local_from_body
+    angles = rotation.to_heading_pitch_roll(ned_from_body)
+    angles[:, 0] %= 2.0 * np.pi
+    return angles
+
+
+def _omega_phi_kappa(
+    block: SimulatedBlock, x_in_map: Floats, map_frame: MapFrame, frame: AdjustmentFrame
+) -> Floats:
+    """ω, φ, κ (n, 3) of the camera in its nominal mounting, against the grid, radians."""
+    mounting = np.stack([camera.body_from_camera for camera in block.specification.cameras])
+    grid_from_local = np.swapaxes(local_from_grid(map_frame, frame, x_in_map), 1, 2)
+    nominal = block.measured.local_from_body @ mounting[block.truth.plan.camera]
+    return rotation.to_omega_phi_kappa(grid_from_local @ nominal)
+
+
+def _write_control(path: Path, block: SimulatedBlock, map_frame: MapFrame, frame: AdjustmentFrame) -> None:
+    """control.csv: surveyed points; what is not known is left empty."""
+    truth = block.truth
+    position = map_from_local(map_frame, frame, block.measured.surveyed)
+    position = np.where(truth.present, np.round(position, _COORDINATE_DIGITS), np.nan)
+    columns = {
+        "point": _names(truth.points, truth.surveyed),
+        **_xyz(position),
+        "role": _names(("control", "check"), truth.is_check.astype(np.int64)),
+    }
+    if len(truth.surveyed):
+        _write_csv(path, columns)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _xyz(values: Floats) -> dict[str, Floats]:
+    return dict(zip("xyz", values.T, strict=True))
+
+
+def _names(names: tuple[str, ...], index: Any) -> pa.Array:
+    """Names (n,) of indices (n,)."""
+    return pa.array(names, pa.string()).take(pa.array(index))
+
+
+def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write columns; numbers with the fewest digits that give the same number back, NaN as nothing."""
+    arrays = {
+        name: values if isinstance(values, pa.Array) else pa.array(values, from_pandas=True)
+        for name, values in columns.items()
+    }
+    options = pc.WriteOptions(quoting_style="none", quoting_header="none")
+    pc.write_csv(pa.table(arrays), path, options)

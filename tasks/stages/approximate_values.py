@@ -1,0 +1,284 @@
+"""Approximate values of orientations that were not given and of object points, and what looks wrong.
+
+Everything that would make the adjustment wrong or impossible is looked for here, before it starts;
+``aerocal doctor`` stops after this stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adjust.approximate.intersection import Intersection, IntersectionStatus, intersect
+from adjust.arrays import Bools, Floats, Ints
+from adjust.parameters import State
+from tasks.block.approximation import (
+    MISMATCH,
+    STATUS,
+    USED,
+    WEAK_ANGLE,
+    Approximation,
+    write_boresight,
+    write_images,
+    write_points,
+)
+from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
+from tasks.block.found_orientations import found_orientations
+from tasks.block.given_orientations import GivenOrientations
+from tasks.block.oriented_images import measured_exposures, oriented_images
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame
+from tasks.files.json_text import JSON
+from tasks.first_run import announce_compilation
+from tasks.plausibility.control import ControlDifferences, check_control, control_differences
+from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
+from tasks.plausibility.distances import check_distances
+from tasks.plausibility.flight_direction import check_flight_direction
+from tasks.plausibility.misalignment import misalignment
+from tasks.plausibility.orientations import check_orientations, ray_residuals
+from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.project import ProjectSettings
+from tasks.settings.quality import ChecksSettings
+from tasks.store.artifact import Artifact
+from tasks.store.notes import Notes, write_notes
+from tasks.store.store import stored
+from tasks.tables import schemas
+from tasks.tables.parquet import read_table, write_table
+from tasks.tables.places import distinct, places_of
+
+
+@stored("approximate_values")
+def approximate_block(
+    folder: Path,
+    *,
+    exposures: Artifact,
+    cameras: Artifact,
+    image_points: Artifact,
+    control_points: Artifact,
+    distances: Artifact,
+    project: ProjectSettings,
+    checks: ChecksSettings,
+    misaligned: bool = False,
+) -> None:
+    """Orient images that were given nothing, intersect all object points, refuse what contradicts itself.
+
+    Writes images, approximate_orientations, approximate_points and approximate_boresight.parquet, notes.json.
+
+    Parameters
+    ----------
+    misaligned : whether the boresight is to be estimated, so that it may be anything that is usual.
+
+    Raises
+    ------
+    InputError
+        If orientations, image points and control contradict each other.
+    """
+    announce_compilation()
+    map_frame = MapFrame.of(project.crs, project.heights)
+    measured = read_table(image_points)
+    surveyed_table = read_table(control_points)
+    delivered, camera_table = read_table(exposures), read_table(cameras)
+    given_distances = read_table(distances)
+    oriented = found_orientations(
+        delivered, camera_table, measured, surveyed_table, given_distances, map_frame
+    )
+    own = measured_exposures(delivered, camera_table, measured)
+    given, frame, unoriented = oriented_images(delivered, camera_table, measured, map_frame, oriented.table)
+    measured = measured[~measured["image"].isin(unoriented)]
+    surveyed = surveyed_points(surveyed_table, map_frame, frame)
+    problems = [*oriented.remarks, *([_unoriented(unoriented)] if unoriented else [])]
+
+    found = _intersected(given, frame, measured, surveyed, checks, misaligned=misaligned)
+    given = found.given
+    points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
+    differences = control_differences(surveyed, frame, points_table, _intersections(found))
+    expected = expected_intersections(given, checks, found.height)
+    suspicions = [
+        *found.suspicions,
+        *check_control(differences, surveyed_table, map_frame, frame, expected),
+        *check_flight_direction(given.only(given.position_observed & given.attitude_observed)),
+    ]
+    problems += suspicions
+    problems += found.remarks
+    problems += check_distances(given_distances, found.point, found.x_in_local)
+    problems += _dropped(found) + _unmeasured(surveyed, found)
+
+    write_images(folder, found, own[own["image"].isin(unoriented)])
+    write_points(folder, found, map_frame)
+    write_boresight(folder, given)
+    write_table(
+        folder / "approximate_orientations.parquet",
+        schemas.APPROXIMATE_ORIENTATIONS,
+        {str(name): list(values) for name, values in oriented.table.items()},
+        map_frame,
+    )
+    figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
+    write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
+
+
+def _intersected(
+    given: GivenOrientations,
+    frame: AdjustmentFrame,
+    measured: pd.DataFrame,
+    surveyed: SurveyedPoints,
+    checks: ChecksSettings,
+    *,
+    misaligned: bool,
+) -> Approximation:
+    """Intersect, check the orientations, and decide about every point."""
+    points = distinct(measured["point"])
+    rays, _ = image_point_observations(measured, given.image, points, given.camera)
+    block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
+    state = block.approximate_state()
+    intersection = intersect(rays, state, len(points))
+    height = _height(state, intersection)
+    limits = tie_limits(given, checks, height)
+    turned = misalignment(given, rays, state, len(points), limits) if misaligned else None
+    if turned is not None:
+        given = turned.given
+        state = block_of(
+            frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
+        ).approximate_state()
+        intersection = intersect(rays, state, len(points))
+        height = _height(state, intersection)
+        limits = tie_limits(given, checks, height)
+    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
+    residuals = ray_residuals(rays, state, len(points), pixel_size, intersection)
+    suspicions = check_orientations(given, rays, state, len(points), limits, residuals)
+
+    residual_px = residuals.residual_px
+    largest = np.zeros(len(points))
+    np.maximum.at(largest, rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])))
+    status = np.array([STATUS[code] for code in IntersectionStatus], dtype=object)[intersection.status]
+    usable = intersection.usable
+    status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = WEAK_ANGLE
+    status[usable & (largest > 4.0 * limits.wrong_px)] = MISMATCH
+    x_in_local = np.where(usable[:, None], intersection.object_point, np.nan)
+    count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
+    _take_surveyed(points, surveyed, x_in_local, status, count)
+    return Approximation(
+        given,
+        frame,
+        rays,
+        state,
+        points,
+        x_in_local,
+        intersection.angle,
+        count,
+        status,
+        residual_px,
+        height,
+        tuple(suspicions),
+        () if turned is None else (turned.sentence,),
+    )
+
+
+def _take_surveyed(
+    points: tuple[str, ...], surveyed: SurveyedPoints, x_in_local: Floats, status: np.ndarray, count: Ints
+) -> None:
+    """Full control points that cannot be intersected keep their given position: one ray is worth having."""
+    row = places_of(surveyed.name, points)
+    for k in np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check):
+        j = row[k]
+        if status[j] in ("single_ray", "parallel_rays", WEAK_ANGLE) and count[j] > 0:
+            x_in_local[j] = surveyed.x_in_local[k]
+            status[j] = USED
+
+
+def _height(state: State, intersection: Intersection) -> float:
+    """Median flying height above the intersected points, 0 if none was intersected."""
+    usable = intersection.usable
+    if not usable.any():
+        return 0.0
+    height = np.median(state.projection_centre[:, 2]) - np.median(intersection.object_point[usable, 2])
+    return float(max(height, 0.0))
+
+
+def _intersections(found: Approximation) -> Floats:
+    """Intersections proper (m, 3): NaN where a surveyed position stands in for them."""
+    several = (found.rays >= 2) & (found.angle > 0.0)
+    return np.where(several[:, None], found.x_in_local, np.nan)
+
+
+def _unoriented(images: tuple[str, ...]) -> str:
+    listed = ", ".join(images[:5]) + (", …" if len(images) > 5 else "")
+    return (
+        f"{len(images)} images cannot be oriented and do not take part: {listed}. They have no complete "
+        "orientation, are alone in their strip or in none, and have too few image points in common with the "
+        "others (6 are needed, well spread): measure more, or give their positions and attitudes."
+    )
+
+
+def _dropped(found: Approximation) -> list[str]:
+    """Sentences that count the points that do not take part."""
+    sentences = {
+        "single_ray": "object points are measured in one image only and do not take part",
+        "parallel_rays": "object points have parallel rays and do not take part",
+        "behind_a_camera": "object points intersect behind a camera that sees them and do not take part",
+        WEAK_ANGLE: "object points have rays that meet under less than checks.min_intersection_angle_deg "
+        "and do not take part",
+        MISMATCH: "object points have rays that miss each other too far to be the same point and do not "
+        "take part",
+    }
+    result = []
+    for status, words in sentences.items():
+        index = np.flatnonzero(found.status == status)
+        if len(index):
+            named = ", ".join(found.point[i] for i in index[:3])
+            result.append(f"{len(index):,} {words} ({named}{', …' if len(index) > 3 else ''}).")
+    return result
+
+
+def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> list[str]:
+    """A sentence about control and check points that no image shows."""
+    measured = places_of(surveyed.name, found.point) >= 0
+    missing = [name for name, is_there in zip(surveyed.name, measured, strict=True) if not is_there]
+    if not missing:
+        return []
+    listed = ", ".join(missing[:5]) + (", …" if len(missing) > 5 else "")
+    return [
+        f"{len(missing)} control or check points are measured in no image and do not take part: {listed}."
+    ]
+
+
+def _figures(
+    found: Approximation, surveyed: SurveyedPoints, differences: ControlDifferences
+) -> dict[str, JSON]:
+    """How well the given orientations fit: residuals of tie points, differences and residuals at control."""
+    row = places_of(surveyed.name, found.point)
+    is_surveyed = np.zeros(len(found.point), dtype=bool)
+    is_surveyed[row[row >= 0]] = True
+    used = found.status == USED
+    ties = (used & ~is_surveyed)[found.image_points.point]
+    return {
+        "tie_rms_px": _rms(found.residual_px[ties]),
+        "control": [
+            {"point": name, "dx_m": float(d[0]), "dy_m": float(d[1]), "dz_m": float(d[2]), "rays": int(rays)}
+            for name, d, rays in zip(differences.point, differences.enu, differences.rays, strict=True)
+        ],
+        "control_reprojection_rms_px": _rms(_control_residuals(found, surveyed, row)),
+    }
+
+
+def _control_residuals(found: Approximation, surveyed: SurveyedPoints, row: Ints) -> Floats:
+    """Residuals (k, 2) px of fully surveyed points, in these rows, with the given orientations."""
+    chosen: Bools = (row >= 0) & surveyed.complete
+    object_point = np.full((len(found.point), 3), np.nan)
+    object_point[row[chosen]] = surveyed.x_in_local[chosen]
+    kept = np.isfinite(object_point[found.image_points.point]).all(axis=1)
+    state = replace(found.state, object_point=np.nan_to_num(object_point))
+    misclosure = found.image_points.misclosure(state)[kept]
+    cameras = found.given.mountings.cameras
+    pixel = np.array([camera.pixel_size for camera in cameras])[found.given.camera]
+    return np.asarray(-misclosure / pixel[found.image_points.image[kept]][:, None] * np.array([1.0, -1.0]))
+
+
+def _rms(residual_px: Floats) -> list[float] | None:
+    """Root mean square of column and row, null without observations."""
+    if len(residual_px) == 0:
+        return None
+    column, row = np.sqrt(np.mean(residual_px**2, axis=0))
+    return [float(column), float(row)]

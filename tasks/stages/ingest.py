@@ -1,0 +1,152 @@
+"""Import: the files of a delivery become tables in the project's coordinate system and in millimetres.
+
+Three stages, one for each kind of input. What is wrong with the input stops here with file, line and remedy;
+what only looks odd becomes a sentence in the notes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from tasks.coordinates.conformality import refuse_distorted_angles
+from tasks.coordinates.crs import MapFrame
+from tasks.deliveries.cameras import taken_from_registry, write_cameras
+from tasks.deliveries.control import control_columns
+from tasks.deliveries.distances import distance_columns
+from tasks.deliveries.exposures import exposure_columns
+from tasks.deliveries.image_points import usable_image_points
+from tasks.errors import InputError
+from tasks.settings.cameras import CameraInput
+from tasks.settings.inputs import ControlInput, DistancesInput, ExposuresInput, ImagePointsInput
+from tasks.settings.project import ProjectSettings
+from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
+from tasks.store.artifact import Artifact
+from tasks.store.notes import Notes, write_notes
+from tasks.store.store import stored
+from tasks.tables.parquet import read_table, write_table
+from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
+
+
+def project_frame(project: ProjectSettings) -> MapFrame:
+    """The coordinate system of the results.
+
+    Raises
+    ------
+    InputError
+        If it is neither a conformal map projection in metres nor local.
+    """
+    frame = MapFrame.of(project.crs, project.heights)
+    if not (frame.is_local or frame.is_projected):
+        raise InputError(
+            "The CRS of the results is geographic, and results are in metres.",
+            'Give a map projection, e.g. crs = "EPSG:2154", or "local".',
+            entity=project.crs,
+        )
+    refuse_distorted_angles(frame)
+    return frame
+
+
+@stored("import_exposures")
+def import_exposures(
+    folder: Path,
+    *,
+    sources: tuple[ExposuresInput, ...],
+    cameras: dict[str, CameraInput],
+    project: ProjectSettings,
+) -> None:
+    """Write ``exposures.parquet``, ``cameras.parquet`` and notes.
+
+    Raises
+    ------
+    InputError
+        See `tasks.deliveries.exposures` and `tasks.deliveries.cameras`.
+    """
+    frame = project_frame(project)
+    write_cameras(folder / "cameras.parquet", cameras)
+    columns, extra, notes = _exposures(sources, tuple(cameras), frame)
+    write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
+    write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
+
+
+def _exposures(
+    sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
+) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
+    """Columns of the exposures; empty ones without sources."""
+    if sources:
+        return exposure_columns(sources, cameras, frame)
+    return {column.name: [] for column in EXPOSURES.columns}, {}, Notes((), {"counts": {"exposures": 0}})
+
+
+@stored("import_image_points")
+def import_image_points(
+    folder: Path,
+    *,
+    sources: tuple[ImagePointsInput, ...],
+    exposures: Artifact,
+    cameras: Artifact,
+    control_points: Artifact | None = None,
+    outside_format_share: float = OUTSIDE_FORMAT_SHARE,
+    orient_without_exposure: bool = False,
+) -> None:
+    """Write ``image_points.parquet`` and notes.
+
+    With `control_points`, a control point seen in one image only is kept: with its coordinates it is an
+    observation of the orientation, which a tie point with a single ray is not.
+
+    Raises
+    ------
+    InputError
+        If there is no file; see `tasks.deliveries.image_points`.
+    """
+    if not sources:
+        raise InputError(
+            "There are no image points (inputs.image_points), and nothing can be adjusted without.",
+            "Name their files, or calibrate from orientations of another adjustment alone with `aerocal "
+            "calibrate`.",
+        )
+    surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
+    columns, extra, notes = usable_image_points(
+        sources,
+        read_table(exposures),
+        read_table(cameras),
+        surveyed,
+        outside_format_share,
+        orient_without_exposure,
+    )
+    write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
+    write_notes(folder, notes)
+
+
+@stored("import_control")
+def import_control(
+    folder: Path,
+    *,
+    sources: tuple[ControlInput, ...],
+    project: ProjectSettings,
+    distances: tuple[DistancesInput, ...] = (),
+) -> None:
+    """Write ``control_points.parquet``, ``distances.parquet`` (empty if nothing is given) and notes.
+
+    Raises
+    ------
+    InputError
+        See `tasks.deliveries.control` and `tasks.deliveries.distances`.
+    """
+    frame = project_frame(project)
+    if sources:
+        columns, extra, notes = control_columns(sources, frame)
+    else:
+        notes = Notes((), {"counts": {"control": 0, "check": 0}})
+        columns, extra = {"point": [], "role": []}, {}
+    write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame, extra)
+    columns, extra = {column.name: [] for column in DISTANCES.columns}, {}
+    if distances:
+        columns, extra, remarks = distance_columns(distances)
+        notes = replace(notes, problems=(*notes.problems, *remarks))
+    write_table(folder / "distances.parquet", DISTANCES, columns, extra=extra)
+    write_notes(folder, notes)

@@ -1,0 +1,43 @@
+"""The report as a stage: ``report.html``, one page that needs nothing else, and its map by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from tasks.documents.report.export import figure_of
+from tasks.documents.report.material import read_material
+from tasks.documents.report.page import render
+from tasks.documents.report.provenance import SOFTWARE
+from tasks.settings.project import Project
+from tasks.store.artifact import Artifact
+from tasks.store.store import stored
+
+REPORT = "report.html"
+#: The map of the block.
+MAP = "map.svg"
+
+
+@stored("report")
+def write_report(
+    folder: Path,
+    *,
+    stages: tuple[Mapping[str, Artifact], ...],
+    project: Project,
+    name: str,
+    files: tuple[str, ...],
+    software: Mapping[str, str] = SOFTWARE,
+) -> None:
+    """Write report.html and map.svg.
+
+    Parameters
+    ----------
+    stages : the outputs of all stages so far by name, in the order in which they ran.
+    project : the settings, which the report shows; its gates are tested.
+    name : the project's name (it is not part of the settings' content).
+    files : names of the delivered files, without folders.
+    software : versions that decide how the report looks.
+    """
+    page = render(read_material(stages, project), name, files, software)
+    (folder / REPORT).write_text(page, encoding="utf-8")
+    (folder / MAP).write_text(figure_of(page, "block"), encoding="utf-8")

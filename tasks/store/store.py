@@ -1,0 +1,342 @@
+"""The stage store: every stage's finished output, found again by its content-true key.
+
+``DIR/.store/STAGE/KEY/`` holds what one stage wrote for one key (`tasks.store.stage_key`). An output is
+written into a temporary folder beside it, flushed to the disk and renamed, so a folder with a key
+for a name is complete; it is never changed afterwards. ``stage.json`` in it lists the files with
+their digests and says what the key was made of. A stored output is served only after all its
+files were checked against their digests; a damaged one is computed again. A store may have a remote
+side, which finished outputs are taken from and kept on for other machines.
+
+    @stored("import_control")
+    def import_control(folder: Path, *, sources: tuple[ControlInput, ...]) -> None: ...
+
+    import_control(store, sources=...)      # {"control_points": Artifact(...), "notes": Artifact(...)}
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import inspect
+import logging
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import Concatenate, ParamSpec, cast
+
+from tasks.files.delivered_file import keyed_by
+from tasks.files.installation import writing_into
+from tasks.files.json_text import JSON, read_json, replace_json
+from tasks.store.artifact import Artifact, artifact_names, artifact_of, digest_of_file
+from tasks.store.remote import Remote
+from tasks.store.stage_key import InputFile, StageKey, differences, input_files, stage_key
+from tasks.store.stage_record import StageRecord, clear_records, keep_record, utc_now
+
+P = ParamSpec("P")
+Outputs = dict[str, Artifact]
+
+STAGE_FILE = "stage.json"
+_UNFINISHED = ".unfinished-"
+_DISCARDED = ".discarded-"
+#: What reading an output that is not as it was written may end with.
+_DAMAGES = (OSError, ValueError, KeyError, TypeError)
+_log = logging.getLogger("aerocal")
+
+
+@dataclass(frozen=True)
+class Store:
+    """The finished stage outputs below one output folder.
+
+    Attributes
+    ----------
+    folder : ``DIR/.store``.
+    remote : where they are kept as well; None: nowhere.
+    """
+
+    folder: Path
+    remote: Remote | None = None
+
+    @classmethod
+    def of(cls, directory: Path, remote: Remote | None = None) -> Store:
+        """The store of the output folder `directory`."""
+        return cls(directory.absolute() / ".store", remote)
+
+    def begin_run(self) -> None:
+        """Remove what killed runs left behind and forget the last run's records.
+
+        Only for the holder of the run lock: a stage in work would lose its folder.
+
+        Raises
+        ------
+        InstallationError
+            If the folder cannot be written, or the remote side cannot be reached.
+        """
+        if self.remote is not None:
+            self.remote.require_access()
+        with writing_into(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for leftover in self.leftovers():
+                remove_whole(leftover)
+            clear_records(self.folder)
+
+    def leftovers(self) -> tuple[Path, ...]:
+        """What killed runs left behind; of nobody as long as the run lock is held."""
+        patterns = (f"*/{_UNFINISHED}*", f"*/{_DISCARDED}*")
+        folders = [folder for pattern in patterns for folder in self.folder.glob(pattern)]
+        # The last are published files that did not get their names any more.
+        return (*folders, *self.folder.parent.glob(".*.[0-9]*.tmp"))
+
+    def outputs(self, key: StageKey) -> Outputs | None:
+        """The stored output of `key`, every file checked; None if there is none or it is damaged."""
+        place = self._place(key)
+        if not place.is_dir():
+            return None
+        try:
+            outputs = _checked_outputs(place)
+            _note_use(place)
+            return outputs
+        except _DAMAGES as error:
+            _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
+            return None
+
+    def taken_up(self, key: StageKey) -> Outputs | None:
+        """The finished output of `key`, brought here if the remote side has it; None if there is none."""
+        outputs = self.outputs(key)
+        if self.remote is None:
+            return outputs
+        if outputs is None:
+            return self._brought(key)
+        # Left out by a run that was killed between computing and keeping it there, or damaged since.
+        self.remote.put_missing(key, self._place(key))
+        return outputs
+
+    def reason_to_compute(self, key: StageKey) -> str:
+        """In words, what is new against the newest stored output of the same stage."""
+        folders = [path for path in (self.folder / key.stage).glob("[0-9a-f]*") if path.name != key.digest]
+        newest = max(folders, key=lambda path: path.stat().st_mtime_ns, default=None)
+        try:
+            if newest is None:
+                return "no earlier result"
+            old = cast(Mapping[str, JSON], read_json(newest / STAGE_FILE))["key_parts"]
+            changed = differences(cast(Mapping[str, JSON], old), key.parts)
+            return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
+        except _DAMAGES:
+            return "no usable earlier result"
+
+    def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
+        """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it.
+
+        Where another process has finished the same output meanwhile, that one stays: others may read it.
+        """
+        paths = sorted(folder.iterdir(), key=lambda path: path.name)
+        names = artifact_names([path.name for path in paths])
+        artifacts = [artifact_of(path, names[path.name]) for path in paths]
+        files: list[JSON] = [
+            {"file": a.path.name, "sha256": a.sha256, "rows": a.rows, "bytes": a.path.stat().st_size}
+            for a in artifacts
+        ]
+        record: dict[str, JSON] = {
+            "stage": key.stage,
+            "key": key.digest,
+            "key_parts": key.parts,
+            "files": files,
+            "seconds": round(seconds, 3),
+        }
+        replace_json(folder / STAGE_FILE, record)
+        _flush(folder)
+        place = self._place(key)
+        while not _renamed(folder, place):
+            with contextlib.suppress(*_DAMAGES):
+                return _checked_outputs(place)
+            remove_whole(place)
+        _flush_folder(place.parent)
+        return {a.name: Artifact(a.name, place / a.path.name, a.sha256, a.rows) for a in artifacts}
+
+    def keep_remotely(self, key: StageKey) -> None:
+        """Keep an output that has just been computed on the remote side, too."""
+        if self.remote is not None:
+            self.remote.put(key, self._place(key))
+
+    def unfinished(self, key: StageKey) -> Path:
+        """A new folder for an output of `key` in the making."""
+        parent = self.folder / key.stage
+        parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
+
+    def _brought(self, key: StageKey) -> Outputs | None:
+        assert self.remote is not None
+        with writing_into(self.folder):
+            folder = self.unfinished(key)
+            try:
+                seconds = self.remote.take(key, folder)
+                return None if seconds is None else self.keep(key, folder, seconds)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def _place(self, key: StageKey) -> Path:
+        return self.folder / key.stage / key.digest
+
+
+def stored(
+    stage: str,
+) -> Callable[[Callable[Concatenate[Path, P], None]], Callable[Concatenate[Store, P], Outputs]]:
+    """Make a function that writes files into a folder a stage whose output is kept in a store.
+
+    The decorated function takes a `Store` in place of the folder and keyword arguments only
+    (artifacts, settings, tuples, lists and dicts of these, plain values) and returns the artifacts it
+    wrote by name (`tasks.store.artifact.artifact_names`). It computes nothing when the store has the
+    output already.
+
+    Raises
+    ------
+    TypeError
+        When called with an argument whose content cannot be put into a key.
+    InputError
+        If an input file changed while the stage was reading it.
+    InstallationError
+        If the disk is full or the folder cannot be written.
+    """
+
+    def decorate(function: Callable[Concatenate[Path, P], None]) -> Callable[Concatenate[Store, P], Outputs]:
+        signature = inspect.signature(function)
+
+        @wraps(function)
+        def run_stage(store: Store, /, *args: P.args, **kwargs: P.kwargs) -> Outputs:
+            arguments = _bound(signature, args, kwargs)
+            began, started = utc_now(), time.perf_counter()
+            inputs = tuple(InputFile.of(path) for path in sorted(set(input_files(arguments))))
+            with keyed_by({file.path: file.sha256 for file in inputs}):
+                key = stage_key(stage, function, arguments)
+                outputs = store.taken_up(key)
+                reused = outputs is not None
+                if outputs is None:
+                    _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
+                    with writing_into(store.folder):
+                        outputs = _compute(store, key, function, arguments, inputs)
+                    store.keep_remotely(key)
+            seconds = time.perf_counter() - started
+            _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
+            with writing_into(store.folder):
+                keep_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
+            return outputs
+
+        first, *others = signature.parameters.values()
+        shown = [first.replace(name="store", annotation=Store), *others]
+        vars(run_stage)["stage"] = stage
+        vars(run_stage)["__signature__"] = signature.replace(parameters=shown, return_annotation=Outputs)
+        return run_stage
+
+    return decorate
+
+
+def _bound(
+    signature: inspect.Signature, args: tuple[object, ...], kwargs: Mapping[str, object]
+) -> dict[str, object]:
+    """All arguments of a stage by name, defaults included: what is not passed decides the result, too."""
+    if args:
+        raise TypeError("a stage takes the store and keyword arguments only")
+    bound = signature.bind(None, **kwargs)
+    bound.apply_defaults()
+    return dict(list(bound.arguments.items())[1:])
+
+
+def _compute(
+    store: Store,
+    key: StageKey,
+    function: Callable[..., None],
+    arguments: Mapping[str, object],
+    inputs: tuple[InputFile, ...],
+) -> Outputs:
+    """Run the stage in a folder of its own and keep what it wrote; on any error nothing is left."""
+    folder = store.unfinished(key)
+    started = time.perf_counter()
+    try:
+        function(folder, **arguments)
+        for file in inputs:
+            file.require_unchanged()
+        return store.keep(key, folder, time.perf_counter() - started)
+    finally:
+        # After keep() the folder has its final name and there is nothing to remove.
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _checked_outputs(place: Path) -> Outputs:
+    """Read ``stage.json`` and check every file it lists.
+
+    Raises
+    ------
+    ValueError
+        If a file's bytes are not the ones that were written; OSError or KeyError if it is missing.
+    """
+    content = cast(Mapping[str, JSON], read_json(place / STAGE_FILE))
+    outputs: Outputs = {}
+    entries = cast(list[Mapping[str, JSON]], content["files"])
+    names = artifact_names([str(entry["file"]) for entry in entries])
+    for entry in entries:
+        path = place / str(entry["file"])
+        if path.parent != place or path.is_symlink():
+            raise ValueError(f"{path} is no file of this output")
+        sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
+        if digest_of_file(path) != sha256:
+            raise ValueError(f"{path.name} was changed after it had been written")
+        name = names[path.name]
+        outputs[name] = Artifact(name, path, sha256, rows)
+    return outputs
+
+
+def _renamed(folder: Path, place: Path) -> bool:
+    """Give a finished folder its name; False where something has that name already."""
+    try:
+        folder.rename(place)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+            return False
+        raise
+    return True
+
+
+def remove_whole(place: Path) -> None:
+    """Remove a folder or file, in one step for everybody who looks at it.
+
+    A worker elsewhere may still be writing into a folder for a run that has ended: it loses the whole of it
+    at once, and can never finish what is left.
+    """
+    if place.name.startswith(_DISCARDED):
+        shutil.rmtree(place, ignore_errors=True)
+        return
+    if not place.is_dir():
+        place.unlink(missing_ok=True)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=_DISCARDED, dir=place.parent))
+    with contextlib.suppress(FileNotFoundError):
+        place.rename(aside / "output")
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _note_use(place: Path) -> None:
+    """Remember that an output was served: by the time of its list, which no digest is of."""
+    # Where it may only be read, it is not cleaned up either.
+    with contextlib.suppress(OSError):
+        os.utime(place / STAGE_FILE)
+
+
+def _flush(folder: Path) -> None:
+    """Force the folder's files onto the disk and make them read-only: from now on they do not change."""
+    for path in folder.iterdir():
+        with path.open("rb") as stream:
+            os.fsync(stream.fileno())
+        path.chmod(0o444)
+    _flush_folder(folder)
+
+
+def _flush_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,184 @@
+"""The stories as Prefect flows: same bytes, and states that say what happened."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation as story
+from tests.conftest import Start
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import State
+
+pytestmark = [pytest.mark.prefect, pytest.mark.usefixtures("prefect_server")]
+
+
+def as_flow(project_file: Path, out: Path, *overrides: str) -> State[None]:
+    from flows.serving.registered import aerial_triangulation
+
+    return aerial_triangulation(str(project_file), str(out), list(overrides), return_state=True)
+
+
+def digests(out: Path) -> dict[str, str]:
+    artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
+    return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
+
+
+def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path: Path) -> None:
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, TaskRunFilter
+
+    state = as_flow(block, tmp_path / "flow")
+    assert (state.type.value, state.name) == ("COMPLETED", "Completed")
+    carry_out(story, RunRequest(block, tmp_path / "plain"))
+    assert len(digests(tmp_path / "plain")) >= 10
+    assert digests(tmp_path / "flow") == digests(tmp_path / "plain")
+    for file in digests(tmp_path / "flow"):
+        assert (tmp_path / "flow" / file).read_bytes() == (tmp_path / "plain" / file).read_bytes()
+    own = FlowRunFilter(id=FlowRunFilterId(any_=[state.state_details.flow_run_id]))
+    with get_client(sync_client=True) as client:
+        runs = client.read_task_runs(flow_run_filter=own, task_run_filter=TaskRunFilter())
+        assert client.read_flow_run(state.state_details.flow_run_id).name == "block/project.toml"
+    assert sorted({run.name.rsplit("-", 1)[0] for run in runs}) == [
+        "approximate_values",
+        "bundle_adjustment",
+        "import_control",
+        "import_exposures",
+        "import_image_points",
+        "publish",
+        "report",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("override", "name", "word"),
+    [
+        ("gates.sigma0.max=0.71", "GateFailed", "sigma0"),
+        ("gates.sigma1.max=0.71", "InputError", "Did you mean 'sigma0'?"),
+    ],
+)
+def test_what_went_wrong_is_the_name_of_the_state(
+    block: Path, tmp_path: Path, override: str, name: str, word: str
+) -> None:
+    state = as_flow(block, tmp_path / "out", override)
+    assert (state.type.value, state.name) == ("FAILED", name)
+    assert word in str(state.message)
+
+
+def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
+    block: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterFlowRunId
+
+    from flows.serving.registered import show
+    from tasks.production.short_text import ShortText
+
+    state = as_flow(block, tmp_path / "out", "gates.sigma0.max=0.71")
+    with get_client(sync_client=True) as client:
+        own = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[state.state_details.flow_run_id]))
+        stored = client.read_artifacts(artifact_filter=own)
+    (verdict,) = (one for one in stored if str(one.key).endswith("-aerial-triangulation-verdict"))
+    assert verdict.type == "markdown"
+    assert str(verdict.data).startswith("**GateFailed: Gates not passed: sigma0.**")
+
+    @flow(name="refused")
+    def refused() -> str:
+        show(ShortText("block", Path("project.toml"), "No Such Key", "Failed", ""))
+        return "done"
+
+    log = logging.getLogger("aerocal")
+    # Prefect's own handlers write to the streams of the time when they were made.
+    log.addHandler(caplog.handler)
+    try:
+        assert refused() == "done"
+    finally:
+        log.removeHandler(caplog.handler)
+    assert "was not stored" in caplog.text
+
+
+def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
+    from flows.serving.registered import flight_check
+
+    few = ["points.count=300"]
+    state = flight_check("uce-high", str(tmp_path / "flight"), few, return_state=True)
+    assert state.name == "Completed"
+    assert (tmp_path / "flight" / "results" / "report.html").is_file()
+    wrong = flight_check("uce-hihg", str(tmp_path / "wrong"), return_state=True)
+    assert wrong.name == "InputError"
+    assert "uce-high" in wrong.message
+
+
+def test_a_direct_georeferencing_check_is_a_flow_of_its_own(block: Path, tmp_path: Path) -> None:
+    from flows.serving.registered import direct_georeferencing_check
+
+    overrides = ["direct_georeferencing.calibration=adjustment"]
+    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), overrides, return_state=True)
+    assert state.name == "Completed"
+    assert (tmp_path / "out" / "georeferencing_check.html").is_file()
+    gates = [*overrides, "gates.y_parallax_max_um.max=0.01"]
+    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), gates, return_state=True)
+    assert (state.name, "y_parallax_max_um" in str(state.message)) == ("GateFailed", True)
+
+
+def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
+    state = as_flow(block, tmp_path / "out")
+    assert state.name == "Completed"
+    storage = Path(os.environ["PREFECT_HOME"]) / "storage"
+    assert not storage.exists() or not any(storage.iterdir())
+
+
+def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(block: Path, tmp_path: Path) -> None:
+    from flows.serving.registered import run_and_report
+
+    done = run_and_report(RunRequest(block, tmp_path / "out"))
+    assert done.error is None
+    assert done.summary.status == "done"
+    refused = run_and_report(RunRequest(block, tmp_path / "out", ("inputs.exposures.crs=EPSG:0",)))
+    assert refused.summary.status == "input_error"
+    assert refused.error is not None
+
+
+def server_address() -> str:
+    from prefect.settings import PREFECT_API_URL
+
+    return str(PREFECT_API_URL.value())
+
+
+@pytest.fixture
+def start_run(start: Start) -> Start:
+    """Starts a run that is reported to the server of the tests."""
+
+    def start_one(block: Path, *arguments: str | Path) -> subprocess.Popen[str]:
+        command = (sys.executable, "-m", "flows.command", "run", block, "--server", server_address())
+        return start(*command, *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    return start_one
+
+
+def test_the_command_line_reports_to_a_server(block: Path, start_run: Start) -> None:
+    process = start_run(block, "--set", "gates.sigma0.max=0.71", "--json")
+    shown, log = process.communicate(timeout=200)
+    assert process.returncode == 4, log
+    assert json.loads(shown)["status"] == "gate_failed"
+    assert "Finished in state GateFailed('Gates not passed: sigma0" in log
+
+
+def test_wrong_input_is_one_line_under_a_server_too(block: Path, start_run: Start) -> None:
+    with (block.parent / "image_points.csv").open("a") as stream:
+        stream.write("1_0011,p1,10,10\n")
+    process = start_run(block)
+    log = process.communicate(timeout=200)[1]
+    assert process.returncode == 2
+    assert "Traceback" not in log
+    assert [line for line in log.splitlines() if line.startswith("Error: ") and "1_0011" in line]

@@ -1,0 +1,75 @@
+"""The verdict in one sentence."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from tasks.documents.report.figures import gate_words
+from tasks.documents.report.key_figures import Verdict, verdict
+from tasks.documents.report.material import Material
+from tasks.files.json_text import JSON
+from tasks.quantities import group_words
+from tasks.results.summary import summary_of
+from tasks.settings.project import Project
+from tasks.settings.quality import Gates
+from tasks.store.notes import Notes
+
+NOTHING = pd.DataFrame()
+
+
+def _verdict(sigma0: float | None, limits: tuple[float, float] | None, gates: dict[str, object]) -> Verdict:
+    """The verdict on a block with this σ0, these limits of the global test and these gates."""
+    lower, upper = limits or (None, None)
+    passed = sigma0 is not None and limits is not None and limits[0] <= sigma0 <= limits[1]
+    test: dict[str, JSON] = {"lower": lower, "upper": upper, "confidence": 0.95, "passed": passed}
+    figures: dict[str, JSON] = {"sigma0": sigma0, "global_test": test, "rmse_check_m": [0.02, 0.03, 0.09]}
+    summary = summary_of([Notes((), figures)], Gates.model_validate(gates), {})
+    project = Project.model_construct()
+    return verdict(Material(project, summary, {}, *[NOTHING] * 15))
+
+
+LIMITS = (0.98, 1.02)
+CHECK = {"rmse_check_m": {"max": [0.05, 0.05, 0.05]}}
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "limits", "gates", "tone", "words"),
+    [
+        (1.0, LIMITS, {}, "good", "no limits are set in the project, and the residuals agree"),
+        (
+            1.0,
+            LIMITS,
+            {"sigma0": {"max": 1.2}},
+            "good",
+            "the only limit set is kept, and the residuals agree",
+        ),
+        (
+            1.1,
+            LIMITS,
+            {"sigma0": {"min": 0.8, "max": 1.2}},
+            "attention",
+            "all 2 limits are kept, but the residuals are larger",
+        ),
+        (0.9, LIMITS, {}, "attention", "but the residuals are smaller than the stated σ allow (σ0 = 0.900"),
+        (None, None, {}, "attention", "but nothing could be tested because the block has no redundancy"),
+        (1.3, LIMITS, {"sigma0": {"max": 1.2}}, "failed", "but the only limit set is not kept (σ0)"),
+        (1.0, LIMITS, CHECK, "failed", "but 1 of 3 limits is not kept (RMS at check points, z)"),
+        (1.0, LIMITS, {"max_check_m": {"max": 1.0}}, "failed", "but 3 of 3 limits are not kept"),
+    ],
+)
+def test_the_verdict_names_limits_and_global_test(
+    sigma0: float | None, limits: tuple[float, float] | None, gates: dict[str, object], tone: str, words: str
+) -> None:
+    found = _verdict(sigma0, limits, gates)
+    assert found.tone == tone
+    assert words in found.sentence
+    assert found.sentence.startswith("The block is adjusted")
+    assert found.sentence.endswith(".")
+
+
+def test_limits_and_groups_are_named_for_people() -> None:
+    assert gate_words("max_check_m_z") == "largest difference at check points, z"
+    assert gate_words("something_new") == "something new"
+    assert group_words("gnss_positions") == "GNSS positions"
+    assert group_words("prior:gnss_strip_bias") == "priors: GNSS strip bias"

@@ -1,0 +1,136 @@
+"""What tests of the model have found, in words: every alternative that is tested has its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.evaluation.model_findings import alternative_words, model_findings
+from tasks.evaluation.model_test_tables import ERROR_PROBABILITY
+from tasks.quantities import shown
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+
+
+def row(quantity: str, rank: int, explained: float, **changed: object) -> dict[str, object]:
+    return {
+        "quantity": quantity,
+        "entity": "UCE",
+        "scope": "all",
+        "part": "",
+        "unit": "m",
+        "explained": explained,
+        "explained_sigma": 0.01,
+        "rank": rank,
+        "alike": None,
+        "moves": "gnss_shift_z",
+        "moves_entity": "1",
+        "moved_by_estimate": abs(explained) * 10.0,
+        **changed,
+    }
+
+
+def test_axes_of_one_thing_are_one_cause_and_the_likeliest_comes_first() -> None:
+    found = model_findings(
+        pd.DataFrame(
+            [
+                row("time_offset", 2, 0.010, unit="s", explained_sigma=0.0001, entity="1"),
+                row("lever_arm_x", 1, 0.70),
+                row("lever_arm_z", 3, -2.40),
+                row("boresight_yaw", 0, 0.1, unit="deg"),
+            ]
+        )
+    )
+    assert [item.quantity for item in found] == ["lever_arm", "time_offset"]
+    assert [item.rank for item in found] == [1, 2]
+    assert "x +0.7 ± 0.01 m, z -2.4 ± 0.01 m" in found[0].sentence
+    assert "moves GNSS shift z of 1 by 24.0 σ" in found[0].sentence
+    assert "+10 ± 0.1 ms" in found[1].sentence
+
+
+def test_the_same_thing_in_two_strips_is_two_causes() -> None:
+    rows = [
+        row("boresight_roll", k + 1, 0.02, unit="deg", scope="strip", part=f"E0{k}", explained_sigma=0.001)
+        for k in (0, 1)
+    ]
+    first, second = model_findings(pd.DataFrame(rows))
+    assert "in strip E00: roll +0.02 ± 0.001°" in first.sentence
+    assert "in strip E01" in second.sentence
+    assert alternative_words(rows[0]) == "boresight roll in strip E00"
+
+
+def test_what_would_look_the_same_is_named_beside_it() -> None:
+    rows = [
+        row("time_offset", 1, 0.002, unit="s", entity="1", alike="lever arm x, principal point x"),
+        row("lever_arm_x", 2, 0.1, alike="lever arm y"),
+        row("lever_arm_y", 3, 0.1, alike=None),
+    ]
+    time, arm = model_findings(pd.DataFrame(rows))
+    assert "Nearly the same would be: lever arm x, principal point x." in time.sentence
+    assert "Nearly the same" not in arm.sentence
+
+
+def test_nothing_significant_is_no_finding() -> None:
+    assert model_findings(pd.DataFrame([row("lever_arm_x", 0, 0.01)])) == ()
+
+
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    """Every alternative of a small block at two heights."""
+    folder = tmp_path_factory.mktemp("block")
+    project = simulate_project(load_simulation("uce-calibration", ("points.count=600", *CHANGES)), folder)
+    outcome = carry_out(aerial_triangulation, RunRequest(project.project_file, None, ()))
+    assert outcome.error is None, outcome.error
+    return pd.read_parquet(Path(outcome.directory) / "model_alternatives.parquet")
+
+
+CHANGES = (
+    "points.detection=0.6",
+    "flight.0.lines=2",
+    "flight.0.exposures=6",
+    "flight.1.lines=2",
+    "flight.1.exposures=5",
+    "flight.2.exposures=4",
+    "flight.3.exposures=4",
+    "control.0.extent_m=[1500.0, 1200.0]",
+)
+
+
+def test_every_alternative_has_words_a_unit_and_a_remedy_of_its_own(tested: pd.DataFrame) -> None:
+    kinds = {str(name) for name in tested["quantity"]}
+    assert {"lever_arm_x", "time_offset", "refraction", "control_shift_z", "gnss_height_scale"} <= kinds
+    assert {"boresight_yaw", "focal_length", "gnss_shift_z", "brown:K1", "control_turn"} <= kinds
+    assert set(tested["scope"]) == {"all", "height", "direction", "strip"}
+    for quantity, own in tested[tested["t"].notna()].groupby("quantity"):
+        chosen = own.head(1).assign(rank=1, explained=own["estimate"], explained_sigma=own["sigma"])
+        (finding,) = model_findings(chosen)
+        image_error = "systematic errors that no parameter describes" in finding.sentence
+        assert image_error == str(quantity).startswith("brown")
+        assert "{" not in finding.sentence
+        assert finding.sentence.endswith((".", ")"))
+        assert shown(str(own["unit"].iloc[0])).factor > 0.0
+
+
+def test_the_graver_an_unnoticed_error_the_sooner_it_is_significant(tested: pd.DataFrame) -> None:
+    """All critical values together keep the probability of a false alarm."""
+    known = tested[tested["t"].notna()]
+    critical = known["detectable"] / known["sigma"] - stats.norm.ppf(0.8)
+    assert 2.0 * stats.norm.sf(critical).sum() == pytest.approx(ERROR_PROBABILITY)
+    moved_by_sigma = known["moved_by_detectable"] / (known["detectable"] / known["sigma"])
+    order = np.argsort(moved_by_sigma.to_numpy())
+    assert (np.diff(critical.to_numpy()[order]) < 1e-9).all()
+    assert 3.0 < critical.min() < critical.max() - 0.3
+    assert critical.max() < 5.5
+
+
+def test_what_cannot_be_told_has_no_numbers_but_says_what_it_moves(tested: pd.DataFrame) -> None:
+    shift = tested[tested["quantity"] == "control_shift_z"].iloc[0]
+    assert pd.isna(shift["t"])
+    assert pd.isna(shift["detectable"])
+    assert shift["moves"] == "gnss_shift_z"

@@ -1,0 +1,72 @@
+"""Weak modes in words: the pair or the combination, and what would separate it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.parameters import Quantity
+from tasks.evaluation.weak_modes import weak_mode_sentences
+
+
+def parameters(*names: str) -> tuple[Quantity, ...]:
+    return tuple(
+        Quantity(name, flight="1") if "gnss" in name else Quantity(name, camera="C") for name in names
+    )
+
+
+def correlation(size: int, **pairs: float) -> np.ndarray:
+    matrix = np.eye(size)
+    for key, value in pairs.items():
+        a, b = (int(text) for text in key[1:].split("_"))
+        matrix[a, b] = matrix[b, a] = value
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("names", "remedy"),
+    [
+        (("focal_length", "gnss_shift_z"), "a second flying height or strong relief separates them"),
+        (("principal_point_x", "gnss_shift_y"), "strips flown in opposite or crossing directions separate"),
+        (("lever_arm_y", "principal_point_y"), "a second flying height or strong relief separates"),
+        (("lever_arm_z", "gnss_shift_z"), "strong tilts alone separate them"),
+        (
+            ("lever_arm_x", "time_offset"),
+            "delivered rates of the body or varying ground speeds separate them",
+        ),
+        (("gnss_shift_x", "lever_arm_x"), "strips flown in opposite or crossing directions separate"),
+        (("boresight_yaw", "lever_arm_x"), "hold one of them or give it a prior"),
+    ],
+)
+def test_a_correlated_pair_comes_with_what_separates_it(names: tuple[str, str], remedy: str) -> None:
+    (sentence,) = weak_mode_sentences(parameters(*names), correlation(2, p0_1=-0.993))
+    assert str(parameters(*names)[0]) in sentence
+    assert str(parameters(*names)[1]) in sentence
+    assert "are 99.3 % correlated" in sentence
+    assert remedy in sentence
+
+
+def test_nearly_complete_correlation_is_never_said_to_be_complete() -> None:
+    (sentence,) = weak_mode_sentences(
+        parameters("focal_length", "lever_arm_z"), correlation(2, p0_1=0.9999999)
+    )
+    assert "99.99 % correlated" in sentence
+
+
+def test_three_parameters_that_only_together_are_weak_are_named_together() -> None:
+    """No pair above 0.98, and yet x + y + z is hardly determined."""
+    free = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+    covariance = free @ free.T + 0.004 * np.eye(3)
+    scale = 1.0 / np.sqrt(np.diagonal(covariance))
+    matrix = covariance * np.outer(scale, scale)
+    assert np.abs(matrix - np.eye(3)).max() < 0.98
+    (sentence,) = weak_mode_sentences(parameters("gnss_shift_x", "principal_point_x", "lever_arm_x"), matrix)
+    assert "together are hardly determined" in sentence
+    assert "strips flown in opposite or crossing directions and a second flying height" in sentence
+    assert "hold all but one" in sentence
+
+
+def test_separated_parameters_give_no_sentence() -> None:
+    assert weak_mode_sentences(parameters("focal_length", "gnss_shift_z"), correlation(2, p0_1=0.9)) == []
+    assert weak_mode_sentences(parameters("focal_length"), np.eye(1)) == []
+    assert weak_mode_sentences((), np.zeros((0, 0))) == []
