@@ -26,7 +26,7 @@ MODEL_ALTERNATIVES = TableSchema(
         text("alike", "other alternatives with nearly the same effect; null: none", nullable=True),
         text("moves", "calibrated parameter most affected if undetected; null: none", nullable=True),
         text("moves_entity", "camera or flight of that parameter", nullable=True),
-        number("moved_by_detectable", "", "its change by the smallest detectable one, in sigma", nullable=True),
+        number("moved_by_detectable", "", "its change by the smallest detectable, in sigma", nullable=True),
         number("moved_by_estimate", "", "its change by the estimate, in sigma", nullable=True),
     ),
     ("quantity", "entity", "scope", "part"),
