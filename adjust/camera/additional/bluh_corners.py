@@ -1,4 +1,4 @@
-"""BLUH's additional parameters of the four corners of the image, made for CCDs that are not flat.
+"""BLUH's additional parameters of the four corners of the image, for CCDs that are not flat.
 
 With u, v the image point as a part of half the format and the signs s of a corner (upper right, lower right,
 lower left, upper left), the weight

@@ -1,7 +1,7 @@
 """The twelve general additional parameters of BLUH.
 
 With the direction b of an image point and its coordinates x, y, r in normalised millimetres (the corner of
-the image at r = 162.6), the published table displaces it by −P times
+the image at r = 162.6), the published table displaces the point by −P times
 
     1  (y, x)             2   (x, −y)             3   (x, y) cos 2b         4   (x, y) sin 2b
     5  (x, y) cos b       6   (x, y) sin b        7   (−y, x) r cos b       8   (−y, x) r sin b

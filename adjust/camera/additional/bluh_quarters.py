@@ -11,8 +11,8 @@ millimetres. With P the value, the image point is displaced by −P times
     32       sgn(xy) (−v, u)          rotation of the heads, mirrored
     33       (u, −v)                  affinity of the heads
 
-with u, v from the centre of the head's image. 34–41 are published; of the others the numbers and the names
-are, and the formulas are reconstructed.
+with u, v from the centre of the head's image. 34–41 are published; of the others, only numbers and names
+are published, and the formulas are reconstructed.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """BLUH's additional parameters of the CCD images that an UltraCam image is composed of.
 
-Nine CCDs in four cones make the image. The central one holds scale, position and rotation of the whole; each
-of the eight outer tiles i has its own, relative to it. Tiles are numbered by ascending x (along flight), then
-by ascending y; i runs over them without the central one. With u, v from the middle of a tile in normalised
+Nine CCDs in four cones form the image. The central one defines its scale, position and rotation; each of the
+eight outer tiles i has its own, relative to it. Tiles are numbered by ascending x (along flight), then by
+ascending y; i counts them without the central one. With u, v from the centre of a tile in normalised
 millimetres and P the value, Δ inside the tile is
 
     42 + i  −(u, v) P     scale
     50 + i  (−P, 0)       shift in x
     58 + i  (0, −P)       shift in y
 
-and 66–73 are one of three forms of perspective (``Tiles.perspective``):
+and 66–73 are one of three types of perspective (``Tiles.perspective``):
 
     master4    the four corner tiles, those of the master cone, two each: −(u², uv) P, −(uv, v²) P
     outer8     each outer tile: −(uv, uv) P
@@ -17,10 +17,10 @@ and 66–73 are one of three forms of perspective (``Tiles.perspective``):
 
 Numbers and names are published; the formulas, the numbering and the seams are reconstructed.
 
-Seams are those of the image format. By default those of 3 × 3 CCDs of 24 mm × 36 mm (along × across flight),
+Seams depend on the image format. The default is 3 × 3 CCDs of 24 mm × 36 mm (along × across flight),
 which fits all generations: with the format W and the CCD w, neighbours overlap by (3 w − W)/2, and the
 seam is in the middle of the overlap, at ±(W − w)/4. ``Tiles.blend`` mixes the two tiles linearly over a width
-about the seam, which joins them continuously; otherwise Δ jumps there.
+about the seam, so that Δ is continuous; otherwise Δ has a step there.
 """
 
 from __future__ import annotations

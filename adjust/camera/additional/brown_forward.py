@@ -1,13 +1,13 @@
 """Brown's distortion from the ideal to the measured point: OpenCV, COLMAP, Metashape, OpenSfM, Pix4D.
 
-With the ideal point u = x/c, v = −y/c (v down the image, as those programs count) and r² = u² + v²
+With the ideal point u = x/c, v = −y/c (v positive down the image, as in those programs) and r² = u² + v²
 
     u' = u (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p1 u v + p2 (r² + 2 u²)
     v' = v (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + p1 (r² + 2 v²) + 2 p2 u v
     x_measured − x0 = c (u' + b1 u' + b2 v'),    y_measured − y0 = −c v'
 
-All coefficients are numbers: the ideal point is divided by the focal length, whatever that is at the time.
-k1, k2, k3, p1, p2 are those of OpenCV, COLMAP, OpenSfM and OPF as they stand. Metashape calls p2, p1 P1, P2,
+All coefficients are dimensionless, because the ideal point is divided by the current focal length.
+k1, k2, k3, p1, p2 are identical to those of OpenCV, COLMAP, OpenSfM and OPF. Metashape calls p2, p1 P1, P2,
 and its B1, B2 are b1, b2 times the focal length in pixels. fx = c (1 + b1), fy = c. k4 is Metashape's; k4 to
 k6 of OpenCV's rational model are something else.
 """

@@ -7,9 +7,10 @@ With half the sides of the image b_x, b_y, the points at 0 and ±b, and
     Δx = a1 x + a2 y − 2 a3 k + a4 x y + a5 l + a7 x l + a9 y k + a11 k l
     Δy = −a1 y + a2 x + a3 x y − 2 a4 l + a6 k + a8 y k + a10 x l + a12 k l.
 
-They are orthogonal to each other and to shift, scale, rotation and tilt of the image: no principal point
-and no focal length is in them. Ebner's image is square; elsewhere four weights take the ratio of the sides
-(:func:`~adjust.camera.additional.orthogonal_products.weights_against_orientation`), so that this holds.
+They are orthogonal to each other and to shift, scale, rotation and tilt of the image; focal length and
+principal point are not included. Ebner's image is square. For other formats, four weights account for the
+ratio of the sides (:func:`~adjust.camera.additional.orthogonal_products.weights_against_orientation`), so
+that the parameters remain orthogonal.
 """
 
 from __future__ import annotations
@@ -58,6 +59,6 @@ SET = ProductScheme(
     "Ebner (1976), as programmed in MicMac (cEbnersModel)",
     "published",
     "Orthogonal to each other and to the exterior orientation over 3 × 3 points at the edges and the "
-    "middle of the image; there is no focal length and no principal point in them.",
+    "middle of the image; focal length and principal point are not included.",
     __doc__ or "",
 )

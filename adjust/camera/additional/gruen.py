@@ -6,7 +6,7 @@ The polynomials of one axis, over the points 0, ±b/2, ±b with half the side of
 
 Their products follow the pattern of Ebner's parameters, with 10/7 instead of 2: see
 :mod:`~adjust.camera.additional.orthogonal_products`. The polynomials are recalled and verified by their
-orthogonality; the order of the parameters from 7 on is ours.
+orthogonality; the order of the parameters from 7 on is aerocal's own.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ SET = ProductScheme(
     "Grün, 44 parameters",
     "Grün (1978); polynomials recalled, verified by their orthogonality",
     "reconstructed",
-    "Orthogonal to each other and to the exterior orientation over 5 × 5 points; there is no focal length"
-    " and no principal point in them. The numbering from 7 on is ours.",
+    "Orthogonal to each other and to the exterior orientation over 5 × 5 points; focal length and "
+    "principal point are not included. The numbering from 7 on is aerocal's own.",
     __doc__ or "",
 )

@@ -1,4 +1,4 @@
-"""Legendre polynomials of degree n: the pattern of Ebner and Grün for an image covered all over.
+"""Legendre polynomials of degree n: the pattern of Ebner and Grün for a uniformly covered image.
 
     Δ = 1e-6 · products of P_i(u) and P_j(v),    u = x / b_x,  v = y / b_y,    i, j ≤ n
 
@@ -53,7 +53,7 @@ def legendre(degree: int) -> ParameterSet:
         "Tang, Fritsch and Cramer (2012); explicit set recalled",
         "reconstructed",
         "u and v run from −1 to 1 over the image. Orthogonal to each other over a uniformly covered "
-        "image, and from 5 on to the exterior orientation. The numbering from 7 on is ours.",
+        "image, and from 5 on to the exterior orientation. The numbering from 7 on is aerocal's own.",
         __doc__ or "",
     )
 

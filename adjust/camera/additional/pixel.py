@@ -2,9 +2,9 @@
 
     x̃ = (1 + aspect) x,    ỹ = y
 
-The sensor is stretched before the lens is described, so this set comes first and the other sets are
-evaluated at (x̃, ỹ). It is the aspect parameter of DBAT's camera models 3 and 5. B1 of Brown is the linear
-form of it, that stretches beside the distortion; the two differ by the aspect times the distortion, and
+The sensor is stretched before the lens is modelled, so this set is applied first and the other sets are
+evaluated at (x̃, ỹ). It is the aspect parameter of DBAT's camera models 3 and 5. B1 of Brown is its linear
+form, applied in parallel with the distortion. The two differ by the aspect times the distortion, and
 only one of them can be determined.
 """
 
@@ -28,7 +28,7 @@ SET = ParameterSet(
     "Börlin and Grussenmeyer, DBAT, camera models 3 and 5",
     (Term("aspect", "x is stretched before everything else", "1", "published"),),
     _basis,
-    "The other sets are evaluated where the aspect has moved the point to. Choose this or B1 of Brown.",
+    "The other sets are evaluated at the point displaced by the aspect. Use either this or B1 of Brown.",
     formulas=__doc__ or "",
     comes_first=("aspect",),
 )

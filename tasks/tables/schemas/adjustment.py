@@ -48,20 +48,20 @@ RESIDUALS = TableSchema(
         text("image", "image, null where it does not apply", nullable=True),
         text("point", "point, null where it does not apply", nullable=True),
         text("component", "component of the observation: x, y, z or roll, pitch, yaw, or a parameter"),
-        number("residual", "see unit", "adjusted minus observed; null if it never entered", nullable=True),
+        number("residual", "see unit", "adjusted minus observed; null if not used", nullable=True),
         number("sigma", "see unit", "a-priori standard deviation of the observation"),
         text("unit", "unit of residual, sigma and mdb: um, m or deg"),
         number("redundancy", "", "redundancy number, 0 to 1", nullable=True),
-        number("standardized", "", "residual over its own standard deviation", nullable=True),
+        number("standardized", "", "residual divided by its standard deviation", nullable=True),
         number("mdb", "see unit", "minimal detectable bias", nullable=True),
         number(
             "external",
             "",
-            "external reliability: by how many of its standard deviations an undetected error of that size "
-            "moves any result at most",
+            "external reliability: largest effect on any result of an undetected error of that size, "
+            "in standard deviations of that result",
             nullable=True,
         ),
-        text("status", "what became of it", values=("used", "rejected", "uncontrolled", "not_used")),
+        text("status", "use of the observation", values=("used", "rejected", "uncontrolled", "not_used")),
     ),
     ("group", "image", "point", "component"),
 )
@@ -127,7 +127,7 @@ DISTANCE_RESIDUALS = TableSchema(
         number(
             "sigma_difference_m", "m", "its predicted standard deviation; of a check distance with its own"
         ),
-        text("status", "what became of it", values=("used", "rejected", "check")),
+        text("status", "use of the observation", values=("used", "rejected", "check")),
     ),
     ("point", "other_point"),
 )

@@ -40,7 +40,7 @@ CAMERAS = TableSchema(
         count("mount_deg", "κ_mount of the nominal mounting diag(1, −1, −1) R_z(κ_mount), body from camera"),
         count(
             "calibration_axes_deg",
-            "turn from the image axes to those of additional parameters, counter-clockwise",
+            "rotation from the image axes to those of additional parameters, counter-clockwise",
         ),
         text("tiles", "layout of the CCD images as JSON, mm; null: that of the parameter set", nullable=True),
         text(
@@ -67,10 +67,10 @@ CAMERAS = TableSchema(
                 ("mount", "installation in the aircraft"),
             )
         ),
-        text("product", "what the image is", values=("virtual_image", "camera_head")),
+        text("product", "type of image", values=("virtual_image", "camera_head")),
         text(
             "calibration_use",
-            "what becomes of the covariance of its calibration; null: the values count as exact",
+            "how the covariance of its calibration is used; null: the values are treated as exact",
             nullable=True,
             values=("consider", "prior"),
         ),
@@ -95,7 +95,7 @@ IMAGES = TableSchema(
         number(
             "height_above_ground_m", "m", "flying height above the object points in the image", nullable=True
         ),
-        text("status", "whether the image takes part in the adjustment, or why not"),
+        text("status", "whether the image is used in the adjustment, or why not"),
     ),
     ("image",),
 )
@@ -110,7 +110,7 @@ IMAGE_POINTS = TableSchema(
         number("y_mm", "mm", "y in the image system: from the format centre against rows"),
         number("sigma_x_mm", "mm", "standard deviation of x_mm"),
         number("sigma_y_mm", "mm", "standard deviation of y_mm"),
-        text("input_file", "name of the file it was delivered in", nullable=True),
+        text("input_file", "name of the input file", nullable=True),
     ),
     ("image", "point"),
 )
@@ -130,11 +130,16 @@ EXPOSURES = TableSchema(
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
         *(
             number(
-                f"rate_{name}_deg_s", "deg/s", f"how fast the body turned about its axis {way}", nullable=True
+                f"rate_{name}_deg_s",
+                "deg/s",
+                f"angular velocity of the body about its axis {way}",
+                nullable=True,
             )
             for name, way in (("roll", "forward"), ("pitch", "right"), ("yaw", "down"))
         ),
-        text("position", "what the position is of", values=("projection_centre", "antenna", "imu")),
+        text(
+            "position", "point to which the position refers", values=("projection_centre", "antenna", "imu")
+        ),
     ),
     ("image",),
     XYZ_M,
@@ -147,7 +152,11 @@ CONTROL_POINTS = TableSchema(
         POINT,
         *position("point", nullable=True),
         *sigmas(XYZ, "m", nullable=True),
-        text("role", "a check point's coordinates never enter an adjustment", values=("control", "check")),
+        text(
+            "role",
+            "the coordinates of a check point are never used in an adjustment",
+            values=("control", "check"),
+        ),
     ),
     ("point",),
     XYZ_M,
@@ -155,20 +164,20 @@ CONTROL_POINTS = TableSchema(
 
 DISTANCES = TableSchema(
     "distances",
-    "A measured straight distance in space between two object points.",
+    "A measured slope distance between two object points.",
     (
         POINT,
         OTHER_POINT,
         number("distance_m", "m", "the distance"),
         number("sigma_m", "m", "its standard deviation"),
-        text("role", "a check distance never enters an adjustment", values=("control", "check")),
+        text("role", "a check distance is never used in an adjustment", values=("control", "check")),
     ),
     ("point", "other_point"),
 )
 
 APPROXIMATE_BORESIGHT = TableSchema(
     "approximate_boresight",
-    "A camera's boresight with which the adjustment begins: as given, or as the tie points show it.",
+    "Initial boresight of a camera in the adjustment: as given, or derived from the tie points.",
     (
         CAMERA,
         number("roll_deg", "deg", "boresight roll"),
@@ -180,7 +189,8 @@ APPROXIMATE_BORESIGHT = TableSchema(
 
 APPROXIMATE_ORIENTATIONS = TableSchema(
     "approximate_orientations",
-    "Orientation found from image points for an image that was given none, or half of one; no observation.",
+    "Orientation computed from image points for an image without or with incomplete orientation; not "
+    "an observation.",
     (
         IMAGE,
         CAMERA,
@@ -199,7 +209,7 @@ APPROXIMATE_POINTS = TableSchema(
         *position("point", nullable=True),
         count("rays", "number of image points"),
         number("angle_deg", "deg", "largest angle between two rays", nullable=True),
-        text("status", "whether the point takes part in the adjustment, or why not"),
+        text("status", "whether the point is used in the adjustment, or why not"),
     ),
     ("point",),
     XYZ_M,

@@ -28,14 +28,14 @@ PARAMETERS = TableSchema(
         number(
             "sigma_over_prior",
             "",
-            "sigma over sigma_prior, both for one σ0; near 1 all was known before",
+            "sigma divided by sigma_prior, both for one σ0; near 1, the adjustment added no information",
             nullable=True,
         ),
         text("unit", "unit of value, change and the sigmas"),
-        number("t", "", "change over its standard deviation", nullable=True),
+        number("t", "", "change divided by its standard deviation", nullable=True),
         text(
             "status",
-            "what can be said about it",
+            "assessment of the parameter",
             values=(
                 "significant",
                 "not_significant",
@@ -52,28 +52,28 @@ PARAMETERS = TableSchema(
 
 SELF_CALIBRATION = TableSchema(
     "self_calibration",
-    "An additional parameter that was offered to the adjustment, and what was decided about it.",
+    "An additional parameter that was offered to the adjustment, and the decision about it.",
     (
         text("parameter", "name SET:NAME"),
         text("entity", "camera, or camera and flight, it belongs to"),
         *OWNER[:2],
         text("meaning", "what it models"),
-        text("formula", "where its formula comes from", values=("published", "reconstructed")),
+        text("formula", "origin of its formula", values=("published", "reconstructed")),
         text("unit", "unit of the values and their sigmas"),
         number("value", "see unit", "adjusted value; null if eliminated", nullable=True),
         number("sigma", "see unit", "standard deviation; null if eliminated", nullable=True),
-        number("t", "", "change over its standard deviation; null if eliminated", nullable=True),
+        number("t", "", "change divided by its standard deviation; null if eliminated", nullable=True),
         number("value_of_all", "see unit", "change with all parameters together", nullable=True),
         number("sigma_of_all", "see unit", "standard deviation with all parameters together", nullable=True),
-        number("t_of_all", "", "change over its standard deviation with all together", nullable=True),
+        number("t_of_all", "", "change divided by its standard deviation with all together", nullable=True),
         number("strongest_correlation", "", "strongest correlation with all together", nullable=True),
-        text("correlated_with", "the parameter with which, and its entity", nullable=True),
+        text("correlated_with", "parameter with the strongest correlation, and its entity", nullable=True),
         text("correlated_parameter", "this parameter alone", nullable=True),
         text("correlated_entity", "its entity", nullable=True),
         number("total_correlation", "", "correlation with all other free system parameters", nullable=True),
         number("effect_max_um", "um", "largest correction in the image"),
         number("effect_rms_um", "um", "root mean square of the correction over the image"),
-        text("decision", "the last word", values=("is significant", "is eliminated", "is kept")),
+        text("decision", "final decision", values=("is significant", "is eliminated", "is kept")),
         count("step", "number of the last decision about it, 0 without a selection"),
         text("reason", "why"),
     ),
@@ -95,7 +95,7 @@ CORRELATIONS = TableSchema(
 
 PARAMETER_INFLUENCES = TableSchema(
     "parameter_influences",
-    "What a system parameter of a camera or flight changes by when an observation changes by one unit.",
+    "Change of a system parameter of a camera or flight if an observation changes by one unit.",
     (
         text("parameter", "name, e.g. boresight_roll"),
         text("entity", "camera or flight it belongs to"),

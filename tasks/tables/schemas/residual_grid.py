@@ -46,20 +46,23 @@ RESIDUAL_GRID = TableSchema(
             for axis in "xy"
         ),
         number(
-            "p_value", "", "probability of a mean vector as long as this by chance (Hotelling)", nullable=True
+            "p_value",
+            "",
+            "probability of a mean vector of at least this length by chance (Hotelling)",
+            nullable=True,
         ),
         Column(
             "significant",
             "bool",
             "",
-            "whether the mean vector differs from zero at the project's confidence, each sub-area tested by "
-            "itself",
+            "whether the mean vector differs from zero at the project's confidence, each sub-area "
+            "tested separately",
         ),
         *(
             number(
                 f"correction_{axis}_um",
                 "um",
-                f"what was added to measured {axis} before this adjustment; null where nothing was corrected",
+                f"correction added to measured {axis} before this adjustment; null if nothing was corrected",
                 nullable=True,
             )
             for axis in "xy"
@@ -81,11 +84,11 @@ RESIDUAL_AUTOCORRELATION = TableSchema(
         number(
             "limit",
             "",
-            "what white noise hardly exceeds: 3/√pairs, and 6 over the number of image points in an image "
-            "for what its orientation takes",
+            "limit for white noise: 3/√pairs, plus 6 divided by the number of image points in an "
+            "image for the effect of its orientation",
             nullable=True,
         ),
-        Column("correlated", "bool", "", "whether the coefficient is beyond the limit"),
+        Column("correlated", "bool", "", "whether the coefficient exceeds the limit"),
         number(
             "sigma_relative_um",
             "um",

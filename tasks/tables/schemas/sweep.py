@@ -11,22 +11,22 @@ def _each_axis(pattern: str, unit: str, meaning: str) -> tuple[Column, ...]:
 
 SWEEP = TableSchema(
     "sweep",
-    "A scenario of a sweep: a sub-block, a choice of control points, a variant of the settings. Where it "
-    "could not be computed there are no figures.",
+    "A scenario of a sweep: a sub-block, a choice of control points, a variant of the settings. If "
+    "it could not be computed, there are no figures.",
     (
         text("block", "sub-block"),
         text("control", "choice of control points"),
         text("variant", "variant of the settings"),
-        count("number", "place in the order of the project file, from 1"),
+        count("number", "position in the project file, from 1"),
         text("changes", "settings the variant changes, as JSON"),
         text("status", "whether it was computed", values=("done", "not_computable", "input_error")),
-        text("reason", "why it was not", nullable=True),
+        text("reason", "reason if not computed", nullable=True),
         number("sigma0", "", "σ0 a posteriori / a priori", nullable=True),
         number("sigma0_um", "um", "σ0 of an image coordinate", nullable=True),
         number(
             "sigma0_ratio",
             "",
-            "σ0 over that of the first variant with the same sub-block and control points",
+            "σ0 divided by that of the first variant with the same sub-block and control points",
             nullable=True,
         ),
         number("redundancy", "", "observations minus unknowns", nullable=True),
@@ -35,10 +35,10 @@ SWEEP = TableSchema(
         count("object_points", "object points", nullable=True),
         count("image_points", "image points used", nullable=True),
         count("rejected", "rejected observations", nullable=True),
-        count("control_points", "control points that took part", nullable=True),
-        count("check_points", "check points that took part", nullable=True),
+        count("control_points", "control points used", nullable=True),
+        count("check_points", "check points used", nullable=True),
         count("parameters_offered", "additional parameters offered", nullable=True),
-        count("parameters_kept", "additional parameters estimated in the end", nullable=True),
+        count("parameters_kept", "additional parameters finally estimated", nullable=True),
         count("parameters_significant", "additional parameters that are significant", nullable=True),
         number("gsd_m", "m", "ground sampling distance, median of the images", nullable=True),
         *(
@@ -46,13 +46,13 @@ SWEEP = TableSchema(
             for axis in ("x", "y")
         ),
         count("cells", "sub-areas of the images with a mean residual, all cameras", nullable=True),
-        count("cells_significant", "of them significant", nullable=True),
-        number("cells_by_chance", "", "significant ones that chance alone makes expect", nullable=True),
+        count("cells_significant", "significant ones among them", nullable=True),
+        number("cells_by_chance", "", "number of significant sub-areas expected by chance", nullable=True),
         *(
             number(
                 f"systematic_{axis}_um",
                 "um",
-                f"RMS of the mean residuals without what chance gives, {axis}",
+                f"RMS of the mean residuals without the part due to chance, {axis}",
                 nullable=True,
             )
             for axis in ("x", "y")

@@ -11,7 +11,7 @@ _COMPONENTS = (
     ("forward", "m", "observed − adjusted position along the body: lever arm"),
     ("right", "m", "the same, to the right"),
     ("down", "m", "the same, downwards"),
-    ("east", "m", "observed − adjusted position less the given lever arm, true east: shift"),
+    ("east", "m", "observed − adjusted position minus the given lever arm, true east: shift"),
     ("north", "m", "the same, true north"),
     ("up", "m", "the same, up"),
 )
@@ -20,7 +20,7 @@ _ADJUSTED = ("roll", "pitch", "yaw", "east", "north", "up")
 
 ORIENTATION_DIFFERENCES = TableSchema(
     "orientation_differences",
-    "What the adjusted and the observed orientation of an image say about boresight and offset.",
+    "Differences between adjusted and observed orientation of an image: boresight and offset.",
     (
         IMAGE,
         CAMERA,
@@ -31,7 +31,7 @@ ORIENTATION_DIFFERENCES = TableSchema(
         count("mounting", "0: the mounting of most strips; 1, 2, …: others"),
         *(number(f"{name}_{unit}", unit, meaning) for name, unit, meaning in _COMPONENTS),
         *(
-            number(f"weight_{name}", "", f"factor 0 … 1 of {name} in the robust mean of the mounting")
+            number(f"weight_{name}", "", f"weight factor 0 … 1 of {name} in the robust mean of the mounting")
             for name, _, _ in _COMPONENTS
         ),
     ),
@@ -40,53 +40,59 @@ ORIENTATION_DIFFERENCES = TableSchema(
 
 ORIENTATION_DIFFERENCE_MEANS = TableSchema(
     "orientation_difference_means",
-    "One component of the two-step calibration of a camera for a group of its images. A flight is given by "
-    "its images with the mounting of most of its strips; headings and heights are those of the main one.",
+    "One component of the two-step calibration of a camera for a group of its images. A flight is "
+    "represented by its images with the mounting of most of its strips; headings and heights refer "
+    "to the main mounting.",
     (
         CAMERA,
         text(
             "scope",
-            "what makes the group",
+            "type of the group",
             values=("all", "mounting", "flight", "heading", "height", "strip"),
         ),
-        text("group", "which one: mounting (0 is the main one: the result), flight, heading, height, strip"),
+        text(
+            "group",
+            "name of the group: mounting (0 is the main one: the result), flight, heading, height, strip",
+        ),
         text("component", "see orientation_differences", values=tuple(name for name, _, _ in _COMPONENTS)),
-        text("unit", "unit of value and of all that follow it", values=("deg", "m")),
+        text("unit", "unit of value and of all following figures", values=("deg", "m")),
         number("value", "", "robust mean, as boresight angle, lever arm or shift"),
         number(
             "sigma",
             "",
-            "its standard deviation, from the scatter of the strips and the errors of the adjustment; of a "
-            "mounting or flight with fewer than five strips not less than that of the main mounting lets "
-            "expect",
+            "its standard deviation, from the scatter of the strips and the errors of the "
+            "adjustment; for a mounting or flight with fewer than five strips, not less than "
+            "expected from that of the main mounting",
             nullable=True,
         ),
         number(
             "freedom",
             "",
-            "degrees of freedom of sigma: a limit of confidence is Student's quantile times sigma",
+            "degrees of freedom of sigma: a confidence limit is Student's quantile times sigma",
             nullable=True,
         ),
         number(
             "sigma_adjusted",
             "",
-            "part of sigma by the errors of the adjusted orientations and of the camera; null: not known, "
-            "and not in sigma",
+            "part of sigma due to the errors of the adjusted orientations and of the camera; null: "
+            "unknown and not included in sigma",
             nullable=True,
         ),
         number("value_plain", "", "arithmetic mean", nullable=True),
         number("sigma_plain", "", "its standard deviation", nullable=True),
-        number("rms", "", "of one exposure about the mean; of a strip its standard deviation", nullable=True),
+        number(
+            "rms", "", "of one exposure about the mean; for a strip, its standard deviation", nullable=True
+        ),
         number("between_strips", "", "standard deviation of the means of the strips", nullable=True),
-        number("drift", "", "of a strip: change from its first to its last exposure", nullable=True),
+        number("drift", "", "for a strip: change from its first to its last exposure", nullable=True),
         number("sigma_drift", "", "its standard deviation", nullable=True),
         Column(
-            "outlying", "bool", "", "of a strip: whether the component stands out; null: not tested", True
+            "outlying", "bool", "", "for a strip: whether the component is an outlier; null: not tested", True
         ),
         count("mounting", "of the images: 0 is the main one; null for `all`", nullable=True),
         count("images", "number of images"),
         count("strips", "number of strips"),
-        number("heading_deg", "deg", "mean heading; has little meaning over several directions"),
+        number("heading_deg", "deg", "mean heading; not meaningful for several directions"),
         number("height_m", "m", "median height in the project's height system"),
     ),
     ("camera", "scope", "group", "component"),
@@ -95,7 +101,7 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
 
 STRIP_ERRORS = TableSchema(
     "strip_errors",
-    "Covariances of the mean errors of two strips of a camera that come from an adjustment on control alone.",
+    "Covariances of the mean errors of two strips of a camera in an adjustment on control alone.",
     (
         CAMERA,
         text("strip_a", "one strip, with its flight if there are several"),
