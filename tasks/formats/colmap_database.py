@@ -175,6 +175,8 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
         try:
             connection.deserialize(content)
             connection.execute("PRAGMA trusted_schema = OFF")
+            # A computed column could make values of any length out of nothing.
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, len(content))
             yield connection
         except (sqlite3.Error, OverflowError, UnicodeDecodeError, MemoryError) as error:
             raise InputError(
@@ -183,9 +185,10 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _rows(path: Path, database: sqlite3.Connection, table: str, columns: str) -> Iterator[tuple[Any, ...]]:
-    """Rows of a table, and of nothing else of this name: a view could be without end."""
-    kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
-    if kind != ("table",):
+    """Rows of a plain table, and of nothing else of this name: a view could be without end."""
+    plain = "type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'"
+    found = database.execute(f"SELECT 1 FROM sqlite_master WHERE name = ? AND {plain}", (table,)).fetchone()
+    if found is None:
         raise InputError(
             f"The database has no table '{table}'.", "Check that it is a database of COLMAP.", file=path
         )

@@ -1,22 +1,27 @@
-"""Pix4Dmapper's parameter folder: ``…_calibrated_external_camera_parameters.txt`` and ``…_tp_pix4d.txt``.
+"""Pix4Dmapper's parameter folder: external and calibrated camera parameters, tie points.
 
 | file | line | read |
 |---|---|---|
-| external camera parameters | imageName X Y Z Omega Phi Kappa | CRS of the output, ω, φ, κ in degrees |
-| tie points | image, then id x y scale, then −99 | pixels; as `photo_lists` |
+| ``…_calibrated_external_camera_parameters.txt`` | imageName X Y Z Omega Phi Kappa | CRS of the output, ω, φ, κ in degrees |
+| ``…_tp_pix4d.txt`` | image, then id x y scale, then −99 | pixels; as `photo_lists` |
+| ``…_calibrated_camera_parameters.txt`` | image, width, height; K; radial; tangential; t; R | cameras, in pixels; positions and rotations there are those of the other file |
 
 The folder's ``…_tp_bingo.txt`` is read as ``bingo`` (mm, from the middle of the image).
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from tasks.errors import InputError
 from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import exposures_of, numbers_of
-from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, PixelCamera
 
+_CAMERA_HEAD = "fileName imageWidth imageHeight"
+# Lines of an image: K, radial and tangential distortion, t, R.
+_LINES_OF_CAMERA = 9
 _HEAD = ["imagename", "x", "y", "z", "omega", "phi", "kappa"]
 
 
@@ -53,3 +58,57 @@ def read_pix4d_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         unit="deg",
         states=FileStatement(order="omega-phi-kappa"),
     )
+
+
+def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
+    """Read calibrated camera parameters: each different camera by the name of the first image that has it.
+
+    Raises
+    ------
+    InputError
+        With file and line: another header, numbers missing, or pixels that are not square.
+    """
+    rows = lines(path)
+    if rows[0].strip() != _CAMERA_HEAD:
+        raise InputError(
+            f"The first line is not '{_CAMERA_HEAD}'.",
+            "Check that this is …_calibrated_camera_parameters.txt.",
+            file=path,
+            line=1,
+        )
+    # The head explains the lines of an image, and ends with an empty line.
+    begin = next((k for k, row in enumerate(rows) if not row.strip()), len(rows))
+    filled = [(k, row.split()) for k, row in enumerate(rows, start=1) if k > begin and row.strip()]
+    known: dict[str, PixelCamera] = {}
+    for at in range(0, len(filled), _LINES_OF_CAMERA + 1):
+        number, words = filled[at]
+        if len(words) < 3 or at + _LINES_OF_CAMERA >= len(filled):
+            raise InputError(
+                "An image is not complete.", "The file may have been cut off: deliver it again.", path, number
+            )
+        camera = _camera(path, number, words, filled[at + 1 : at + 6])
+        if camera not in known.values():
+            known[" ".join(words[:-2])] = camera
+    if not known:
+        raise InputError("There is no camera in the file.", "Deliver the file again.", file=path)
+    return known
+
+
+def _camera(path: Path, number: int, words: list[str], body: list[tuple[int, list[str]]]) -> PixelCamera:
+    """The camera of an image: its own line, then three lines of K, radial, tangential distortion."""
+    columns, rows = numbers_of(path, words[-2:], 2, number, "width and height")
+    matrix = [numbers_of(path, row, 3, line, "a line of K") for line, row in body[:3]]
+    radial = numbers_of(path, body[3][1], 3, body[3][0], "radial distortion")
+    tangential = numbers_of(path, body[4][1], 2, body[4][0], "tangential distortion")
+    (fx, skew, column), (_, fy, row) = matrix[0], matrix[1]
+    whole = columns.is_integer() and rows.is_integer() and 0 < columns < 10**6 and 0 < rows < 10**6
+    if not (whole and fx == fy > 0.0 and skew == 0.0):
+        raise InputError(
+            "The pixels are not whole or not square, or the focal length is not positive.",
+            "Write the camera into the project file.",
+            file=path,
+            line=number,
+        )
+    values = dict(zip(("k1", "k2", "k3", "p1", "p2"), (*radial, *tangential), strict=True))
+    distortion = {f"brown-forward:{key}": value for key, value in values.items() if value}
+    return PixelCamera(int(columns), int(rows), fy, (column - 0.5 * columns, 0.5 * rows - row), distortion)

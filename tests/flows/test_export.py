@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import csv
+import shutil
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from adjust.arrays import Floats
@@ -17,6 +22,7 @@ from flows.command.export_execution import write_export
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
+from tasks.formats.colmap import read_colmap_image_points
 from tasks.handover.export import export_results
 from tasks.handover.formats.patb import photo_numbers
 from tasks.handover.formats.register import REGISTER
@@ -221,6 +227,49 @@ def test_the_statement_says_what_the_user_must_set(results: Path, tmp_path: Path
         assert words in text
     assert " ".join((tmp_path / "HANDOVER.txt").read_text().split()) == text
     assert "Refraction of the standard atmosphere is contained" in text
+
+
+def test_points_of_the_block_go_along_but_rejected_ones(results: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "results"
+    shutil.copytree(results, copy, ignore=shutil.ignore_patterns(".store"))
+    table = pq.read_table(copy / "residuals.parquet")
+    rows = table.to_pandas()
+    of_image_points = rows.index[rows["group"] == "image_points"]
+    bad = rows.loc[of_image_points[0]]
+    rows.loc[of_image_points[0], "status"] = "rejected"
+    changed = table.set_column(
+        table.schema.get_field_index("status"), "status", pa.array(rows["status"], pa.string())
+    )
+    (copy / "residuals.parquet").unlink()
+    pq.write_table(changed, copy / "residuals.parquet")
+    written = export_results(copy, "colmap")
+    read = read_colmap_image_points(written.folder / "images.txt")
+    names = dict(line.split(",")[:2] for line in (written.folder / "points.csv").read_text().splitlines()[1:])
+    found = {
+        (image, names[point]): xy
+        for image, point, xy in zip(read.image.to_pylist(), read.point.to_pylist(), read.xy, strict=True)
+    }
+    given = pq.read_table(copy / "image_points.parquet").to_pandas()
+    measured = {(row.image, row.point): (row.x_mm, row.y_mm) for row in given.itertuples(index=False)}
+    assert set(measured) - set(found) == {(bad["image"], bad["point"])}
+    camera = read_results(copy).cameras[0].frame
+    for key, (column, row) in found.items():
+        x, y = measured[key]
+        assert column == pytest.approx(x * 1e-3 / camera.pixel_size + 0.5 * camera.columns, abs=1e-4)
+        assert row == pytest.approx(0.5 * camera.rows - y * 1e-3 / camera.pixel_size, abs=1e-4)
+    # The block was adjusted with refraction, which such programs do not know.
+    assert "contained in the cameras" in " ".join(written.statement.split())
+    assert 0.0 < written.misfit_px < 0.1
+
+
+def test_differences_at_control_points_are_those_of_the_adjustment(results: Path, tmp_path: Path) -> None:
+    export_results(results, "geopackage", tmp_path)
+    differences = pq.read_table(results / "control_residuals.parquet").to_pandas().set_index("point")
+    with closing(sqlite3.connect(tmp_path / "block.gpkg")) as connection:
+        rows = connection.execute("SELECT point, dx_m, dy_m, dz_m FROM control_points").fetchall()
+    assert len(rows) == len(differences)
+    for point, *difference in rows:
+        assert difference == differences.loc[point, ["dx_m", "dy_m", "dz_m"]].tolist()
 
 
 def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path: Path) -> None:

@@ -99,6 +99,25 @@ _IGN_XML = """<sensor><usefull-frame><rect><w>100</w><h>80</h></rect></usefull-f
 <pixel_size>5e-6</pixel_size>
 <focal><pt3d><x>50</x><y>40</y><z>20000</z></pt3d></focal></sensor>"""
 
+PIX4D_CAMERAS = """fileName imageWidth imageHeight
+camera matrix K [3x3]
+radial distortion [3x1]
+tangential distortion [2x1]
+camera position t [3x1]
+camera rotation R [3x3]
+camera model m = K [R|-Rt] X
+
+IMG 1.JPG 100 80
+200 0 51.5
+0 200 39
+0 0 1
+0.1 0 0
+0 0.001
+1 2 3
+1 0 0
+0 -1 0
+0 0 -1
+"""
 #: (what is read, format) → content.
 SOUND: dict[tuple[str, str], str | bytes] = {
     ("image points", "csv"): "image,point,x,y\nI1,P1,1.5,2.5\n",
@@ -163,6 +182,7 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("camera", "blocks-exchange"): _BLOCKS,
     ("camera", "colmap"): "1 OPENCV 100 80 200 201 50 40 0.1 0 0.001 0\n",
     ("camera", "opensfm"): _RECONSTRUCTION,
+    ("camera", "pix4d"): PIX4D_CAMERAS,
     ("camera", "opf"): small.packed(small.OPF),
     ("camera", "openmvg"): _OPENMVG,
     ("camera", "micmac"): small.CALIBRATION,

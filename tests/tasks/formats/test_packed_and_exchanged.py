@@ -29,8 +29,10 @@ from tasks.formats.micmac import (
 )
 from tasks.formats.openmvg import read_openmvg_cameras, read_openmvg_exposures, read_openmvg_image_points
 from tasks.formats.opf import read_opf_cameras, read_opf_control, read_opf_exposures, read_opf_image_points
+from tasks.formats.pix4d import read_pix4d_cameras
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.formats import packed_files as small
+from tests.tasks.formats.sound_files import PIX4D_CAMERAS
 from tests.tasks.formats.test_exchanged_blocks import residuals_px
 from tests.tasks.handover.flown_block import NAMES, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import pixels, seen
@@ -260,6 +262,17 @@ def test_a_problem_of_bal_sees_its_own_points(tmp_path):
         read_bal_exposures(saved(tmp_path, text.rsplit("\n", 1)[0]), ORDER)
 
 
+def test_cameras_of_a_parameter_folder_of_pix4d(tmp_path):
+    again = PIX4D_CAMERAS.split("\n\n")[1].replace("IMG 1", "IMG 2")
+    ((name, camera),) = read_pix4d_cameras(saved(tmp_path, PIX4D_CAMERAS + again)).items()
+    assert name == "IMG 1.JPG"
+    assert (camera.columns, camera.rows, camera.focal_length_px) == (100, 80, 200.0)
+    assert camera.principal_point_px == (1.5, 1.0)
+    assert camera.additional_parameters == {"brown-forward:k1": 0.1, "brown-forward:p2": 0.001}
+    with pytest.raises(InputError, match="cut off"):
+        read_pix4d_cameras(saved(tmp_path, PIX4D_CAMERAS + again[:60]))
+
+
 def test_a_database_of_colmap(tmp_path):
     path = saved(tmp_path, small.colmap_database())
     (camera,) = read_colmap_database_cameras(path).values()
@@ -285,6 +298,17 @@ def test_an_old_database_of_colmap_has_no_priors_and_its_fisheyes_are_named(test
         read_colmap_database_exposures(path, ORDER)
     with pytest.raises(InputError, match="OPENCV_FISHEYE"):
         read_colmap_database_cameras(path)
+
+
+def test_a_column_that_makes_a_gigabyte_is_refused(tmp_path):
+    path = saved(tmp_path, small.colmap_database())
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(
+            "DROP TABLE images; CREATE TABLE images (image_id INTEGER PRIMARY KEY, camera_id INTEGER, "
+            "name AS (zeroblob(400000000))); INSERT INTO images (image_id, camera_id) VALUES (1, 1);"
+        )
+    with pytest.raises(InputError, match="too big"):
+        read_colmap_database_image_points(path)
 
 
 def test_a_view_without_end_is_no_table(tmp_path):

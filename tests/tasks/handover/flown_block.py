@@ -78,8 +78,8 @@ def camera(name: str, case: Flight) -> CalibratedCamera:
         "columns": columns, "rows": rows, "pixel_um": pixel * 1e6, "focal_length_mm": c * 1e3, "tiles": None,
     }  # fmt: skip
     if case.corrections:
-        # Some 30 µm at the corner, mm⁻² and so on in their published units.
-        known = {"brown:K1": 2e-7, "brown:P1": 1e-7, "brown:P2": -5e-8}
+        # Some 50 µm at the corner; 1/m² and 1/m.
+        known = {"brown:K1": 0.2, "brown:P1": 1e-4, "brown:P2": -5e-5}
     else:
         known = {"brown-forward:k1": -0.02, "brown-forward:k2": 0.004, "brown-forward:p1": 2e-4}
     additional = additional_parameters_of(name, "+".join(known), image_format_of(row, 0), 0)

@@ -117,6 +117,7 @@ def test_refraction_and_corrections_are_in_the_camera_to_the_stated_misfit(name,
 
 def test_a_distortion_that_copies_no_coefficient_is_the_same_to_a_tenth_of_a_micrometre():
     results, _ = flown(Flight(corrections=True))
+    assert results.cameras[0].largest_distortion > 40e-6
     lenses = lens_models(results, ("k1", "k2", "k3", "p1", "p2"))
     assert lenses.misfit_px.max() * 4.0 < 0.1
 
