@@ -34,7 +34,7 @@ from tasks.errors import InputError
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
-from tasks.formats.text_table import TextTable, read_table_text
+from tasks.formats.text_table import TextTable, read_rows
 from tasks.plain_text import quoted
 
 _OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
@@ -211,4 +211,4 @@ def _read_rows(
 ) -> TextTable:
     # The files are older than UTF-8; every byte is a character in Latin-1, so nothing is lost.
     layout = Layout(text.file, names, numeric, "blank", "utf-8" if text.is_utf8 else "latin-1")
-    return read_table_text(pieces, layout, text.lines - first_line + 1, first_line)
+    return read_rows(text, pieces, layout, first_line)

@@ -39,7 +39,7 @@ from tasks.formats.records import (
 from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
-from tasks.formats.text_table import TextTable, read_table_text
+from tasks.formats.text_table import TextTable, read_rows
 from tasks.nearest_name import nearest
 from tasks.plain_text import trouble_in
 
@@ -168,7 +168,7 @@ def _read(
     read = Layout(
         path, tuple(names), present, layout.separator, layout.encoding, layout.decimal, layout.quote
     )
-    table = read_table_text(rows, read, text.lines - first_line + 1, first_line)
+    table = read_rows(text, rows, read, first_line)
     known = {*required, *optional}
     extra = {name: table.remarks(name) for name in names if name not in known}
     return table, extra

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
-Lines: TypeAlias = NDArray[np.int64]
+Lines: TypeAlias = NDArray[np.integer[Any]]
 AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"]
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from tasks.errors import InputError
 from tasks.formats.table_layout import MARKS, Separator
+from tasks.formats.text_lines import line_feeds
 from tasks.plain_text import quoted
 
 _NAMES = pa.dictionary(pa.int32(), pa.string())
@@ -74,7 +75,7 @@ class Rows:
 
     texts: tuple[pa.DictionaryArray, ...]
     values: NDArray[np.float64]
-    line: NDArray[np.int64] | None = None
+    line: NDArray[np.int32] | None = None
 
 
 def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
@@ -103,7 +104,7 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         content = content.decode(layout.encoding).encode("utf-8")
     if layout.separator == "blank":
         content = _with_single_blanks(content)
-    lines = content.count(b"\n") + (not content.endswith(b"\n"))
+    lines = line_feeds(content) + (not content.endswith(b"\n"))
     types = {name: pa.float64() if name in layout.numeric else _NAMES for name in layout.names}
     try:
         table = pa.csv.read_csv(
@@ -200,7 +201,7 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     except (ValueError, TypeError) as error:
         raise _not_a_number(content, file, layout.numeric, options, first_line) from error
     blank = frame.isna().all(axis=1).to_numpy()
-    line = np.flatnonzero(~blank)
+    line = np.flatnonzero(~blank).astype(np.int32)
     frame = frame[~blank]
     _refuse_remainder(frame, line + first_line, layout)
     return Rows(
@@ -229,7 +230,7 @@ def _options(layout: Layout) -> Mapping[str, Any]:
     }
 
 
-def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int64], layout: Layout) -> None:
+def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int32], layout: Layout) -> None:
     surplus = frame[_REMAINDER].notna().to_numpy()
     if surplus.any():
         raise _too_many(layout, int(line[np.argmax(surplus)]))

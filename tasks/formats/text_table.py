@@ -6,6 +6,7 @@ once, with a number for each row, so that a table takes less memory than its fil
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +17,22 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.formats.joined_names import joined_names, room_of_names
+from tasks.formats.records import Lines
+from tasks.formats.text_lines import DeliveredLines, line_feeds
 from tasks.formats.text_rows import Layout, rows_of
 from tasks.magnitude import HUGE
 from tasks.plain_text import LONGEST_NAME, trouble_in
-from tasks.storage.delivered_file import Kind, read_delivered
+from tasks.storage.delivered_file import Kind, changed, read_delivered
 
 # Names that are looked at together.
 _MANY = 100_000
+# Bytes that a number takes, and a name or line.
+_NUMBER, _CODE = 8, 4
+# In 32 bits, with those of the last piece.
+_MOST_LINES = 2**31 - 2**27
+# The columns of a table may take twice the size of its file, and so many bytes.
+_BESIDES = 150_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +46,7 @@ class TextTable:
     """
 
     layout: Layout
-    line: NDArray[np.int64]
+    line: Lines
     _texts: dict[str, pa.DictionaryArray]
     _values: NDArray[np.float64]
 
@@ -168,8 +178,27 @@ def read_bytes(path: Path, kind: Kind = "table") -> bytes:
     return content
 
 
+def read_rows(
+    text: DeliveredLines, pieces: Iterable[bytes], layout: Layout, first_line: int = 1
+) -> TextTable:
+    """As :func:`read_table_text`, of the rows of a file.
+
+    Raises
+    ------
+    InputError
+        As of :func:`read_table_text`; if the rows are so many and short, or so many names are new, that the
+        columns would take far more memory than the file.
+    """
+    rows = text.lines - first_line + 1
+    return read_table_text(pieces, layout, rows, first_line, 2 * text.size + _BESIDES)
+
+
 def read_table_text(
-    pieces: Iterable[bytes], layout: Layout, most_rows: int, first_line: int = 1
+    pieces: Iterable[bytes],
+    layout: Layout,
+    most_rows: int,
+    first_line: int = 1,
+    most_bytes: float = math.inf,
 ) -> TextTable:
     """Parse rows of text into columns.
 
@@ -178,36 +207,58 @@ def read_table_text(
     pieces : the rows, without header lines, as `tasks.formats.text_lines` gives them.
     most_rows : rows there can be.
     first_line : the line of the file in which they start.
+    most_bytes : memory that the columns may take.
 
     Raises
     ------
     InputError
-        As of `tasks.formats.text_rows.rows_of`; or naming the file: no rows.
+        As of `tasks.formats.text_rows.rows_of`; or naming the file: no rows, columns larger than that.
     """
+    size = most_rows * (_NUMBER * len(layout.numeric) + _CODE * len(layout.texts) + _CODE)
+    _refuse_larger(size, most_bytes, most_rows, layout.file)
+    # What is not written into takes no memory.
     values = np.empty((most_rows, len(layout.numeric)))
-    line = np.empty(most_rows, dtype=np.int64)
     texts: list[list[pa.DictionaryArray]] = [[] for _ in layout.texts]
+    lines: list[tuple[int, NDArray[np.int32] | range]] = []
     count = 0
     for piece in pieces:
         rows = rows_of(piece, layout, first_line)
         end = count + len(rows.values)
+        if end > most_rows:
+            # More than there were when they were counted.
+            raise changed(layout.file)
         values[count:end] = rows.values
-        line[count:end] = (np.arange(end - count) if rows.line is None else rows.line) + first_line
+        lines.append((first_line, range(end - count) if rows.line is None else rows.line))
         for own, column in zip(texts, rows.texts, strict=True):
             own.append(column)
-        count, first_line = end, first_line + piece.count(b"\n")
+            size += room_of_names(column.dictionary)
+        _refuse_larger(size, most_bytes, most_rows, layout.file)
+        count, first_line = end, first_line + (line_feeds(piece) if rows.line is not None else end - count)
     if count == 0:
         raise InputError(
             "The file has no rows.", "Deliver it again, or take it out of the project file.", file=layout.file
         )
-    columns = {}
-    for name in layout.texts:
-        columns[name] = joined_names(texts.pop(0))
-    return TextTable(layout, line[:count], columns, values[:count])
+    # Column by column, so that no two are in memory twice.
+    columns = {name: joined_names(texts.pop(0)) for name in layout.texts}
+    return TextTable(layout, _joined_lines(lines, count), columns, values[:count])
 
 
-def joined_names(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
-    """Columns of names one after the other, each name kept once."""
-    if len(parts) == 1:
-        return parts[0]
-    return pa.concat_arrays(pa.chunked_array(parts).unify_dictionaries().chunks)
+def _refuse_larger(size: float, most_bytes: float, rows: int, file: Path) -> None:
+    if size > most_bytes:
+        raise InputError(
+            f"The file has {rows:,} rows, so short, or so many with names of their own, that their columns "
+            "would take more than twice its size in memory.",
+            "Deliver the right file, or divide it.",
+            file=file,
+        )
+
+
+def _joined_lines(parts: Sequence[tuple[int, NDArray[np.int32] | range]], count: int) -> Lines:
+    """The line (count,) of each row, of the first line of each part and those of its rows, counted from it."""
+    joined: Lines = np.empty(count, np.int32 if parts[-1][0] < _MOST_LINES else np.int64)
+    end = 0
+    for first, part in parts:
+        begin, end = end, end + len(part)
+        joined[begin:end] = part
+        joined[begin:end] += first
+    return joined

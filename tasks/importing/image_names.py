@@ -15,7 +15,7 @@ from tasks.errors import InputError
 from tasks.formats.records import ExposureRecords, ImagePointRecords
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
-from tasks.formats.text_table import read_table_text
+from tasks.formats.text_table import read_rows
 from tasks.nearest_name import did_you_mean
 
 _Records = TypeVar("_Records", ExposureRecords, ImagePointRecords)
@@ -35,7 +35,7 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
     pieces = text.pieces()
     below = next(pieces).partition(b"\n")[2]
     layout = Layout(table, ("theirs", "ours"), (), "comma")
-    rows = read_table_text(chain([below] if below else [], pieces), layout, text.lines, 2)
+    rows = read_rows(text, chain([below] if below else [], pieces), layout, 2)
     theirs, ours = rows.text("theirs").to_pylist(), rows.text("ours").to_pylist()
     for names in (theirs, ours):
         again = pd.Series(names).duplicated().to_numpy()

@@ -19,7 +19,7 @@ from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import read_image_points
-from tasks.formats.text_table import joined_names
+from tasks.formats.joined_names import joined_names
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined
