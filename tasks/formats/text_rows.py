@@ -30,6 +30,8 @@ from tasks.plain_text import quoted
 _NAMES = pa.dictionary(pa.int32(), pa.string())
 _REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
+# Of a line in the mean; no table has more columns.
+_MOST_MARKS = 1_000
 _BLANK, _LINE_FEED = ord(" "), ord("\n")
 
 
@@ -180,6 +182,9 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
     if layout.separator != "blank":
         # Rows without anything in them, as spreadsheets write them.
         mark = MARKS[layout.separator].encode()
+        if content.count(mark) > _MOST_MARKS * (line_feeds(content) + 1):
+            # No spreadsheet writes so many for a row without anything.
+            _refuse_other_counts(content, layout, first_line)
         nothing = re.compile(rb"^[" + re.escape(mark) + rb" \t]+$", re.MULTILINE)
         content = nothing.sub(b"", content) if content.translate(None, mark + b" \t\n") else b"\n"
         _refuse_other_counts(content, layout, first_line)

@@ -254,7 +254,7 @@ def _refuse_larger(size: float, most_bytes: float, rows: int, file: Path) -> Non
 
 
 def _joined_lines(parts: Sequence[tuple[int, NDArray[np.int32] | range]], count: int) -> Lines:
-    """The line (count,) of each row, of the first line of each part and those of its rows, counted from it."""
+    """Line (count,) of each row, from the first line of each part and those of its rows, counted from it."""
     joined: Lines = np.empty(count, np.int32 if parts[-1][0] < _MOST_LINES else np.int64)
     end = 0
     for first, part in parts:

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
+from tasks.formats.joined_names import joined_names
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import read_image_points
-from tasks.formats.joined_names import joined_names
 from tasks.importing.cameras import frame_cameras
 from tasks.importing.copied_images import refuse_copied_images
 from tasks.importing.extra_columns import about_extra, joined

@@ -36,7 +36,7 @@ def test_each_name_is_kept_once_and_stays_in_its_row(parts: list[list[str | None
 def test_a_slice_of_names_is_dealt_as_the_names_in_it() -> None:
     names = pa.array([f"point {k:012d}" for k in range(1_000)])
     shares = joining._share_of(names, 7)
-    assert shares.min() == 0 and shares.max() == 6
+    assert set(shares.tolist()) == set(range(7))
     assert (joining._share_of(names.slice(300, 50), 7) == shares[300:350]).all()
     assert room_of_names(names.slice(300, 50)) == 2 * 50 * 18 + 3 * 51 * 4
 
@@ -48,7 +48,8 @@ def test_more_text_than_arrow_takes_is_refused(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize(
-    ("rows", "taken"), [("i,p,1,2\n", False), ("i,{:05d},1,2\n", False), ("image 1,{:05d},1234.567,2345.678\n", True)]
+    ("rows", "taken"),
+    [("i,p,1,2\n", False), ("i,{:05d},1,2\n", False), ("image 1,{:05d},1234.567,2345.678\n", True)],
 )
 def test_columns_take_at_most_twice_the_size_of_their_file(
     tmp_path, monkeypatch: pytest.MonkeyPatch, rows: str, taken: bool

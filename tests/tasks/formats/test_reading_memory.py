@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -13,6 +15,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 _MB = 1_000_000
 SIZE = 200 * _MB
 REFUSED_S = 10.0
+Rows: TypeAlias = Callable[[int], bytes]
 _HEADER = b"image,point,x,y\n"
 _PROGRAM = """
 import resource, sys, time
@@ -64,18 +67,82 @@ def read(file: Path, kind: str) -> tuple[str, int, float]:
         ("csv", as_csv, b"i,p,1\n"),
     ],
 )
-def test_rows_as_they_are_delivered(tmp_path: Path, kind: str, rows: object, end: bytes) -> None:
+def test_rows_as_they_are_delivered(tmp_path: Path, kind: str, rows: Rows, end: bytes) -> None:
     file, image = tmp_path / "points", 0
     with file.open("wb") as stream:
         stream.write(_HEADER if kind == "csv" else b"")
         while stream.tell() < SIZE:
-            stream.write(rows(image))  # type: ignore[operator]
+            stream.write(rows(image))
             image += 1
         stream.write(end)
     said, memory, seconds = read(file, kind)
     assert said.startswith(f"refused {file}:{1000 * image + 2}: ") if end else said == str(1000 * image)
     assert memory < 2 * SIZE + 300 * _MB
     print(f"\n{kind}: {memory / file.stat().st_size:.2f} of the file, {seconds:.1f} s")
+
+
+def with_own_names(image: int) -> bytes:
+    return "".join(
+        f"{i},{p}{k:03d},{x:.3f},{y:.3f}\n" for k, (i, p, x, y) in enumerate(image_points(image))
+    ).encode()
+
+
+def short_with_own_names(image: int) -> bytes:
+    return "".join(f"i,p{1_000 * image + k:08d},1,2\n" for k in range(1_000)).encode()
+
+
+def with_own_images_and_names(image: int) -> bytes:
+    return "".join(
+        f"im{1_000 * image + k:08d},tp{1_000 * image + k:08d},1,2\n" for k in range(1_000)
+    ).encode()
+
+
+def rows_of_eight_bytes(_: int) -> bytes:
+    return b"i,p,1,2\n" * 1_000
+
+
+@pytest.mark.parametrize("size", [40 * _MB, SIZE])
+@pytest.mark.parametrize(
+    "rows", [with_own_names, short_with_own_names, with_own_images_and_names, rows_of_eight_bytes]
+)
+def test_short_rows_and_names_of_their_own(tmp_path: Path, rows: Rows, size: int) -> None:
+    file, count = tmp_path / "points.csv", 0
+    with file.open("wb") as stream:
+        stream.write(_HEADER)
+        while stream.tell() < size:
+            stream.write(rows(count))
+            count += 1
+    said, memory, seconds = read(file, "csv")
+    if size < SIZE or rows is with_own_names:
+        assert said == str(1_000 * count)
+    else:
+        assert "more than twice its size" in said
+        assert seconds < REFUSED_S
+    assert memory < 2 * size + 300 * _MB
+    print(f"\n{memory / size:.2f} of the file, {seconds:.1f} s: {said[:100]}")
+
+
+@pytest.mark.parametrize(
+    ("rows", "end", "what"),
+    [
+        (as_csv, b"i,p,1,x\n", "'x' in the column 'y' is not a number"),
+        (lambda _: (b"," * 90_000 + b"\n") * 11, b"", "more than 4 columns"),
+    ],
+    ids=["last line wrong", "lines of commas"],
+)
+def test_a_gigabyte_is_refused_in_time(tmp_path: Path, rows: Rows, end: bytes, what: str) -> None:
+    file, count = tmp_path / "points.csv", 0
+    with file.open("wb") as stream:
+        stream.write(_HEADER)
+        while stream.tell() < 1_000 * _MB:
+            stream.write(rows(count))
+            count += 1
+        stream.write(end)
+    said, memory, seconds = read(file, "csv")
+    assert what in said
+    assert memory < 2 * file.stat().st_size + 300 * _MB
+    assert seconds < REFUSED_S
+    print(f"\n{memory / file.stat().st_size:.2f} of the file, {seconds:.1f} s: {said[:100]}")
 
 
 NO_TABLE = {

@@ -209,3 +209,9 @@ def test_a_line_that_is_no_text_below_one_that_is_no_number_is_refused(file):
     error = refused(read_csv_image_points, file(b"image,point,x,y\nI,P,1,oops\nI,Q,1,2,\x80\n"))
     assert error.line == 3
     assert "UTF-8" in error.what
+
+
+def test_lines_of_thousands_of_separators_are_no_empty_rows(file):
+    error = refused(read_csv_image_points, file("image,point,x,y\nI,P,1,2\n" + ("," * 5_000 + "\n") * 3))
+    assert error.line == 3
+    assert "more than 4 columns" in error.what
