@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pyarrow as pa
 import pytest
 from hypothesis import given
@@ -52,7 +54,7 @@ def test_more_text_than_arrow_takes_is_refused(monkeypatch: pytest.MonkeyPatch) 
     [("i,p,1,2\n", False), ("i,{:05d},1,2\n", False), ("image 1,{:05d},1234.567,2345.678\n", True)],
 )
 def test_columns_take_at_most_twice_the_size_of_their_file(
-    tmp_path, monkeypatch: pytest.MonkeyPatch, rows: str, taken: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: str, taken: bool
 ) -> None:
     monkeypatch.setattr(text_table, "_BESIDES", 10_000)
     file = tmp_path / "points.csv"
