@@ -3,7 +3,8 @@
 Runs and their states; and the automation that ends runs whose signs of life have stopped. A run says every
 half minute (`HEARTBEAT_S` of `flows.server.prefect_settings`) that it lives; so does one that is started by
 hand and reported to the server. If its machine dies, nobody else can tell. The automation lives in the
-server, so that it holds for runs on every machine; it changes no run that has ended."""
+server, so that it holds for runs on every machine; it changes no run that has ended.
+"""
 
 from __future__ import annotations
 

@@ -27,13 +27,6 @@ from tasks.errors import InputError
 from tasks.formats.joined_names import joined_names
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import read_image_points
-from tasks.importing.cameras import frame_cameras
-from tasks.importing.copied_images import refuse_copied_images
-from tasks.importing.extra_columns import about_extra, joined
-from tasks.importing.image_names import with_image_names
-from tasks.importing.image_point_units import in_format, in_millimetres, unit_mm
-from tasks.importing.neighbouring_images import about_neighbours
-from tasks.importing.source_rows import Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import IMAGE_POINT_SIGMA_PX, ImagePointsInput
 from tasks.settings.quality import OUTSIDE_FORMAT_SHARE

@@ -17,13 +17,13 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import Kind, changed, read_delivered
 from tasks.formats.joined_names import joined_names, room_of_names
 from tasks.formats.records import Lines
 from tasks.formats.text_lines import DeliveredLines, line_feeds
 from tasks.formats.text_rows import Layout, rows_of
 from tasks.magnitude import HUGE
 from tasks.plain_text import LONGEST_NAME, trouble_in
-from tasks.storage.delivered_file import Kind, changed, read_delivered
 
 # Names that are looked at together.
 _MANY = 100_000

@@ -11,7 +11,7 @@ from flows.runs.recorded_run import FlowRunIdentity, tell_recalibration
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
-from tests.tasks.production.runs import ended_run
+from tests.tasks.production.ended_runs import ended_run
 
 
 def test_a_calibration_that_is_due_is_told_once_for_a_run(

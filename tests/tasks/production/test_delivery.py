@@ -21,8 +21,8 @@ from tasks.production.notice_addresses import configured_addresses
 from tasks.production.outbox import PATIENCE, Courier, Outbox
 from tasks.production.records import Records
 from tests.conftest import Start
+from tests.tasks.production.ended_runs import ended_run
 from tests.tasks.production.receivers import mail_receiver, web_receiver
-from tests.tasks.production.runs import ended_run
 
 LINKS = Links("http://127.0.0.1:4200", "http://127.0.0.1:4201")
 #: Pauses of no length: a test says itself when the next attempt is made.
