@@ -14,12 +14,12 @@ from typing import Self, cast
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
+from tasks.files.json_text import JSON, finite, read_json, replace_json
+from tasks.results.summary import CONTRACT_VERSION
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact
-from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.store.stage_key import library_versions
 from tasks.store.stage_record import StageRecord, utc_now
-from tasks.results.summary import CONTRACT_VERSION
 
 MANIFEST = "manifest.json"
 

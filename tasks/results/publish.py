@@ -11,15 +11,15 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tasks.settings.project import Project
-from tasks.store.artifact import Artifact, digest_of_file, verified
 from tasks.files.installation import writing_into
 from tasks.results.manifest import Manifest, manifest_of, read_manifest, write_manifest
+from tasks.results.summary import Summary, summary_of, write_summary
+from tasks.settings.project import Project
+from tasks.store.artifact import Artifact, digest_of_file, verified
 from tasks.store.notes import read_notes
 from tasks.store.run_lock import require_in_place
 from tasks.store.stage_record import read_records, timings_s
 from tasks.store.store import Store
-from tasks.results.summary import Summary, summary_of, write_summary
 
 PUBLISHED = (
     "images",

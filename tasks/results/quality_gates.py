@@ -13,8 +13,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.files.json_text import JSON
+from tasks.settings.quality import AxisGate, Gate, Gates
 
 _AXES = ("x", "y", "z")
 #: The figure that a direct-georeferencing check leaves, and its parts by their gates.

@@ -13,9 +13,9 @@ from typing import Literal, TypeAlias, cast
 
 from pydantic import BaseModel, ConfigDict
 
+from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.results.quality_gates import GateResult, tested_gates
 from tasks.settings.quality import Gates
-from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.store.notes import Notes
 
 CONTRACT_VERSION = 1

@@ -11,14 +11,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from tasks.files.installation import InstallationError
 from tasks.results.publish import publish
+from tasks.results.summary import Summary
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
-from tasks.files.installation import InstallationError
 from tasks.store.notes import Notes, write_notes
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store, stored
-from tasks.results.summary import Summary
 
 
 @stored("make_tables")

@@ -18,16 +18,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tasks.results.manifest import read_manifest
 from tasks.results.publish import put_out
+from tasks.results.retention import CleanUp, clean_up, look_through, output_folders
+from tasks.results.summary import failed_summary
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact, digest_of_file, verified
-from tasks.results.manifest import read_manifest
-from tasks.results.retention import CleanUp, clean_up, look_through, output_folders
 from tasks.store.run_lock import run_lock
 from tasks.store.stage_record import read_records
 from tasks.store.store import STAGE_FILE, Store, stored
-from tasks.results.summary import failed_summary
 from tests.conftest import PROJECT
 
 DAY = 86_400

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tasks.results.summary import failed_summary, read_summary, summary_of, write_summary
 from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.store.notes import Notes
-from tasks.results.summary import failed_summary, read_summary, summary_of, write_summary
 
 #: The fields of the contract, version 1.
 FIELDS = {
