@@ -18,7 +18,7 @@ from datetime import UTC, datetime
 from typing import Any, cast
 
 from flows.server.door import basic
-from flows.server.server_process import CLIENT_WORDS
+from flows.server.server_process import CLIENT_PASSWORD
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
 from tasks.production.run_record import ENDED, State
@@ -34,11 +34,11 @@ class Api:
     Attributes
     ----------
     url : its address, with ``/api``.
-    words : ``user:password`` it asks for; None: it does not ask.
+    password : ``user:password`` it asks for; None: it does not ask.
     """
 
     url: str
-    words: str | None = None
+    password: str | None = None
 
     def get(self, path: str) -> Any:
         """Read something; None if there is no such thing.
@@ -64,8 +64,8 @@ class Api:
 
     def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
         headers = {"Content-Type": "application/json"}
-        if self.words is not None:
-            headers["Authorization"] = basic(self.words)
+        if self.password is not None:
+            headers["Authorization"] = basic(self.password)
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(f"{self.url}{path}", data, headers, method=method)
         try:
@@ -100,7 +100,7 @@ def _answer(request: urllib.request.Request) -> bytes:
 
 def configured_api(environment: Mapping[str, str] = os.environ) -> Api:
     """The API that runs of this process are reported to."""
-    return Api(environment["PREFECT_API_URL"].rstrip("/"), environment.get(CLIENT_WORDS))
+    return Api(environment["PREFECT_API_URL"].rstrip("/"), environment.get(CLIENT_PASSWORD))
 
 
 _BATCH = 100

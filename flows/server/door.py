@@ -1,8 +1,8 @@
 """What is let in at a port of ours: which host was asked for, which page asks, what is sent, and by whom.
 
 A browser carries out what any page tells it to, so knowing the port must not be enough, not even on loopback.
-Whoever asks knows the words (``user:password``), or is a browser that a link of ours has given a cookie. This
-module decides; `flows.server.guard` and `flows.overview.access` apply it to the two servers.
+Whoever asks knows the password (``user:password``), or is a browser that a link of ours has given a cookie.
+This module decides; `flows.server.guard` and `flows.overview.access` apply it to the two servers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
-#: Names and origins of our pages, for the processes that serve them; the words travel in their own variable.
+#: Names and origins of our pages, for the processes that serve them; the password has its own variable.
 DOOR_VARIABLE = "AEROCAL_DOOR"
 #: Where a browser hands over what the link holds.
 ENTRANCE = "/enter"
@@ -77,18 +77,18 @@ class Door:
 
     Attributes
     ----------
-    words : ``user:password``.
+    password : ``user:password``.
     names : hosts that requests may be for, besides IP addresses, which no name server can turn to us.
     origins : ``scheme://host:port`` of our pages as browsers know them behind a proxy.
     """
 
-    words: str
+    password: str
     names: frozenset[str]
     origins: frozenset[str]
 
     @property
     def key(self) -> str:
-        """What a link holds: proves that one may read our files, and tells nothing about the words."""
+        """What a link holds: proves that one may read our files, and tells nothing about the password."""
         return self._digest("link")
 
     @property
@@ -115,11 +115,11 @@ class Door:
         return None
 
     def knows(self, asked: Asked) -> bool:
-        """Whether who asks brings the words, or the cookie."""
+        """Whether who asks brings the password, or the cookie."""
         return self._brings_words(asked) or self._brings_cookie(asked)
 
     def opens(self, asked: Asked, content: bytes) -> bool:
-        """Whether the content of a request to the entrance holds the key of the link, or the words.
+        """Whether the content of a request to the entrance holds the key of the link, or the password.
 
         Nothing at all will do for who is known already.
         """
@@ -127,7 +127,7 @@ class Door:
             key = str(json.loads(content)["key"]).strip()
         except (ValueError, TypeError, KeyError, RecursionError):
             return False
-        return self.knows(asked) if key == "" else _equal(key, self.key) or _equal(key, self.words)
+        return self.knows(asked) if key == "" else _equal(key, self.key) or _equal(key, self.password)
 
     def cookie(self, asked: Asked) -> str:
         """The header ``Set-Cookie`` for a browser that has opened the entrance."""
@@ -158,7 +158,7 @@ class Door:
             given = base64.b64decode(coded, validate=True).decode()
         except (binascii.Error, ValueError):
             return False
-        return _equal(given, self.words)
+        return _equal(given, self.password)
 
     def _brings_cookie(self, asked: Asked) -> bool:
         for header in asked.all("cookie"):
@@ -176,24 +176,24 @@ class Door:
         return f"aerocal-{self._digest('name')[:12]}"
 
     def _digest(self, what: str) -> str:
-        return hmac.new(self.words.encode(), f"aerocal {what}".encode(), hashlib.sha256).hexdigest()
+        return hmac.new(self.password.encode(), f"aerocal {what}".encode(), hashlib.sha256).hexdigest()
 
 
-def door_from(words: str | None, variable: str | None) -> Door:
+def door_from(password: str | None, variable: str | None) -> Door:
     """The door of a process, from its variables.
 
     Raises
     ------
     ValueError
-        If there are no words: nothing is served without.
+        If there is no password: nothing is served without.
     """
-    if not words:
-        raise ValueError("there are no words to ask for")
+    if not password:
+        raise ValueError("there is no password to ask for")
     known = json.loads(variable or "{}")
-    return Door(words, frozenset(known.get("names", ("localhost",))), frozenset(known.get("origins", ())))
+    return Door(password, frozenset(known.get("names", ("localhost",))), frozenset(known.get("origins", ())))
 
 
-def door_of(words: str, hosts: Iterable[str], pages: Iterable[str | None]) -> Door:
+def door_of(password: str, hosts: Iterable[str], pages: Iterable[str | None]) -> Door:
     """The door of a server.
 
     Parameters
@@ -204,12 +204,12 @@ def door_of(words: str, hosts: Iterable[str], pages: Iterable[str | None]) -> Do
     parts = [urlsplit(page) for page in pages if page is not None]
     names = {*hosts, "localhost", *(part.hostname for part in parts)}
     origins = {f"{part.scheme}://{part.netloc}".lower() for part in parts}
-    return Door(words, frozenset(name.lower().rstrip(".") for name in names if name), frozenset(origins))
+    return Door(password, frozenset(name.lower().rstrip(".") for name in names if name), frozenset(origins))
 
 
-def basic(words: str) -> str:
-    """The header ``Authorization`` that brings the words."""
-    return f"Basic {base64.b64encode(words.encode()).decode()}"
+def basic(password: str) -> str:
+    """The header ``Authorization`` that brings the password."""
+    return f"Basic {base64.b64encode(password.encode()).decode()}"
 
 
 def _has_content(asked: Asked) -> bool:

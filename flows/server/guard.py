@@ -19,7 +19,7 @@ _MOST_BYTES = 4_096
 
 
 class Guard:
-    """Lets in who may come in; websockets ask for the words themselves, in their first message.
+    """Lets in who may come in; websockets ask for the password by themselves, in their first message.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Guard:
         elif asked.path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in asked.path:
             await _say(send, 404, "There is nothing here.")
         else:
-            await self.app(_with_words(scope, self.door.words), receive, send)
+            await self.app(_with_password(scope, self.door.password), receive, send)
 
     async def _enter(self, asked: Asked, receive: Any, send: Any) -> None:
         if asked.method != "POST":
@@ -73,10 +73,10 @@ def _asked(scope: Any) -> Asked:
     return Asked(scope.get("method", "GET"), scope["path"], headers)
 
 
-def _with_words(scope: Any, words: str) -> Any:
+def _with_password(scope: Any, password: str) -> Any:
     """The request of a known browser, as Prefect wants it."""
     headers = [(name, value) for name, value in scope["headers"] if name.lower() != b"authorization"]
-    return {**scope, "headers": [*headers, (b"authorization", basic(words).encode())]}
+    return {**scope, "headers": [*headers, (b"authorization", basic(password).encode())]}
 
 
 async def _content(receive: Any) -> bytes:

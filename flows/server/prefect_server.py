@@ -21,14 +21,14 @@ from urllib.parse import urlsplit
 
 from flows.server.door import DOOR_VARIABLE, Door, door_from
 from flows.server.guard import Guard
-from flows.server.server_process import SERVER_WORDS
+from flows.server.server_process import SERVER_PASSWORD
 
 
 def main() -> None:
     """Carry out a command of Prefect's command line, with the arguments of this process."""
     leave_hybrid_values_alone()
     begin_writing_at_once()
-    door = door_from(os.environ.get(SERVER_WORDS), os.environ.get(DOOR_VARIABLE))
+    door = door_from(os.environ.get(SERVER_PASSWORD), os.environ.get(DOOR_VARIABLE))
     leave_the_login_to_the_door()
     keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
     runpy.run_module("prefect", run_name="__main__", alter_sys=True)

@@ -16,8 +16,8 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from flows.server.door import basic
-from flows.server.server_process import CLIENT_WORDS
-from flows.server.state_file import bring_words_to, find_server, state_folder
+from flows.server.server_process import CLIENT_PASSWORD
+from flows.server.state_file import bring_password_to, find_server, state_folder
 from tasks.files.installation import InstallationError
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
@@ -91,7 +91,7 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
     """
     address = server_address(option)
     if address is not None:
-        bring_words_to(address)
+        bring_password_to(address)
         require_server(address)
         return address
     found = None if option == "none" or os.environ.get("PREFECT_API_URL") == "none" else find_server()
@@ -102,7 +102,7 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
         remark(f"{where} is no longer running; this run is not reported to it.")
         return None
     try:
-        bring_words_to(found.server.url)
+        bring_password_to(found.server.url)
         require_server(found.server.url)
     except UnknownCallerError as error:
         remark(f"{where} asks for a password. {error.remedy} This run is not reported to it.")
@@ -140,7 +140,7 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
             if error.code == 401:
                 raise UnknownCallerError(
                     f"The Prefect server {address} asks for a password.",
-                    f"To report runs to it, set {CLIENT_WORDS}=user:password.",
+                    f"To report runs to it, set {CLIENT_PASSWORD}=user:password.",
                 ) from error
         raise InstallationError(
             f"The Prefect server {address} does not answer as one ({error}).", remedy
@@ -154,7 +154,7 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
 
 def _with_password(address: str) -> urllib.request.Request:
     request = urllib.request.Request(address)
-    words = os.environ.get(CLIENT_WORDS)
-    if words:
-        request.add_header("Authorization", basic(words))
+    password = os.environ.get(CLIENT_PASSWORD)
+    if password:
+        request.add_header("Authorization", basic(password))
     return request

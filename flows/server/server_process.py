@@ -18,11 +18,11 @@ from flows.server.child import Child, Lifeline
 from flows.server.door import DOOR_VARIABLE, Door
 from tasks.files.installation import InstallationError
 
-#: Prefect's own variable of the words (``user:password``) a server asks for.
-SERVER_WORDS = "PREFECT_SERVER_API_AUTH_STRING"
+#: Prefect's own variable of the password (``user:password``) a server asks for.
+SERVER_PASSWORD = "PREFECT_SERVER_API_AUTH_STRING"
 _DAY_S = 86_400
 #: The same on the side of those who ask it.
-CLIENT_WORDS = "PREFECT_API_AUTH_STRING"
+CLIENT_PASSWORD = "PREFECT_API_AUTH_STRING"
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def server_environment(
     settings = {
         "PREFECT_SERVER_API_HOST": address.host,
         "PREFECT_SERVER_API_PORT": str(address.port),
-        SERVER_WORDS: door.words,
+        SERVER_PASSWORD: door.password,
         DOOR_VARIABLE: door.as_variable(),
         # That of the page itself, so that every name of this machine will do.
         "PREFECT_SERVER_UI_API_URL": f"{urlsplit(address.dashboard).path.rstrip('/')}/api",

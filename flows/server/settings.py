@@ -98,10 +98,10 @@ class Settings:
         """Address of the records of production, without a password."""
         return str(self.state / "records.sqlite") if self.database is None else self.database
 
-    def door(self, words: str) -> Door:
-        """Who is let in: who knows these words, and asks for this machine by one of its names."""
+    def door(self, password: str) -> Door:
+        """Who is let in: who knows this password, and asks for this machine by one of its names."""
         hosts = [self.address.host, socket.gethostname(), *os.environ.get(HOSTS_VARIABLE, "").split()]
-        return door_of(words, hosts, [self.address.public, self.overview.public])
+        return door_of(password, hosts, [self.address.public, self.overview.public])
 
     def variables(self) -> dict[str, str]:
         """The variables of a runner and of the runs it starts."""

@@ -1,8 +1,8 @@
-"""Where the running server is, and the words it asks for: files in the state folder, for this user only.
+"""Where the running server is, and the password it asks for: files in the state folder, for this user only.
 
 Prefect knows a server by the address it is told; here later commands of the same user find it by
 themselves. The lock is the operating system's, so it ends with the process that holds it, however that
-ends; a process number that has been given to another program deceives nobody. The words are given, or made
+ends; a process number that has been given to another program deceives nobody. The password is given, or made
 at the first start; commands of the same user report to the server without being told, and others on the
 machine cannot.
 """
@@ -21,7 +21,7 @@ from pathlib import Path
 
 import platformdirs
 
-from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress
+from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress
 from tasks.files.installation import InstallationError, writing_into
 
 #: Names another folder for the state.
@@ -160,7 +160,7 @@ _LINK = "link"
 
 
 def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str] = os.environ) -> str:
-    """The words a server asks for: those of the environment, else its own.
+    """The password a server asks for: that of the environment, else its own.
 
     Parameters
     ----------
@@ -171,13 +171,13 @@ def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str
     InstallationError
         If others could reach it and it was not told what they are to say.
     """
-    given = environment.get(SERVER_WORDS)
+    given = environment.get(SERVER_PASSWORD)
     if given:
         return given
     if not address.is_loopback:
         raise InstallationError(
             f"With --host {address.host} others could start runs and read results without being asked.",
-            f"Set {SERVER_WORDS}=user:password in the environment (and {CLIENT_WORDS} where runs are "
+            f"Set {SERVER_PASSWORD}=user:password in the environment (and {CLIENT_PASSWORD} where runs are "
             "reported from), or stay with 127.0.0.1.",
         )
     kept = kept_words(folder)
@@ -188,7 +188,7 @@ def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str
 
 
 def kept_words(folder: Path) -> str | None:
-    """The words that a server of this folder has made; None: it has not.
+    """The password that a server of this folder has made; None if it has made none.
 
     Raises
     ------
@@ -220,8 +220,8 @@ def keep_link(folder: Path, link: str) -> Path:
     return folder / _LINK
 
 
-def bring_words_to(address: str, folder: Path | None = None) -> None:
-    """Let this process bring the kept words to the server of this user, if that is who is asked.
+def bring_password_to(address: str, folder: Path | None = None) -> None:
+    """Let this process bring the kept password to the server of this user, if that is who is asked.
 
     Parameters
     ----------
@@ -229,11 +229,11 @@ def bring_words_to(address: str, folder: Path | None = None) -> None:
     """
     folder = state_folder() if folder is None else folder
     found = find_server(folder)
-    if os.environ.get(CLIENT_WORDS) or found is None or not found.alive or found.server.url != address:
+    if os.environ.get(CLIENT_PASSWORD) or found is None or not found.alive or found.server.url != address:
         return
     kept = kept_words(folder)
     if kept is not None:
-        os.environ[CLIENT_WORDS] = kept
+        os.environ[CLIENT_PASSWORD] = kept
 
 
 def _write_privately(file: Path, text: str) -> None:

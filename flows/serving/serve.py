@@ -22,7 +22,7 @@ from flows.server.child import Child, Lifeline, Requests, Say, Supervised, reque
 from flows.server.inbox import MANUAL
 from flows.server.prefect_settings import prepare_prefect, require_server, server_address
 from flows.server.server_process import (
-    CLIENT_WORDS,
+    CLIENT_PASSWORD,
     ServerAddress,
     is_well,
     server_environment,
@@ -32,7 +32,7 @@ from flows.server.server_process import (
 from flows.server.settings import Settings
 from flows.server.state_file import (
     RunningServer,
-    bring_words_to,
+    bring_password_to,
     find_server,
     keep_link,
     make_private,
@@ -107,7 +107,7 @@ def _start_runner(
         **settings.variables(),
         "PREFECT_API_URL": api.url,
         "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
-        **({CLIENT_WORDS: api.words} if api.words else {}),
+        **({CLIENT_PASSWORD: api.password} if api.password else {}),
     }
     log = settings.state / "logs" / f"{name}.log"
     return Child(
@@ -124,7 +124,7 @@ class _Serving:
         self.environment = server_environment(
             settings.address, settings.database, self.door, history_days=settings.history_days
         )
-        self.api = Api(settings.address.api, self.door.words)
+        self.api = Api(settings.address.api, self.door.password)
         # The runner holds the server's, so that the server outlives it even if this process is killed.
         self.of_server, self.of_runner = Lifeline(), Lifeline()
 
@@ -282,9 +282,9 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         If server or records cannot be reached, or the runner ends again and again.
     """
     _prepared(settings)
-    bring_words_to(url, settings.state)
+    bring_password_to(url, settings.state)
     require_server(url)
-    api, lifeline = Api(url, os.environ.get(CLIENT_WORDS)), Lifeline()
+    api, lifeline = Api(url, os.environ.get(CLIENT_PASSWORD)), Lifeline()
     with requests_to_end() as requests, _own_name(settings.state) as name:
 
         def start() -> Child:

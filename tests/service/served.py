@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flows.server.api import Api
-from flows.server.server_process import SERVER_WORDS, free_port
+from flows.server.server_process import SERVER_PASSWORD, free_port
 from flows.server.state_file import kept_words
 from tasks.production.records import Records
 
@@ -65,7 +65,7 @@ class Served:
 
     @property
     def api(self) -> Api:
-        return Api(f"http://127.0.0.1:{self.port}/api", self.words)
+        return Api(f"http://127.0.0.1:{self.port}/api", self.password)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -177,7 +177,7 @@ def served(folder: Path, *options: str, cwd: Path | None = None, **variables: st
             env={**environment(folder), **variables},
             cwd=cwd,
         )
-    server = Served(folder, process, port, overview, variables.get(SERVER_WORDS))
+    server = Served(folder, process, port, overview, variables.get(SERVER_PASSWORD))
     groups: set[int] = set()
     try:
         until(lambda: "Ready." in server.printed, START_S, process)

@@ -20,8 +20,8 @@ import pytest
 from flows.server.api import Api
 from flows.server.door import door_of
 from flows.server.server_process import (
-    CLIENT_WORDS,
-    SERVER_WORDS,
+    CLIENT_PASSWORD,
+    SERVER_PASSWORD,
     ServerAddress,
     free_port,
     is_well,
@@ -62,7 +62,7 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
     door = door_of("ann:words", [address.host], [])
     server = [sys.executable, "-m", "flows.server.prefect_server", "server", "start"]
     server += ["--host", address.host, "--port", str(address.port)]
-    ours = {**base, "PREFECT_API_URL": address.api, CLIENT_WORDS: door.words}
+    ours = {**base, "PREFECT_API_URL": address.api, CLIENT_PASSWORD: door.password}
     confined = {"AEROCAL_ROOTS": f'["{tmp_path / "root"}"]', "AEROCAL_RECORDS": str(tmp_path / "r.sqlite")}
     worker = ["prefect", "worker", "start", "--pool", "aerocal"]
     with running(server, tmp_path / "server.log", env=server_environment(address, None, door, base)):
@@ -71,7 +71,7 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
                 [DEPLOY / "init.sh"], env=ours, capture_output=True, text=True, check=False, timeout=300
             )
             assert done.returncode == 0, done.stdout + done.stderr
-        api = Api(address.api, door.words)
+        api = Api(address.api, door.password)
         names = {one["name"] for one in api.post("/deployments/filter", {})}
         assert names == {"manual", "on-delivery", "nightly", "recalibration-due", "clean-up"}
         assert len(api.post("/deployments/filter", {})) == 7
@@ -113,7 +113,7 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
         (tmp_path / "data" / name).mkdir(parents=True)
     command = [_with(argument, replaced) for argument in services["server"]["command"]]
     assert command[0] == "serve"
-    secrets = {SERVER_WORDS: "ann:words", "PREFECT_API_AUTH_STRING": "ann:words", "PGPASSWORD": PASSWORD}
+    secrets = {SERVER_PASSWORD: "ann:words", "PREFECT_API_AUTH_STRING": "ann:words", "PGPASSWORD": PASSWORD}
     variables = {**environment(tmp_path), **secrets, "PATH": PATH, "PYTHONPATH": str(REPOSITORY)}
     # The port after a free one need not be free.
     command.append(f"--overview-port={free_port('127.0.0.1')}")

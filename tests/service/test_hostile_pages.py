@@ -165,7 +165,7 @@ def deployment(server: Served) -> Any:
 def changed(server: Served, **changes: Any) -> None:
     """Change the deployment as somebody may who knows the words."""
     address = f"{server.api.url}/deployments/{deployment(server)['id']}"
-    headers = {"Content-Type": "application/json", "Authorization": basic(server.words)}
+    headers = {"Content-Type": "application/json", "Authorization": basic(server.password)}
     request = urllib.request.Request(address, json.dumps(changes).encode(), headers, method="PATCH")
     urllib.request.urlopen(request, timeout=30).close()
 

@@ -54,7 +54,7 @@ def test_a_failed_gate_is_told_and_shown(server: Served, receiver: WebReceiver) 
     made = artifacts(server, run)
 
     def known(address: str) -> Request:
-        return Request(address, headers={"Authorization": basic(server.words)})
+        return Request(address, headers={"Authorization": basic(server.password)})
 
     assert set(made) == {"verdict"}
     assert made["verdict"]["data"].startswith("**GateFailed: ")

@@ -285,7 +285,7 @@ def test_the_server_is_private(server: Served) -> None:
 def test_pages_of_the_dashboard_speak_to_their_own_server_only(server: Served) -> None:
     for page in ("/", "/v2/", "/v2/dashboard"):
         address = f"http://127.0.0.1:{server.port}{page}"
-        asked_for = {"Accept": "text/html", "Authorization": basic(server.words)}
+        asked_for = {"Accept": "text/html", "Authorization": basic(server.password)}
         with urllib.request.urlopen(urllib.request.Request(address, headers=asked_for), timeout=30) as answer:
             policy = answer.headers["Content-Security-Policy"]
         assert policy.startswith("connect-src 'self';"), page

@@ -1,4 +1,4 @@
-"""``aerocal serve`` where others reach it: nobody gets in without the words, and nobody learns them."""
+"""``aerocal serve`` where others reach it: nobody gets in without the password, and nobody learns them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from flows.server.door import basic
-from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, free_port
+from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, free_port
 from tasks.files.installation import InstallationError
 from tests.flows.conftest import write_block
 from tests.service.served import Served, environment, served
@@ -42,7 +42,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("guarded")
     write_block(folder / "root" / "block")
     write_block(folder / "outside")
-    with served(folder, "--host", "0.0.0.0", **{SERVER_WORDS: WORDS}) as running:
+    with served(folder, "--host", "0.0.0.0", **{SERVER_PASSWORD: WORDS}) as running:
         yield running
 
 
@@ -54,12 +54,12 @@ def run_by_form(server: Served) -> str:
     return run
 
 
-def asked(address: str, method: str = "GET", words: str | None = None) -> int:
+def asked(address: str, method: str = "GET", password: str | None = None) -> int:
     """The status a call is answered with."""
     request = urllib.request.Request(address, None if method == "GET" else b"{}", method=method)
     request.add_header("Content-Type", "application/json")
-    if words is not None:
-        request.add_header("Authorization", basic(words))
+    if password is not None:
+        request.add_header("Authorization", basic(password))
     try:
         with urllib.request.urlopen(request, timeout=30) as answer:
             return int(answer.status)
@@ -68,7 +68,7 @@ def asked(address: str, method: str = "GET", words: str | None = None) -> int:
             return error.code
 
 
-def test_without_words_it_does_not_start(tmp_path: Path) -> None:
+def test_without_password_it_does_not_start(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flows.command", "serve", "--host", "0.0.0.0", "--root", str(tmp_path)]
     ports = ["--port", str(free_port("127.0.0.1")), "--overview-port", str(free_port("127.0.0.1"))]
     variables = environment(tmp_path)
@@ -76,10 +76,10 @@ def test_without_words_it_does_not_start(tmp_path: Path) -> None:
         [*command, *ports], env=variables, capture_output=True, text=True, check=False, timeout=120
     )
     assert done.returncode == 1, done.stdout + done.stderr
-    assert f"Set {SERVER_WORDS}=user:password" in done.stderr
+    assert f"Set {SERVER_PASSWORD}=user:password" in done.stderr
 
 
-def test_every_call_of_the_api_is_refused_without_the_right_words(server: Served) -> None:
+def test_every_call_of_the_api_is_refused_without_the_right_password(server: Served) -> None:
     base = f"http://127.0.0.1:{server.port}"
     described = urllib.request.Request(f"{base}/openapi.json", headers={"Authorization": basic(WORDS)})
     with urllib.request.urlopen(described, timeout=60) as answer:
@@ -96,15 +96,15 @@ def test_every_call_of_the_api_is_refused_without_the_right_words(server: Served
     assert let_in == OPEN
 
 
-@pytest.mark.parametrize("words", WRONG)
-def test_wrong_words_start_no_run_and_read_nothing(server: Served, words: str | None) -> None:
+@pytest.mark.parametrize("password", WRONG)
+def test_wrong_password_start_no_run_and_read_nothing(server: Served, password: str | None) -> None:
     deployment = server.api.get(f"/deployments/name/{MANUAL}")["id"]
     before = len(server.runs())
     base = f"http://127.0.0.1:{server.port}/api"
-    assert asked(f"{base}/deployments/{deployment}/create_flow_run", "POST", words) == 401
-    assert asked(f"{base}/flow_runs/filter", "POST", words) == 401
-    assert asked(f"{base}/admin/settings", "GET", words) == 401
-    assert asked(f"http://127.0.0.1:{server.overview}/", "GET", words) == 401
+    assert asked(f"{base}/deployments/{deployment}/create_flow_run", "POST", password) == 401
+    assert asked(f"{base}/flow_runs/filter", "POST", password) == 401
+    assert asked(f"{base}/admin/settings", "GET", password) == 401
+    assert asked(f"http://127.0.0.1:{server.overview}/", "GET", password) == 401
     assert len(server.runs()) == before
 
 
@@ -128,23 +128,23 @@ WEBSOCKETS = (
 
 
 @pytest.mark.parametrize("path", WEBSOCKETS)
-def test_no_websocket_answers_without_the_right_words(server: Served, path: str) -> None:
+def test_no_websocket_answers_without_the_right_password(server: Served, path: str) -> None:
     prefect = [Subprotocol("prefect")]
-    for words in WRONG:
-        assert answered(server, path, {"type": "auth", "token": words}, prefect) is None, words
+    for password in WRONG:
+        assert answered(server, path, {"type": "auth", "token": password}, prefect) is None, password
     for first in ({"type": "event", "event": {}}, {"type": "subscribe", "keys": ["x"]}):
         assert answered(server, path, first, prefect) is None
         assert answered(server, path, first, []) is None
     assert answered(server, path, {"type": "auth", "token": WORDS}, []) is None
 
 
-def test_the_right_words_open_a_websocket(server: Served) -> None:
+def test_the_right_password_open_a_websocket(server: Served) -> None:
     said = answered(server, "/events/out", {"type": "auth", "token": WORDS}, [Subprotocol("prefect")])
     assert said is not None
     assert json.loads(said) == {"type": "auth_success"}
 
 
-def test_with_the_right_words_a_run_by_form_is_carried_out(server: Served, run_by_form: str) -> None:
+def test_with_the_right_password_a_run_by_form_is_carried_out(server: Served, run_by_form: str) -> None:
     assert server.run(run_by_form)["state_name"] == "Completed"
     assert (server.folder / "root" / "block" / "results" / "report.html").is_file()
 
@@ -181,27 +181,27 @@ def run_by_hand(server: Served, folder: str, **variables: str) -> subprocess.Com
     )
 
 
-def test_a_run_by_hand_is_reported_with_the_words_only(server: Served) -> None:
+def test_a_run_by_hand_is_reported_with_the_password_only(server: Served) -> None:
     def reported() -> int:
         return len(server.runs(flow_runs={"name": {"any_": ["block/project.toml"]}}))
 
-    done = run_by_hand(server, "with", **{CLIENT_WORDS: WORDS})
+    done = run_by_hand(server, "with", **{CLIENT_PASSWORD: WORDS})
     assert done.returncode == 0, done.stderr
     assert reported() == 1
     # A server that nobody asked for is passed over; the run itself is done.
     done = run_by_hand(server, "without")
     assert done.returncode == 0, done.stderr
-    wrong = {CLIENT_WORDS: "clerk:wrong", "PREFECT_API_URL": server.api.url}
+    wrong = {CLIENT_PASSWORD: "clerk:wrong", "PREFECT_API_URL": server.api.url}
     asked_for = run_by_hand(server, "wrong", **wrong)
     assert asked_for.returncode == 1, asked_for.stdout + asked_for.stderr
     for told in (done.stderr, asked_for.stderr):
-        assert f"set {CLIENT_WORDS}=user:password" in told
+        assert f"set {CLIENT_PASSWORD}=user:password" in told
         assert "Traceback" not in told
     assert reported() == 1
 
 
 @pytest.mark.usefixtures("run_by_form")
-def test_the_words_are_nowhere_to_be_read(server: Served) -> None:
+def test_the_password_are_nowhere_to_be_read(server: Served) -> None:
     """After the calls, right and wrong, and the runs above."""
     coded = base64.b64encode(WORDS.encode())
     for file in [path for path in server.folder.rglob("*") if path.is_file()]:

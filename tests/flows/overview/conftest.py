@@ -35,12 +35,12 @@ def sources(records: Records, tmp_path: Path) -> Sources:
 
 @pytest.fixture
 def browse() -> Callable[..., FlaskClient]:
-    """What asks a page over sources, with the words or other ones; None: without any."""
+    """What asks a page over sources, with the password or another one; None: without any."""
 
-    def made(sources: Sources, words: str | None = DOOR.words) -> FlaskClient:
+    def made(sources: Sources, password: str | None = DOOR.password) -> FlaskClient:
         client = application(sources).server.test_client()
-        if words is not None:
-            client.environ_base["HTTP_AUTHORIZATION"] = basic(words)
+        if password is not None:
+            client.environ_base["HTTP_AUTHORIZATION"] = basic(password)
         return client
 
     return made

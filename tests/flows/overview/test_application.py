@@ -22,8 +22,8 @@ Browse = Callable[..., FlaskClient]
 HOSTILE = "<img src=x onerror=alert(1)> [x](javascript:alert(2))"
 
 
-def basic(words: str) -> dict[str, str]:
-    return {"Authorization": f"Basic {base64.b64encode(words.encode()).decode()}"}
+def basic(password: str) -> dict[str, str]:
+    return {"Authorization": f"Basic {base64.b64encode(password.encode()).decode()}"}
 
 
 def asked(client: FlaskClient, output: str, inputs: list[Any], state: list[Any]) -> Any:

@@ -13,7 +13,7 @@ import pytest
 from flows.server import api as calls
 from flows.server.api import Api
 from flows.server.prefect_settings import UnknownCallerError, require_server
-from flows.server.server_process import CLIENT_WORDS
+from flows.server.server_process import CLIENT_PASSWORD
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
 
@@ -70,20 +70,20 @@ def test_a_busy_server_is_asked_again_and_not_for_ever(address: str) -> None:
 
 
 def test_the_password_goes_with_every_call(address: str) -> None:
-    Api(address, "ann:words").get("/x")
-    assert Answers.asked == [("/api/x", f"Basic {base64.b64encode(b'ann:words').decode()}")]
+    Api(address, "ann:password").get("/x")
+    assert Answers.asked == [("/api/x", f"Basic {base64.b64encode(b'ann:password').decode()}")]
 
 
 def test_a_server_that_asks_for_a_password_is_told_from_one_that_does_not_answer(
     address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(CLIENT_WORDS, "ann:words")
+    monkeypatch.setenv(CLIENT_PASSWORD, "ann:password")
     require_server(address)
-    assert Answers.asked[1] == ("/api/version", f"Basic {base64.b64encode(b'ann:words').decode()}")
+    assert Answers.asked[1] == ("/api/version", f"Basic {base64.b64encode(b'ann:password').decode()}")
     Answers.codes[:] = [200, 401]
-    with pytest.raises(UnknownCallerError, match=f"set {CLIENT_WORDS}=user:password") as refused:
+    with pytest.raises(UnknownCallerError, match=f"set {CLIENT_PASSWORD}=user:password") as refused:
         require_server(address)
-    assert "ann:words" not in str(refused.value)
+    assert "ann:password" not in str(refused.value)
     Answers.codes[:] = [200, 500]
     with pytest.raises(InstallationError, match="does not answer as one"):
         require_server(address)

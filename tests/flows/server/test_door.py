@@ -1,4 +1,4 @@
-"""Who is let in at a port: which names, origins, kinds of content, words and cookies."""
+"""Who is let in at a port: which names, origins, kinds of content, password and cookies."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_our_pages_may_ask(origin: str) -> None:
      "http://aerocal.example.org", "file://", ""],
 )  # fmt: skip
 def test_pages_of_other_origins_may_not_even_with_the_words(origin: str) -> None:
-    assert status(asked(origin=origin, authorization=basic(DOOR.words))) == 403
+    assert status(asked(origin=origin, authorization=basic(DOOR.password))) == 403
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def cookie_of(door: Door, **headers: str) -> str:
     return door.cookie(asked("POST", "/enter", **headers)).partition(";")[0]
 
 
-def test_words_and_cookie_are_known_and_nothing_else_is() -> None:
+def test_password_and_cookie_are_known_and_nothing_else_is() -> None:
     assert DOOR.knows(asked(authorization=basic("ann:secret")))
     assert DOOR.knows(asked(cookie=f"other=1; {cookie_of(DOOR)}"))
     name, _, value = cookie_of(DOOR).partition("=")
@@ -87,8 +87,8 @@ def test_words_and_cookie_are_known_and_nothing_else_is() -> None:
             for text in ("Basic", "Basic x", "Bearer ann:secret", "ann:secret", "Basic é")
         ),
         *(
-            {"authorization": basic(words)}
-            for words in ("", "ann:", "ann:secret ", "ann:secretx", DOOR.key, value)
+            {"authorization": basic(password)}
+            for password in ("", "ann:", "ann:secret ", "ann:secretx", DOOR.key, value)
         ),
         *(
             {"cookie": text}
@@ -100,7 +100,7 @@ def test_words_and_cookie_are_known_and_nothing_else_is() -> None:
         assert not DOOR.knows(asked(**headers)), headers
 
 
-def test_the_entrance_opens_for_key_and_words_and_gives_a_cookie_no_script_can_read() -> None:
+def test_the_entrance_opens_for_key_and_password_and_gives_a_cookie_no_script_can_read() -> None:
     for key in (DOOR.key, "ann:secret", f" {DOOR.key}\n"):
         assert DOOR.opens(asked("POST"), json.dumps({"key": key}).encode()), key
     known = asked("POST", cookie=cookie_of(DOOR))
@@ -125,8 +125,8 @@ def test_the_entrance_opens_for_key_and_words_and_gives_a_cookie_no_script_can_r
 
 
 def test_what_a_process_is_told_is_the_same_door_without_the_words() -> None:
-    assert door_from(DOOR.words, DOOR.as_variable()) == DOOR
+    assert door_from(DOOR.password, DOOR.as_variable()) == DOOR
     assert "secret" not in DOOR.as_variable()
-    for words in (None, ""):
-        with pytest.raises(ValueError, match="no words"):
-            door_from(words, DOOR.as_variable())
+    for password in (None, ""):
+        with pytest.raises(ValueError, match="no password"):
+            door_from(password, DOOR.as_variable())

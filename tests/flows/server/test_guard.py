@@ -12,7 +12,7 @@ from flows.server.door import basic, door_of
 from flows.server.guard import Guard
 
 DOOR = door_of("ann:secret", [], [])
-KNOWN = {"Authorization": basic(DOOR.words)}
+KNOWN = {"Authorization": basic(DOOR.password)}
 
 
 async def _inside(scope: Any, _receive: Any, send: Any) -> None:
@@ -52,7 +52,7 @@ def test_the_link_lets_a_browser_in_and_what_is_inside_gets_the_words() -> None:
     assert "set-cookie" not in wrong.headers
     cookie = right.headers["set-cookie"].partition(";")[0]
     (inside,) = calls(request("GET", "/api/x", headers={"Cookie": cookie, "Authorization": "Basic wrong"}))
-    assert inside.text == basic(DOOR.words)
+    assert inside.text == basic(DOOR.password)
 
 
 def test_what_says_only_that_a_server_is_there_is_open_and_nothing_beside_it() -> None:

@@ -74,12 +74,12 @@ def test_inputs_of_a_project_stay_inside_too(
     file = tmp_path / "root" / "block" / "project.toml"
     assert RunRequest(file, roots=roots.folders).project().project.name == "small"
     sound = file.read_text()
-    monkeypatch.setenv("SECRET", "words-of-the-server")
+    monkeypatch.setenv("SECRET", "password-of-the-server")
     for path in ("../../outside/exposures.csv", "../../no-such-file.csv", "${SECRET}/exposures.csv"):
         file.write_text(sound.replace('"exposures.csv"', f'"{path}"'))
         with pytest.raises(InputError) as refused:
             RunRequest(file, roots=roots.folders).project()
-        assert "words-of-the-server" not in str(refused.value)
+        assert "password-of-the-server" not in str(refused.value)
         if path.startswith(".."):
             assert "does not lie under a folder" in str(refused.value)
     file.write_text(sound)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from flows.server.door import door_of
-from flows.server.server_process import CLIENT_WORDS, SERVER_WORDS, ServerAddress, server_environment
+from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
 from flows.server.settings import Settings, settings_of, settings_of_runner
 from flows.server.state_file import kept_words, words_of
 from tasks.errors import InputError
@@ -132,25 +132,25 @@ def test_a_password_has_no_place_in_the_address_of_the_database(tmp_path: Path) 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::", "example.org"])
 def test_a_server_that_others_reach_is_told_what_they_must_say(host: str, tmp_path: Path) -> None:
     address = ServerAddress(host, 4200)
-    for environment in ({}, {CLIENT_WORDS: "user:words"}):
-        with pytest.raises(InstallationError, match=SERVER_WORDS):
+    for environment in ({}, {CLIENT_PASSWORD: "user:password"}):
+        with pytest.raises(InstallationError, match=SERVER_PASSWORD):
             words_of(address, tmp_path, environment)
-    assert words_of(address, tmp_path, {SERVER_WORDS: "user:words"}) == "user:words"
+    assert words_of(address, tmp_path, {SERVER_PASSWORD: "user:password"}) == "user:password"
     made = server_environment(address, None, DOOR, {})
-    assert (made["PREFECT_SERVER_API_HOST"], made[SERVER_WORDS]) == (host, DOOR.words)
+    assert (made["PREFECT_SERVER_API_HOST"], made[SERVER_PASSWORD]) == (host, DOOR.password)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.3.2.1", "::1", "localhost"])
 def test_on_loopback_a_secret_is_made_once_for_this_user_only(host: str, tmp_path: Path) -> None:
     address = ServerAddress(host, 4200)
-    words = words_of(address, tmp_path, {})
-    assert len(words) > 40
-    assert words_of(address, tmp_path, {}) == words == kept_words(tmp_path)
+    password = words_of(address, tmp_path, {})
+    assert len(password) > 40
+    assert words_of(address, tmp_path, {}) == password == kept_words(tmp_path)
     (file,) = tmp_path.iterdir()
     assert file.stat().st_mode & 0o777 == 0o600
-    assert words_of(address, tmp_path, {SERVER_WORDS: "user:words"}) == "user:words"
-    assert words not in file.parent.name
+    assert words_of(address, tmp_path, {SERVER_PASSWORD: "user:password"}) == "user:password"
+    assert password not in file.parent.name
     made = server_environment(address, None, DOOR, {"PREFECT_API_URL": "http://elsewhere/api"})
     assert "PREFECT_API_URL" not in made
     assert made["PREFECT_SERVER_CORS_ALLOWED_ORIGINS"] == ServerAddress(host, 4200).base
@@ -193,8 +193,8 @@ def test_the_database_is_postgresql_or_ours() -> None:
         made = server_environment(LOCAL, given, DOOR, {})
         assert made["PREFECT_SERVER_DATABASE_CONNECTION_URL"] == "postgresql+asyncpg://me@host/db"
     with pytest.raises(InstallationError) as refused:
-        server_environment(LOCAL, "mysql://me:words@host/db", DOOR, {})
-    assert "words" not in str(refused.value)
+        server_environment(LOCAL, "mysql://me:password@host/db", DOOR, {})
+    assert "password" not in str(refused.value)
 
 
 def test_a_port_that_is_taken_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
