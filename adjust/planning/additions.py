@@ -39,7 +39,7 @@ class ProposedLines:
 
     Attributes
     ----------
-    what : "back", "again": lines that are there, flown back or once more; "across", "height": new ones.
+    what : "back", "again": lines that are there, flown back or again; "across", "height": new ones.
     heading : of the first line, radians.
     height : above ground, metres.
     lines : number of lines, each flown once or both ways.
@@ -124,7 +124,7 @@ def additions(network: PlannedNetwork, height_ratio: float) -> tuple[Addition, .
 
 
 def _again(lines: tuple[FlownLine, ...]) -> ProposedLines:
-    """All lines once more."""
+    """All lines again."""
     strips = tuple(AddedStrip(line.plan, line.heading, line.height) for line in lines)
     return ProposedLines("again", lines[0].heading, lines[0].height, len(lines), False, strips)
 

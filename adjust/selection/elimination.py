@@ -155,7 +155,7 @@ class _Selection:
         return np.asarray(np.abs(t_values(self.estimate, self.sigma0)))
 
     def violation(self) -> Decision | None:
-        """The gravest violation of the rules by a candidate."""
+        """The most serious violation of the rules by a candidate."""
         if len(self.tested) == 0:
             return None
         return (

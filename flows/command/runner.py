@@ -72,7 +72,7 @@ def runner(
     """Carry out runs of a server beside its own runner, on this machine or another.
 
     The folders of projects must have the same paths as on the server's machine. SIGTERM or the interrupt
-    key ends it when the runs that have begun are finished; a second one ends them, too.
+    key ends it when the runs that have started are finished; a second one ends them, too.
 
     [bold]Examples[/bold]
 

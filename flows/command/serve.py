@@ -63,7 +63,7 @@ def serve(
         typer.Option(
             "--inbox",
             metavar="DIR",
-            help="Folder of deliveries, one folder each; begun once its file DELIVERED is there.",
+            help="Folder of deliveries, one folder each; started once its file DELIVERED is there.",
         ),
     ] = None,
     story: Annotated[
@@ -152,7 +152,7 @@ def serve(
     """Run the server: dashboard, deployments, and a runner that carries them out.
 
     While it runs, [bold]aerocal run[/bold] and the others appear in the dashboard. SIGTERM or the
-    interrupt key ends it when the runs that have begun are finished; a second one ends them, too.
+    interrupt key ends it when the runs that have started are finished; a second one ends them, too.
 
     [bold]Examples[/bold]
 

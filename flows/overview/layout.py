@@ -158,7 +158,7 @@ def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
         ("passed", tally.passed, "passed", ("Completed",)),
         ("gate", tally.gate_failed, "gate failed", ("GateFailed",)),
         ("input", tally.wrong_input, "wrong input", WRONG_INPUT),
-        ("broken", tally.broken, "broken off", BROKEN),
+        ("broken", tally.broken, "failed", BROKEN),
         ("running", tally.running, "running", ("Running",)),
         ("waiting", tally.waiting, waiting, ("Scheduled",)),
     )
@@ -167,7 +167,7 @@ def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
             [html.B(str(number)), html.Span(label)],
             id={"card": kind, "states": " ".join(states)},
             className=f"card {kind}" + ("" if number else " none"),
-            title="Show these only; once more: show all",
+            title="Show these only; again: show all",
         )
         for kind, number, label, states in counted
     ]

@@ -23,7 +23,7 @@ from tasks.registry.registry import Registry
 from tasks.registry.watch import RegistryWatch, watch_of
 from tasks.settings.registry import registry_address
 
-#: From when on a run that should have begun is late, as the server counts.
+#: From when on a run that should have started is late, as the server counts.
 LATE = timedelta(seconds=15)
 
 
@@ -47,7 +47,7 @@ class QueuedRun:
     begun: datetime | None
 
     def waiting_since(self, now: datetime) -> datetime | None:
-        """Since when it could have begun; None: it has, or its time has not come."""
+        """Since when it could have started; None: it has, or its time has not come."""
         return None if self.begun is not None or self.due > now else self.due
 
 

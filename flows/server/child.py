@@ -26,7 +26,7 @@ from typing import BinaryIO
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
 
-#: A log that is larger, bytes, is begun anew; the old one is kept once.
+#: A log that is larger, bytes, is started anew; the old one is kept once.
 _LOG_BYTES = 20_000_000
 
 
@@ -245,7 +245,7 @@ class Supervised:
         )
 
     def drain(self, requests: Requests) -> None:
-        """Let it finish what it has begun, until there are two requests to end."""
+        """Let it finish what it has started, until there are two requests to end."""
         self.child.ask_to_end()
         while requests.number < 2 and not self.child.wait(0.5):
             pass

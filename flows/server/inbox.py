@@ -247,7 +247,7 @@ class Scheduled:
 
     def sentences(self) -> tuple[str, ...]:
         """What people should read about it."""
-        parts = (("Begun", self.begun), ("Not complete yet", self.waiting))
+        parts = (("Started", self.begun), ("Not complete yet", self.waiting))
         told = [f"{what}: {', '.join(names)}." for what, names in parts if names]
         told.append(f"Deliveries with a run already: {len(self.known)}.")
         return (*told, *self.refused)

@@ -4,7 +4,7 @@ A run writes its own end, into the records first and then to the server. One tha
 timed out can do neither; one whose server or database was away may have done one of them. Of both, the
 record of a decided run holds: its results are there. Everything else is what the server says, which hears of
 dead runs from the runner, or because their heartbeats have stopped; of those on this machine, it is told
-here. A run that the server no longer knows, because its database was lost or begun anew, is given up: its
+here. A run that the server no longer knows, because its database was lost or started anew, is given up: its
 delivery then gets another one.
 """
 
@@ -24,7 +24,7 @@ from tasks.production.run_record import DECIDED, RunRecord, State
 
 #: A runner that has taken a run begins it within this time, s; it may be loading Prefect on a busy machine.
 _TO_BEGIN_S = 300.0
-#: A run that has begun has noted it within this time, s.
+#: A run that has started has noted it within this time, s.
 _TO_NOTE_S = 60.0
 #: A run of which nothing was noted is taken up if it was ended no longer ago, s.
 _TO_BE_ADOPTED_S = 3600.0
@@ -32,7 +32,7 @@ _TO_BE_ADOPTED_S = 3600.0
 _TO_CANCEL_S = 120.0
 #: Runs this old are not looked at any more.
 _LOOKING_BACK = timedelta(days=3)
-#: Types of the server's states in which a run that had begun waits, and what is to be said about it.
+#: Types of the server's states in which a run that had started waits, and what is to be said about it.
 _WAITING: Mapping[str, str] = {
     "SCHEDULED": "",
     "PAUSED": "Suspended: it goes on when somebody resumes it in the dashboard.",
@@ -122,7 +122,7 @@ def _tell_decisions(api: Api, records: Records) -> None:
     decided = (run for run in records.runs_with(list(open_there)) if run.state in DECIDED)
     for run in decided:
         found = open_there[run.id]
-        # Somebody may have begun it anew; then it has come into its state after the end that is noted.
+        # Somebody may have started it anew; then it has come into its state after the end that is noted.
         unheard = run.ended is not None and found.since <= run.ended and died_here(run)
         if found.type == "CRASHED" or unheard:
             _tell(api, run)
@@ -139,7 +139,7 @@ _MESSAGE = "It was ended by the machine; finished stages are kept."
 def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
     """Schedule the runs again that are due (`tasks.production.run_record`).
 
-    One that belongs to no deployment (it was started by a command, which has ended with it) cannot be begun
+    One that belongs to no deployment (it was started by a command, which has ended with it) cannot be started
     by a runner; it stays as it ended.
 
     Returns
@@ -167,17 +167,17 @@ def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
     return records.runs_with(begun)
 
 
-#: A process is older than the run it has begun; so much younger, it is another one with the same number.
+#: A process is older than the run it has started; so much younger, it is another one with the same number.
 _YOUNGER = timedelta(seconds=60)
 
 
 def lives_here(run: RunRecord) -> bool:
-    """Whether the run was begun on this machine by a process that is still there."""
+    """Whether the run was started on this machine by a process that is still there."""
     return run.host == socket.gethostname() and _lives(run)
 
 
 def died_here(run: RunRecord) -> bool:
-    """Whether the run was begun on this machine by a process that is no longer there."""
+    """Whether the run was started on this machine by a process that is no longer there."""
     return run.host == socket.gethostname() and not _lives(run)
 
 

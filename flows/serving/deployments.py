@@ -79,8 +79,8 @@ class DrainingRunner(Runner):
         )
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
-        """Stop looking for runs; the context of the runner then waits for those that have begun."""
-        _log.info("asked to end: finishing the runs that have begun, beginning no more")
+        """Stop looking for runs; the context of the runner then waits for those that have started."""
+        _log.info("asked to end: finishing the runs that have started, beginning no more")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
 

@@ -86,7 +86,7 @@ def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:
 def _refuse(client: SyncPrefectClient, run: FlowRun, trouble: str) -> None:
     from prefect.states import Failed, Running
 
-    # The server lets only a run that has begun fail.
+    # The server lets only a run that has started fail.
     client.set_flow_run_state(run.id, Running())
     client.set_flow_run_state(run.id, Failed(name="InputError", message=trouble))
     client.update_flow_run(run.id, name=f"refused · {run.name} · InputError")

@@ -1,4 +1,4 @@
-"""``aerocal serve`` and ``aerocal runner``: processes begun, looked after, and ended in the right order.
+"""``aerocal serve`` and ``aerocal runner``: processes started, looked after, and ended in the right order.
 
 Prefect starts a server and a runner with two commands and looks after neither. Here one command on one
 machine does both: server and runner as children, all else (inbox, notices, production page) in this
@@ -207,7 +207,7 @@ class _Serving:
         self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
         self.say("Projects may lie under: " + ", ".join(map(str, settings.roots.folders)))
-        self.say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
+        self.say("Ready. The interrupt key or SIGTERM ends it when the runs that have started are finished.")
 
     def _tell_link(self) -> None:
         """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
@@ -231,7 +231,7 @@ class _Serving:
         except InstallationError:
             runner.drain(self.requests)
             raise
-        self.say("Ending when the runs that have begun are finished; a second request ends them now.")
+        self.say("Ending when the runs that have started are finished; a second request ends them now.")
         runner.drain(self.requests)
         return 0
 
@@ -293,9 +293,9 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         runner = Supervised("runner", start, say, lambda: _answers(url))
         try:
             say(f"Working for {url}; log: {runner.child.log}")
-            say("Ready. The interrupt key or SIGTERM ends it when the runs that have begun are finished.")
+            say("Ready. The interrupt key or SIGTERM ends it when the runs that have started are finished.")
             _look_after([runner], requests)
-            say("Ending when the runs that have begun are finished; a second request ends them now.")
+            say("Ending when the runs that have started are finished; a second request ends them now.")
             runner.drain(requests)
         finally:
             runner.end()

@@ -56,7 +56,7 @@ class Evidence:
     steps: StepComparisonFigure | None
 
     def objections(self, limits: AcceptanceLimits) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Reasons to refuse the calibration, and restrictions, each the gravest first."""
+        """Reasons to refuse the calibration, and restrictions, each the most serious first."""
         found = [
             *((True, sentence) for sentence in self.suspicions),
             *_of_restored(self.adjusted, limits),

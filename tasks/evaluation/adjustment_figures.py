@@ -139,7 +139,7 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
 
 
 def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> tuple[str, ...]:
-    """What the user should know about the result, gravest first."""
+    """What the user should know about the result, most serious first."""
     result = adjusted.result
     problems = free_network_sentences(result)
     test = result.test

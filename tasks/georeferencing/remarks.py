@@ -1,4 +1,4 @@
-"""What a direct-georeferencing check has to say in sentences, the gravest first."""
+"""What a direct-georeferencing check has to say in sentences, the most serious first."""
 
 from __future__ import annotations
 

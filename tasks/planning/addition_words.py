@@ -40,7 +40,7 @@ def addition_json(addition: Addition) -> JSON:
 def _lines(group: ProposedLines) -> str:
     height = f"{10.0 * round(group.height / 10.0):.0f} m"
     if group.what == "again":
-        return "all lines once more"
+        return "all lines again"
     lines = f"{group.lines} line{'s' if group.lines > 1 else ''}"
     if group.what == "back":
         return f"the {lines} at {height} flown back, too" if group.lines > 1 else f"the line at {height} back"

@@ -58,7 +58,7 @@ class Notice:
     project, story, state, message : as of the run.
     directory : its output folder; "" without one.
     ended : ISO 8601, UTC.
-    problems : plain sentences, the gravest first.
+    problems : plain sentences, the most serious first.
     sigma0 : of the adjustment; None without one.
     gates : of summary.json.
     """
@@ -137,7 +137,7 @@ def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None,
     Parameters
     ----------
     run : id, project, story, state, message and directory.
-    ended : when; a run that is begun anew ends another time, and that is told, too.
+    ended : when; a run that is started anew ends another time, and that is told, too.
     """
     texts = {name: str(run[name]) for name in ("project", "story", "state", "message", "directory")}
     kind = _KINDS.get(texts["state"])

@@ -41,7 +41,7 @@ class ProjectRow:
     project, project_file, directory, story, state, message : as of `RunRecord`.
     stages : state of each stage the story has come to or will come to, in order.
     scheduled, begun, ended : UTC.
-    attempts : how often it was begun.
+    attempts : how often it was started.
     sigma0 : a posteriori / a priori.
     rmse_check_m : of the check points.
     gates : the limits that were tested.
@@ -168,7 +168,7 @@ def _said(run: RunRecord) -> tuple[str, ...]:
 
 def _problem(run: RunRecord) -> str | None:
     if run.state == "Running" and run.attempts > 1:
-        return f"Begun for the {run.attempts}. time; finished stages are taken up."
+        return f"Started for the {run.attempts}. time; finished stages are taken up."
     return next(iter(problems_of(run)), None)
 
 

@@ -1,7 +1,8 @@
 """The database of production: which run of which project stands where.
 
-Prefect's own records may be tidied up, lost or begun anew; what was done with a delivery is remembered here.
-A run that is decided is never changed again, except that it may begin once more under the same number.
+Prefect's own records may be tidied up, lost or started anew; what was done with a delivery is
+remembered here.
+A run that is decided is never changed again, except that it may begin again under the same number.
 """
 
 from __future__ import annotations
@@ -99,11 +100,11 @@ class Records:
             if known is None:
                 connection.execute(insert(RUNS).values(**_as_row(run)))
             elif known.delivery is None and run.delivery is not None:
-                # It was begun before whoever scheduled it came to note it.
+                # It was started before whoever scheduled it came to note it.
                 _update(connection, run.id, {"delivery": run.delivery})
 
     def begin(self, run: RunRecord) -> None:
-        """Note that a run begins in this process, for the first time or once more."""
+        """Note that a run begins in this process, for the first time or again."""
         values = {**_as_row(run), "state": "Running", "begun": _text(datetime.now(UTC)), "ended": None}
         values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1, "again_at": None}
         with self.writing() as connection:
@@ -121,13 +122,13 @@ class Records:
             _update(connection, run.id, values)
 
     def reschedule(self, run_id: str, message: str) -> None:
-        """Note that a run which had begun waits for another beginning that somebody has asked for."""
+        """Note that a run which had started waits for another beginning that somebody has asked for."""
         values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         with self.writing() as connection:
             _update(connection, run_id, values)
 
     def begin_again(self, run: RunRecord, message: str) -> bool:
-        """Note that a run which is due is to be begun once more; False if it is not due any more.
+        """Note that a run which is due is to be started again; False if it is not due any more.
 
         Of several that find the same run due, one gets True.
         """
@@ -138,7 +139,7 @@ class Records:
             return done.rowcount == 1
 
     def give_up(self, run_id: str) -> None:
-        """Note that a run which has ended is not begun again by itself."""
+        """Note that a run which has ended is not started again by itself."""
         with self.writing() as connection:
             known = _row_of(connection, run_id)
             if known is not None and known.again_at is not None:
@@ -180,7 +181,7 @@ class Records:
 
         Parameters
         ----------
-        may_pass : as of `end`; of the states, only some are begun again (`tasks.production.run_record`).
+        may_pass : as of `end`; of the states, only some are started again (`tasks.production.run_record`).
         """
         with self.writing() as connection:
             known = _row_of(connection, run_id)
@@ -207,7 +208,7 @@ class Records:
         return self._read(chosen)
 
     def due(self, now: datetime) -> tuple[RunRecord, ...]:
-        """The runs that are to be begun once more by themselves, the longest due first."""
+        """The runs that are to be started again by themselves, the longest due first."""
         return self._read(select(RUNS).where(RUNS.c.again_at <= _text(now)).order_by(RUNS.c.again_at))
 
     def run(self, run_id: str) -> RunRecord | None:
@@ -353,7 +354,7 @@ def _ending(known: Row[Any], state: State, message: str, may_pass: bool) -> dict
 
 
 def _tell(connection: Connection, run_id: str, summary: Mapping[str, JSON] | None) -> None:
-    """Put into the outbox how a run has ended, unless it is begun again by itself."""
+    """Put into the outbox how a run has ended, unless it is started again by itself."""
     run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
     notice = None if run.again_at is not None else notice_of_run(dict(run._mapping), summary, run.ended)
     if notice is not None:

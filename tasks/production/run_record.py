@@ -1,7 +1,7 @@
-"""One run of a story as production remembers it, and when it is begun once more by itself.
+"""One run of a story as production remembers it, and when it is started again by itself.
 
 Prefect retries within a run, and forgets runs; how a delivery has ended is remembered here. A run that the
-machine has ended says nothing about its project, so it is begun again: at once, because most causes pass
+machine has ended says nothing about its project, so it is started again: at once, because most causes pass
 with the process that was killed, then after growing pauses. A full disk takes somebody to make room; it is
 tried again less often and for longer. What ended the machine's patience every time (an adjustment that
 needs more memory than there is) must not go round for ever: then the run stays as it ended.
@@ -74,8 +74,8 @@ class RunRecord:
     scheduled, begun, ended : UTC; None: not yet.
     delivery : key of the delivery it is for; None: started by hand.
     host, process : where it runs or ran; None: nowhere yet.
-    attempts : how often it was begun, or is to be, since somebody or a delivery asked for it.
-    again_at : when it is begun once more by itself, UTC; None: it is not, or has not ended.
+    attempts : how often it was started, or is to be, since somebody or a delivery asked for it.
+    again_at : when it is started again by itself, UTC; None: it is not, or has not ended.
     stages : those that have ended, in the order in which they did.
     failed_stage : the one that could not be done; None: none, or it is not known.
     summary : content of summary.json (docs/artifacts.md), without timings; empty until the end.
@@ -117,16 +117,16 @@ PAUSES_S: Mapping[State, tuple[int, ...]] = {
 
 
 def next_beginning(state: State, attempts: int, now: datetime) -> datetime | None:
-    """When a run is begun again that has ended for a reason which may pass.
+    """When a run is started again that has ended for a reason which may pass.
 
     Parameters
     ----------
     state : in which it has ended.
-    attempts : how often it was begun.
+    attempts : how often it was started.
 
     Returns
     -------
-    time : None if it is not begun again by itself.
+    time : None if it is not started again by itself.
     """
     pauses = PAUSES_S.get(state, ())
     if attempts > len(pauses):
@@ -138,5 +138,5 @@ def with_prospect(message: str, attempts: int, again_at: datetime | None) -> str
     """A message on an end, followed by what happens next."""
     if again_at is None:
         times = "once" if attempts == 1 else f"{attempts} times"
-        return f"{message} It was begun {times} and is not begun again by itself."
-    return f"{message} It is begun again after {again_at:%H:%M} UTC."
+        return f"{message} It was started {times} and is not started again by itself."
+    return f"{message} It is started again after {again_at:%H:%M} UTC."

@@ -17,7 +17,7 @@ from tasks.plain_text import visible
 
 #: What to do about a state; shown here and on the production page.
 REMEDIES: Mapping[str, str] = {
-    "InputError": "Correct what the message names, then run again. A delivery is begun again when its file "
+    "InputError": "Correct what the message names, then run again. A delivery is started again when its file "
     "DELIVERED is written anew. Nothing of an earlier result was changed.",
     "NotComputable": "Deliver more observations, or free fewer parameters (the message names them), then run "
     "again. Nothing of an earlier result was changed.",
@@ -43,7 +43,7 @@ class ShortText:
     ----------
     project, project_file, story : what was done to which project; the file tells two of one name apart.
     state, message : how it ended, and sentences on that.
-    problems : plain sentences, the gravest first.
+    problems : plain sentences, the most serious first.
     place : where the results are; "": nowhere.
     links : words and addresses of ours, their parts percent-encoded.
     """

@@ -139,7 +139,7 @@ class CameraBody:
 
 
 def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
-    """Why a calibration of `recorded` is none of `camera`, in words, the gravest first; nothing: it is one.
+    """Why a calibration of `recorded` is none of `camera`, the most serious reason first; nothing: it is one.
 
     The one test for every way in which a calibration reaches a camera.
     """

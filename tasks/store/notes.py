@@ -19,7 +19,7 @@ class Notes:
 
     Attributes
     ----------
-    problems : plain sentences shown to the user, the gravest first.
+    problems : plain sentences shown to the user, the most serious first.
     figures : counts and numbers, merged into summary.json by publish; a figure that could not be
         computed is null (NaN is written as null).
     suspicions : those of the problems that say the delivery itself is wrong.

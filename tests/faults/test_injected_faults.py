@@ -170,7 +170,7 @@ def test_a_full_disk(running: Production, figures: dict[str, dict[str, object]])
         subprocess.run(["mount", "-o", "remount,size=200m", str(delivery)], check=True)
         recovering = time.monotonic()
         runs = running.all_ended([expected.name], 400)
-        assert runs[expected.name].attempts == 2, "the same run, begun again"
+        assert runs[expected.name].attempts == 2, "the same run, started again"
         figures["disk full"] = {
             "outcome": runs[expected.name].state,
             "attempts": [runs[expected.name].attempts],

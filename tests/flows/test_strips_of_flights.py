@@ -76,7 +76,7 @@ def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> No
     folder = flown(tmp_path, "numbered")
     file = folder / "exposures.csv"
     table = pd.read_csv(file, dtype=str)
-    # The same camera once more at the same moment, as a second head delivers it.
+    # The same camera again at the same moment, as a second head delivers it.
     again = table.assign(image="B" + table["image"])
     pd.concat([table, again]).to_csv(file, index=False)
     points = pd.read_csv(folder / "image_points.csv", dtype=str)

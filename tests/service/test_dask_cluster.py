@@ -116,7 +116,7 @@ def test_an_interrupt_calls_off_what_no_worker_has_begun(running: DaskCluster, s
     texts = [f"slow {number}" for number in range(20)]
     with pytest.raises(KeyboardInterrupt):
         interrupted_after_the_first(running.address, store, texts)
-    # The workers finish what they have begun, and take up something else.
+    # The workers finish what they have started, and take up something else.
     attempted(running.address, store, "a")
     assert len(list(store.folder.glob("letters/*/text.txt"))) < 10
 
@@ -191,7 +191,7 @@ def test_work_that_kills_its_workers_is_given_up(store: Store, tmp_path: Path) -
 
 
 def lost_in_the_middle(running: DaskCluster, store: Store, lose: Callable[[], None]) -> None:
-    """Have something done that takes a minute, and lose what it needs once it has begun."""
+    """Have something done that takes a minute, and lose what it needs once it has started."""
     with cluster(running.address, (store.folder,)) as executor:
         future = executor.submit(write_letters, store, text="long")
         until(lambda: list(store.folder.glob("letters/*/begun")), 20.0)

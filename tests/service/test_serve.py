@@ -131,7 +131,7 @@ def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -
     (run,) = runs()
     assert server.ended(run["id"])["state_name"] == "Completed"  # type: ignore[index]
     assert (server.folder / "inbox" / "block-7" / "results" / "report.html").is_file()
-    # The same bytes once more: another run, which computes nothing.
+    # The same bytes again: another run, which computes nothing.
     os.utime(server.folder / "inbox" / "block-7" / "DELIVERED", (1, 1))
     again = until(lambda: next((one for one in runs() if one["id"] != run["id"]), None), 60)  # type: ignore[index]
     assert server.ended(again["id"])["state_name"] == "Completed"  # type: ignore[index]
@@ -307,7 +307,7 @@ def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: 
     states = recorded_states(server.folder)
     assert states[waiting] == "COMPLETED"
     assert not {"RUNNING", "PENDING", "CANCELLING"} & set(states.values())
-    assert later not in states, "a run that had not begun waits for the next start"
+    assert later not in states, "a run that had not started waits for the next start"
     assert not [group for group in groups if alive(group)]
     assert find_server(server.folder / "state") is None
 
@@ -331,7 +331,7 @@ def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(
     assert "no longer running" in alone.stderr
     shutil.rmtree(tmp_path / "hand")
     with served(tmp_path) as second:
-        # It is seen to have crashed first, and begun again a moment later.
+        # It is seen to have crashed first, and started again a moment later.
         second.in_state(run, "COMPLETED", 150)
         # Not asked for this time.
         assert second.api.get("/deployments/name/inbox/nightly")["schedules"] == []

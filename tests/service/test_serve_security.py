@@ -1,4 +1,4 @@
-"""``aerocal serve`` where others reach it: nobody gets in without the password, and nobody learns them."""
+"""``aerocal serve`` where others reach it: nobody gets in without the password, and nobody learns it."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_sound_observations_come_back_once(test: Any) -> None:
     ordinary = adjust_block(scene.block, scene.observations)
     np.testing.assert_allclose(again.adjusted.state.object_point, ordinary.state.object_point, atol=1e-5)
     assert again.taken_back == 3 + 2
-    # Rejected once more, they stay where they are.
+    # Rejected again, they stay where they are.
     twice = replace(again, rejected=search.rejected, given_up=search.given_up)
     assert twice.fitting_again(rule).count == 0
 

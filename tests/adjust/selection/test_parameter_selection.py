@@ -85,7 +85,7 @@ def test_without_rules_all_parameters_stay() -> None:
 
 
 class Twice:
-    """A parameter, and the same once more under another name."""
+    """A parameter, and the same again under another name."""
 
     names = (*ALL, "test:again")
     first = np.zeros(5, dtype=bool)

@@ -90,7 +90,7 @@ def test_a_run_that_the_machine_has_ended_is_due_and_begun_again_once(records: R
     (due,) = records.due(datetime.now(UTC))
     assert due.id == "one"
     assert not due.has_ended
-    assert due.message.startswith("killed. It is begun again after ")
+    assert due.message.startswith("killed. It is started again after ")
     assert records.begin_again(due, "Finished stages are kept.")
     assert not records.begin_again(due, "Finished stages are kept."), "somebody else has"
     waiting = records.of_delivery("key")
@@ -103,18 +103,20 @@ def test_a_run_that_ends_the_machine_every_time_is_given_up(records: Records) ->
     records.schedule(RUN)
     later = datetime.now(UTC) + timedelta(days=1)
     for attempt in range(1, 5):
-        # Killed before it could note that it had begun (every second time).
+        # Killed before it could note that it had started (every second time).
         if attempt % 2:
             records.begin(RUN)
         records.lose("one", "Crashed", "out of memory.")
         (due,) = records.due(later)
         assert due.attempts == attempt
-        assert records.begin_again(due, "once more")
+        assert records.begin_again(due, "again")
     records.begin(RUN)
     records.lose("one", "Crashed", "out of memory.")
     assert records.due(later) == ()
     assert found(records).has_ended
-    assert found(records).message == ("out of memory. It was begun 5 times and is not begun again by itself.")
+    assert found(records).message == (
+        "out of memory. It was started 5 times and is not started again by itself."
+    )
     records.begin(RUN)
     assert found(records).attempts == 1, "somebody has asked for it anew"
 
