@@ -94,7 +94,7 @@ def test_the_search_finds_what_it_looks_for(text: str) -> None:
 def test_results_of_prefect_are_not_kept() -> None:
     """Prefect would pickle them; every flow says that it does not, and the settings say so for all."""
     for name in ("registered.py", "deployed.py"):
-        source = Path(REPOSITORY / "flows" / name).read_text(encoding="utf-8")
+        source = Path(REPOSITORY / "flows" / "serving" / name).read_text(encoding="utf-8")
         flows = [
             call
             for call in ast.walk(ast.parse(source))

@@ -33,13 +33,13 @@ Story: TypeAlias = Callable[[Project, Store], Summary]
 
 _log = logging.getLogger("aerocal")
 
-#: A story of a project: module in flows, function in it, and Prefect flow all have this name.
+#: A story of a project: module in flows.stories, function in it, and Prefect flow all have this name.
 StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
 
 
 def story_named(name: StoryName) -> Story:
     """The story of this name; loaded when it is asked for."""
-    story: Story = getattr(import_module(f"flows.{name}"), name)
+    story: Story = getattr(import_module(f"flows.stories.{name}"), name)
     return story
 
 

@@ -101,9 +101,9 @@ def test_moving_the_delivery_repeats_nothing(block: Path, tmp_path: Path) -> Non
 
 def test_a_source_file_of_the_adjustment_repeats_only_what_reaches_it(block: Path, tree: Path) -> None:
     assert computed(block) == STAGES
-    with (tree / "flows" / "aerial_triangulation.py").open("a") as stream:
+    with (tree / "flows" / "stories" / "aerial_triangulation.py").open("a") as stream:
         stream.write("# a remark in a story\n")
-    with (tree / "tasks" / "publish.py").open("a") as stream:
+    with (tree / "tasks" / "results" / "publish.py").open("a") as stream:
         stream.write("# a remark behind all stages\n")
     assert computed(block, tree=tree) == []
     with (tree / "adjust" / "data_snooping.py").open("a") as stream:
@@ -116,10 +116,10 @@ def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_on
     block: Path, tree: Path
 ) -> None:
     assert computed(block) == STAGES
-    edit(tree / "tasks" / "report" / "templates" / "sections" / "datum.html.j2", "What fixes", "What holds")
+    edit(tree / "tasks" / "documents" / "report" / "templates" / "sections" / "datum.html.j2", "What fixes", "What holds")
     assert computed(block, tree=tree) == ["report"]
     assert "What holds the datum" in (block.parent / "results" / "report.html").read_text()
-    edit(tree / "tasks" / "report" / "templates" / "style.css", "1080px", "1000px")
+    edit(tree / "tasks" / "documents" / "report" / "templates" / "style.css", "1080px", "1000px")
     assert computed(block, tree=tree) == ["report"]
     edit(block, 'name = "two strips"', 'name = "renamed"')
     assert computed(block) == ["report"]

@@ -151,9 +151,10 @@ def test_workers_that_cannot_take_part_are_refused_before_anything_is_computed(
         shutil.copytree(REPOSITORY / package, other / package, ignore=shutil.ignore_patterns("__pycache__"))
     with (other / "tasks" / "tables" / "parquet.py").open("a") as source:
         source.write("# Another version.\n")
-    (empty / "flows").mkdir(parents=True)
+    (empty / "flows" / "runs").mkdir(parents=True)
+    (empty / "flows" / "__init__.py").touch()
     for name in ("__init__.py", "cluster_worker.py"):
-        (empty / "flows" / name).touch()
+        (empty / "flows" / "runs" / name).touch()
     with dask_cluster(tmp_path / "cluster", workers=0) as running:
         with pytest.raises(InstallationError, match="has no workers"):
             attempted(running.address, store, "a")
