@@ -180,14 +180,14 @@ def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str
             f"Set {SERVER_PASSWORD}=user:password in the environment (and {CLIENT_PASSWORD} where runs are "
             "reported from), or stay with 127.0.0.1.",
         )
-    kept = kept_words(folder)
+    kept = kept_password(folder)
     if kept is None:
         kept = f"aerocal:{secrets.token_urlsafe(32)}"
         _write_privately(folder / _SECRET, kept)
     return kept
 
 
-def kept_words(folder: Path) -> str | None:
+def kept_password(folder: Path) -> str | None:
     """The password that a server of this folder has made; None if it has made none.
 
     Raises
@@ -231,7 +231,7 @@ def bring_password_to(address: str, folder: Path | None = None) -> None:
     found = find_server(folder)
     if os.environ.get(CLIENT_PASSWORD) or found is None or not found.alive or found.server.url != address:
         return
-    kept = kept_words(folder)
+    kept = kept_password(folder)
     if kept is not None:
         os.environ[CLIENT_PASSWORD] = kept
 

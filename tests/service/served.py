@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from flows.server.api import Api
 from flows.server.server_process import SERVER_PASSWORD, free_port
-from flows.server.state_file import kept_words
+from flows.server.state_file import kept_password
 from tasks.production.records import Records
 
 T = TypeVar("T")
@@ -52,11 +52,11 @@ class Served:
     given: str | None = None
 
     @property
-    def words(self) -> str:
+    def password(self) -> str:
         """What it asks for."""
-        words = self.given or kept_words(self.folder / "state")
-        assert words is not None, "it has made no secret"
-        return words
+        password = self.given or kept_password(self.folder / "state")
+        assert password is not None, "it has made no secret"
+        return password
 
     @property
     def link(self) -> str:

@@ -163,7 +163,7 @@ def deployment(server: Served) -> Any:
 
 
 def changed(server: Served, **changes: Any) -> None:
-    """Change the deployment as somebody may who knows the words."""
+    """Change the deployment as somebody may who knows the password."""
     address = f"{server.api.url}/deployments/{deployment(server)['id']}"
     headers = {"Content-Type": "application/json", "Authorization": basic(server.password)}
     request = urllib.request.Request(address, json.dumps(changes).encode(), headers, method="PATCH")
@@ -285,7 +285,7 @@ def test_another_user_of_the_machine_reads_nothing_and_starts_nothing(server: Se
 def test_pull_steps_and_entry_points_of_the_server_are_not_carried_out(
     server: Served, tmp_path: Path
 ) -> None:
-    """Whoever put them there: here somebody who knows the words."""
+    """Whoever put them there: here somebody who knows the password."""
     evil = tmp_path / "evil.py"
     evil.write_text(f"open({str(tmp_path / 'loaded')!r}, 'w')\ndef aerial_triangulation(**_): pass\n")
     changed(server, pull_steps=shell_step(tmp_path / "done"), entrypoint=f"{evil}:aerial_triangulation")

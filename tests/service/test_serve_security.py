@@ -97,7 +97,7 @@ def test_every_call_of_the_api_is_refused_without_the_right_password(server: Ser
 
 
 @pytest.mark.parametrize("password", WRONG)
-def test_wrong_password_start_no_run_and_read_nothing(server: Served, password: str | None) -> None:
+def test_a_wrong_password_starts_no_run_and_read_nothing(server: Served, password: str | None) -> None:
     deployment = server.api.get(f"/deployments/name/{MANUAL}")["id"]
     before = len(server.runs())
     base = f"http://127.0.0.1:{server.port}/api"
@@ -138,7 +138,7 @@ def test_no_websocket_answers_without_the_right_password(server: Served, path: s
     assert answered(server, path, {"type": "auth", "token": WORDS}, []) is None
 
 
-def test_the_right_password_open_a_websocket(server: Served) -> None:
+def test_the_right_password_opens_a_websocket(server: Served) -> None:
     said = answered(server, "/events/out", {"type": "auth", "token": WORDS}, [Subprotocol("prefect")])
     assert said is not None
     assert json.loads(said) == {"type": "auth_success"}
@@ -201,7 +201,7 @@ def test_a_run_by_hand_is_reported_with_the_password_only(server: Served) -> Non
 
 
 @pytest.mark.usefixtures("run_by_form")
-def test_the_password_are_nowhere_to_be_read(server: Served) -> None:
+def test_the_password_is_nowhere_to_be_read(server: Served) -> None:
     """After the calls, right and wrong, and the runs above."""
     coded = base64.b64encode(WORDS.encode())
     for file in [path for path in server.folder.rglob("*") if path.is_file()]:

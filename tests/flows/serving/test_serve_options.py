@@ -14,7 +14,7 @@ import pytest
 from flows.server.door import door_of
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
 from flows.server.settings import Settings, settings_of, settings_of_runner
-from flows.server.state_file import kept_words, words_of
+from flows.server.state_file import kept_password, words_of
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 
@@ -146,7 +146,7 @@ def test_on_loopback_a_secret_is_made_once_for_this_user_only(host: str, tmp_pat
     address = ServerAddress(host, 4200)
     password = words_of(address, tmp_path, {})
     assert len(password) > 40
-    assert words_of(address, tmp_path, {}) == password == kept_words(tmp_path)
+    assert words_of(address, tmp_path, {}) == password == kept_password(tmp_path)
     (file,) = tmp_path.iterdir()
     assert file.stat().st_mode & 0o777 == 0o600
     assert words_of(address, tmp_path, {SERVER_PASSWORD: "user:password"}) == "user:password"
