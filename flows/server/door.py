@@ -116,7 +116,7 @@ class Door:
 
     def knows(self, asked: Asked) -> bool:
         """Whether who asks brings the password, or the cookie."""
-        return self._brings_words(asked) or self._brings_cookie(asked)
+        return self._brings_password(asked) or self._brings_cookie(asked)
 
     def opens(self, asked: Asked, content: bytes) -> bool:
         """Whether the content of a request to the entrance holds the key of the link, or the password.
@@ -150,7 +150,7 @@ class Door:
             return name.rstrip(".") in self.names
         return True
 
-    def _brings_words(self, asked: Asked) -> bool:
+    def _brings_password(self, asked: Asked) -> bool:
         scheme, _, coded = asked.one("authorization").partition(" ")
         if scheme.lower() != "basic":
             return False

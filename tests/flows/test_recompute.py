@@ -116,7 +116,11 @@ def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_on
     block: Path, tree: Path
 ) -> None:
     assert computed(block) == STAGES
-    edit(tree / "tasks" / "documents" / "report" / "templates" / "sections" / "datum.html.j2", "What fixes", "What holds")
+    edit(
+        tree / "tasks" / "documents" / "report" / "templates" / "sections" / "datum.html.j2",
+        "What fixes",
+        "What holds",
+    )
     assert computed(block, tree=tree) == ["report"]
     assert "What holds the datum" in (block.parent / "results" / "report.html").read_text()
     edit(tree / "tasks" / "documents" / "report" / "templates" / "style.css", "1080px", "1000px")
