@@ -158,11 +158,17 @@ def _rejected(result: AdjustmentResult) -> Rejection:
 
 
 def _of_same(wanted: Observations, before: Observations, rejected: Rejection) -> Rejection:
-    """The same of other groups of the same observations; what is known of parameters is never rejected."""
-    masks = {id(group.image): mask for group, mask in zip(before.groups, rejected.rejected, strict=True)}
-    nothing = (np.zeros(len(group.image), dtype=bool) for group in wanted.groups)
+    """The same of the same observations without some priors, or with them; a prior is never rejected."""
+    masks = iter(
+        [
+            mask
+            for group, mask in zip(before.groups, rejected.rejected, strict=True)
+            if not isinstance(group, DirectObservations)
+        ]
+    )
     found = tuple(
-        masks.get(id(group.image), none) for group, none in zip(wanted.groups, nothing, strict=True)
+        np.zeros(len(group.image), dtype=bool) if isinstance(group, DirectObservations) else next(masks)
+        for group in wanted.groups
     )
     return replace(rejected, rejected=found)
 
