@@ -159,7 +159,7 @@ _SECRET = "secret"
 _LINK = "link"
 
 
-def words_of(address: ServerAddress, folder: Path, environment: Mapping[str, str] = os.environ) -> str:
+def password_of(address: ServerAddress, folder: Path, environment: Mapping[str, str] = os.environ) -> str:
     """The password a server asks for: that of the environment, else its own.
 
     Parameters

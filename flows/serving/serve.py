@@ -36,8 +36,8 @@ from flows.server.state_file import (
     find_server,
     keep_link,
     make_private,
+    password_of,
     the_only_server,
-    words_of,
     write_state,
 )
 from flows.server.watch import Repeated, Watch
@@ -120,7 +120,7 @@ class _Serving:
 
     def __init__(self, settings: Settings, records: Records, requests: Requests, say: Say) -> None:
         self.settings, self.records, self.requests, self.say = settings, records, requests, say
-        self.door = settings.door(words_of(settings.address, settings.state))
+        self.door = settings.door(password_of(settings.address, settings.state))
         self.environment = server_environment(
             settings.address, settings.database, self.door, history_days=settings.history_days
         )
