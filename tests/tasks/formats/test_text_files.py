@@ -172,9 +172,7 @@ def test_every_reader_refuses_an_empty_file_and_a_table_of_words(file, register)
     for reader in register.values():
         assert refused(reader, file("")).what == "The file is empty."
         error = refused(reader, file("point image x y\nthis is no number\n"))
-        assert error.line in (1, 2) or error.what.startswith(
-            ("There is no", "The camera", "This is no zip", "This is no JSON")
-        )
+        assert error.line in (1, 2) or error.what.startswith(("There is no", "The camera", "This is no "))
 
 
 def test_every_exposure_reader_refuses_an_empty_file(file):
