@@ -68,8 +68,7 @@ class Search:
             given_up=self.given_up | found.given_up,
             per_pass=(*self.per_pass, found.count),
         )
-        adjust = adjuster.again if adjuster.options.robust else adjuster.without_gross_errors
-        return replace(left, adjusted=adjust(self.adjusted, left.remaining()))
+        return replace(left, adjusted=adjuster.with_other_rejections(self.adjusted, left.remaining()))
 
     def more(self, adjuster: Adjuster, back: Return) -> Search:
         """Adjusted with what fits again."""
@@ -82,7 +81,8 @@ class Search:
             returned=tuple(a | b for a, b in zip(self.returned, came, strict=True)),
             returned_points=self.returned_points | back.points,
         )
-        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining(), back.state))
+        adjusted = adjuster.with_other_rejections(self.adjusted, left.remaining(), back.state)
+        return replace(left, adjusted=adjusted)
 
     def fitting_again(self, rule: SnoopingRule) -> Return:
         """What was rejected, has not come back before, and fits."""
@@ -124,13 +124,13 @@ def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:
         if found.count:
             search = search.less(adjuster, found)
             continue
-        if search.adjusted.solution.stalled:
-            search = replace(search, adjusted=adjuster.to_the_end(search.adjusted))
-            continue
         back = search.fitting_again(rule)
-        if back.count == 0:
+        if back.count:
+            search = search.more(adjuster, back)
+        elif search.adjusted.solution.stalled:
+            search = replace(search, adjusted=adjuster.to_the_end(search.adjusted))
+        else:
             return search
-        search = search.more(adjuster, back)
     raise InconsistentBlockError(
         f"After {adjuster.options.most_passes} passes of rejection there are still standardized residuals "
         f"above {rule.critical_value}. σ0 of what is left: {_sigmas0(search.adjusted)}. σ of a group far "

@@ -9,14 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Bools
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.quality.cofactor import Cofactor, cofactor, of_fewer_rays
+from adjust.quality.cofactor import Cofactor, cofactor, of_other_rays
 from adjust.quality.considered import considered_errors
 from adjust.quality.redundancy import GroupResiduals, group_residuals
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate, single_step
 from adjust.solve.system import Observations, System
+from adjust.solve.updated_normals import changed_points
+
+# One step does where vᵀPv is what linear equations promise, but for this part.
+_LINEAR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +99,34 @@ class Adjuster:
         found = self.adjust(system, before.state if state is None else state)
         return replace(found, history=before.history + found.history)
 
-    def without_gross_errors(self, before: Adjusted, observations: Observations) -> Adjusted:
-        """Adjust what is left after a few more observations were rejected, well enough to go on rejecting.
+    def with_other_rejections(
+        self, before: Adjusted, observations: Observations, state: State | None = None
+    ) -> Adjusted:
+        """Adjust after a few observations were rejected or came back, well enough to go on from there.
 
-        One step does where it can, with new cofactors for the object points that have lost something only.
-        The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere the same as ``again``.
+        One linear step does where it can, with new cofactors for the object points that have lost or gained
+        something only. The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere, and where
+        rejection is robust, the same as ``again``.
+
+        Parameters
+        ----------
+        state : where object points that come back are; None: none does.
         """
         system = before.system.remaining(observations)
-        solution = single_step(system, before.state)
-        if solution is None:
-            return self.again(before, observations)
-        lost = _points_that_lost(before.observations, system.observations, len(system.active_point))
-        quality = of_fewer_rays(before.quality, system, solution, lost)
+        if self.options.robust is not None:
+            return self.again(before, observations, state)
+        start, back = before.solution.linearization, system.active_point & ~before.system.active_point
+        if state is not None and back.any():
+            places = np.where(back[:, None], state.object_point, start.object_point)
+            start = replace(start, object_point=places)
+        solution, promised = single_step(before.system, before.solution, system, start)
+        changed = changed_points(before.observations, system.observations, len(system.active_point))
+        quality = of_other_rays(before.quality, system, solution, changed)
         residuals = group_residuals(system, solution.state, quality)
-        return Adjusted(system, solution, quality, residuals, (*before.history, solution.iterations))
+        found = Adjusted(system, solution, quality, residuals, (*before.history, solution.iterations))
+        if not abs(found.weighted_squares - promised) <= _LINEAR * promised:
+            return self.again(before, observations, state)
+        return found
 
     def to_the_end(self, before: Adjusted) -> Adjusted:
         """The same adjustment, stalled before, until it converges or fails.
@@ -120,11 +137,3 @@ class Adjuster:
         """
         found = self.adjust(before.system, before.state, may_stall=False)
         return replace(found, history=before.history + found.history)
-
-
-def _points_that_lost(before: Observations, left: Observations, points: int) -> Bools:
-    """Object points (points,) of which an observation takes part no more."""
-    lost = np.zeros(points + 1, dtype=bool)  # the last one stands for what belongs to no object point (−1)
-    for one, other in zip(before.groups, left.groups, strict=True):
-        lost[one.point[(one.stochastic.present != other.stochastic.present).any(axis=1)]] = True
-    return lost[:-1]

@@ -1,7 +1,8 @@
 """Strips that do not fit the others: the generalised extreme studentized deviate test (Rosner 1983).
 
 It finds several outliers without their hiding one another and, if there are none, declares one with the
-stated probability only.
+stated probability only. The critical values are Rosner's approximation: where 5 % is stated, one of 20 strips
+in six components is called outlying in 5.9 % of the blocks, of 30 strips in 5.3 %.
 """
 
 from __future__ import annotations

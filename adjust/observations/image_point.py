@@ -22,6 +22,8 @@ from adjust.parameters import (
     Unit,
 )
 
+_MOST_BYTES_OF_BASIS = 2**28
+
 
 @dataclass(frozen=True, eq=False)
 class IdealRays:
@@ -38,6 +40,29 @@ class IdealRays:
     xy: Floats
     basis: Floats
     slope: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class KnownBasis:
+    """What the additional parameters do at every measured point, which stays where the principal point does.
+
+    Attributes
+    ----------
+    basis : (n, 2, d) derivatives of Δ by all d components of the family; Δ is linear in them.
+    principal_point : (cameras, 2) metres, for which it is known.
+    """
+
+    basis: Floats
+    principal_point: Floats
+
+    def correction(self, part: slice, entity: Ints | None, values: Floats) -> Floats:
+        """Δ (r, 2) at some image points of parameter values (e, d); entity (r,), None where there is one."""
+        basis = self.basis[part]
+        if not np.any(values):
+            return np.zeros(basis.shape[:2])
+        if entity is None:
+            return np.asarray((basis.reshape(-1, basis.shape[2]) @ values[0]).reshape(-1, 2))
+        return np.asarray(np.einsum("rck,rk->rc", basis, values[entity]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +85,7 @@ class ImagePoints:
     active : (n,) false for rejected observations.
     self_calibration : the additional parameters of every image; None where there are none.
     offset : (n, 2) metres, added to the image points whatever Δ is; None for nothing.
+    known : the basis of the additional parameters, see ``with_known_basis``; None: it is computed each time.
     """
 
     image: Ints
@@ -70,6 +96,7 @@ class ImagePoints:
     active: Bools
     self_calibration: SelfCalibration | None = None
     offset: Floats | None = None
+    known: KnownBasis | None = None
 
     name: ClassVar[str] = "image_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y")
@@ -121,6 +148,25 @@ class ImagePoints:
         distorted, d, c = self._distorted(state, components, corrected, direction, slice(first, last))
         return replace(distorted, xy=corrected.xy - c * d)
 
+    def with_known_basis(self, state: State) -> Self:
+        """The same with the basis of the additional parameters computed once, where that is the same.
+
+        It is as long as the principal point of a state stays and Δ is linear in the parameters. Not above
+        256 MiB.
+        """
+        model = self.self_calibration
+        if model is None or not model.is_linear:
+            return self
+        if 16 * len(model.names) * len(self.image) > _MOST_BYTES_OF_BASIS:
+            return self
+        principal_point = state.system[INTERIOR_ORIENTATION][:, 1:].copy()
+        if self.known is not None and np.array_equal(self.known.principal_point, principal_point):
+            return self
+        reduced = self.xy - principal_point[self.camera_of_image[self.image]]
+        values = np.zeros_like(state.system[ADDITIONAL_PARAMETERS])
+        _, basis = model.evaluate(self.image, reduced, values, np.arange(len(model.names)))
+        return replace(self, known=KnownBasis(basis, principal_point))
+
     def straight(self, state: State, components: Ints) -> IdealRays:
         """All image points made ideal with the additional parameters of a state, without object points.
 
@@ -147,12 +193,19 @@ class ImagePoints:
         if model is None:
             return IdealRays(shifted, np.zeros((len(xy), 2, 0)), no_slope)
         values = state.system[ADDITIONAL_PARAMETERS]
-        reduced = xy - state.system[INTERIOR_ORIENTATION][self.camera_of_image[image], 1:]
-        correction, basis = model.evaluate(image, reduced, values, components)
+        principal_point = state.system[INTERIOR_ORIENTATION][:, 1:]
+        if self.known is not None and np.array_equal(self.known.principal_point, principal_point):
+            entity = None if len(values) == 1 else model.entity_of_image[image]
+            correction = self.known.correction(part, entity, values)
+            everything = len(components) == self.known.basis.shape[2]
+            basis = self.known.basis[part] if everything else self.known.basis[part][:, :, components]
+        else:
+            reduced = xy - principal_point[self.camera_of_image[image]]
+            correction, basis = model.evaluate(image, reduced, values, components)
         if not (with_slope and np.any(values)):
             return IdealRays(shifted + correction, basis, no_slope)
         slope = np.zeros((len(xy), 2, 5))
-        slope[:, :, :2] = model.slope(image, reduced, values)
+        slope[:, :, :2] = model.slope(image, xy - principal_point[self.camera_of_image[image]], values)
         return IdealRays(shifted + correction, basis, slope)
 
     def _distorted(
@@ -228,6 +281,7 @@ class ImagePoints:
             sigma=self.sigma[rows],
             active=self.active[rows],
             offset=None if self.offset is None else self.offset[rows],
+            known=None,
         )
 
     def without(self, rejected: Bools) -> Self:

@@ -15,6 +15,7 @@ from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
 from adjust.solve.system import System
+from adjust.solve.updated_normals import of_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +83,16 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
     return Cofactor(reduced, of_points, hat, _between_joined_points(system, solution))
 
 
-def of_fewer_rays(before: Cofactor, system: System, solution: Solution, points: Bools) -> Cofactor:
-    """Cofactors after some object points (m,) have lost rays, their own anew, the others' as they were.
+def of_other_rays(before: Cofactor, system: System, solution: Solution, points: Bools) -> Cofactor:
+    """Cofactors after some object points (m,) have lost or gained rays: theirs new, the others' as they were.
 
     One ray of the hundreds of an image changes the redundancy numbers of the others by less than a percent.
     """
-    found = with_points(replace(system, active_point=system.active_point & points), solution, before.reduced)
-    rays = points[system.observations.image_points.point]
+    found = with_points(of_points(system, points), solution, before.reduced)
+    hat = before.hat_of_rays.copy()
+    hat[points[system.observations.image_points.point]] = found.hat_of_rays
     return replace(
-        before,
-        of_points=np.where(points[:, None, None], found.of_points, before.of_points),
-        hat_of_rays=np.where(rays[:, None], found.hat_of_rays, before.hat_of_rays),
+        before, of_points=np.where(points[:, None, None], found.of_points, before.of_points), hat_of_rays=hat
     )
 
 

@@ -28,6 +28,7 @@ from adjust.quality.snooping_statistic import (
     of_present,
 )
 from adjust.solve.system import Observations
+from adjust.solve.updated_normals import of_points
 
 # Weight with which rejected rays enter the prediction of their own cofactors: it spoils nothing else by
 # more than its square and leaves eight digits.
@@ -136,13 +137,9 @@ def _predicted_hat(adjusted: Adjusted, given: Observations, alone: Bools) -> Flo
     )
     concerned = np.zeros_like(system.active_point)
     concerned[rays.point[alone]] = True
-    predicted = replace(
-        system,
-        observations=replace(adjusted.observations, image_points=light),
-        active_point=system.active_point & concerned,
-    )
-    quality = with_points(predicted, adjusted.solution, adjusted.quality.reduced)
-    hat = quality.hat_of_rays[alone] / _ROOT_OF_WEIGHT**2
+    with_them = replace(system, observations=replace(adjusted.observations, image_points=light))
+    quality = with_points(of_points(with_them, concerned), adjusted.solution, adjusted.quality.reduced)
+    hat = quality.hat_of_rays[alone[concerned[rays.point]]] / _ROOT_OF_WEIGHT**2
     return hat[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
@@ -157,7 +154,7 @@ def _closing_points(
     state, back = adjusted.state, np.zeros_like(given_up)
     if not given_up.any():
         return back, state
-    rays = replace(given.image_points, active=given.image_points.active & given_up[given.image_points.point])
+    rays = given.image_points.only(np.flatnonzero(given_up[given.image_points.point]))
     found = intersect(rays, state, len(given_up))
     usable = given_up & found.usable
     state = replace(state, object_point=np.where(usable[:, None], found.object_point, state.object_point))

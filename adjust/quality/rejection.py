@@ -3,10 +3,11 @@
 An observation is a candidate when its test statistic exceeds the critical value; only what is
 controlled (without correlations: redundancy number ≥ 0.1) is tested. One gross error raises the residuals
 around it: in one pass only the largest observation of each object point is rejected, no two neighbours of a
-strip whose errors are correlated, and none below seven tenths of the largest statistic of the block. The
-others are judged again when these are gone. An object point is given up when it is left with too little to
-determine it, or when it cannot be told which of its rays is wrong; with four rays or more only the two
-likeliest are rejected, and the good one of them fits again in the end.
+strip whose errors are correlated, and none below seven tenths of the largest statistic around it: that of its
+image, and of all observations that are no image points. The others are judged again when these are gone. An
+object point is given up when it is left with too little to determine it, or when it cannot be told which of
+its rays is wrong; with four rays or more only the two likeliest are rejected, and the good one of them fits
+again in the end.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ from adjust.solve.whitening import whiten
 Test = Literal["components", "observations"]
 ReferenceVariance = Literal["a_priori", "a_posteriori"]
 
-# Part of the largest |w| below which an observation may be swamped by another one's gross error.
-_SWAMPED = 0.7
+# Part of the largest |w| below which an observation may be swamped by another one's gross error; and where
+# that one is an image point of another image.
+_SWAMPED, _SWAMPED_FAR = 0.7, 0.2
 # Statistics whose ratio is above this are equal but for rounding and what linear equations leave out.
 _EQUAL = 0.9999
 # With so many rays an object point can spare the two of which one is wrong; the good one comes back later.
@@ -138,16 +140,35 @@ def _hat_of_rays(elements: Floats) -> Floats:
 def reject(adjusted: Adjusted, rule: SnoopingRule) -> Rejection:
     """The observations that one pass of data snooping rejects."""
     statistics = snooping_statistics(adjusted, rule)
-    largest = max((float(item.max(initial=0.0)) for item in statistics), default=0.0)
-    return choose(
-        adjusted.observations, adjusted.state, statistics, max(rule.critical_value, _SWAMPED * largest)
+    least = _least(adjusted.observations, statistics, rule.critical_value)
+    return choose(adjusted.observations, adjusted.state, statistics, least)
+
+
+def _least(
+    observations: Observations, statistics: tuple[Floats, ...], critical_value: float
+) -> tuple[Floats, ...]:
+    """What the statistic of every observation (n,) of every group has to exceed to be rejected in this pass.
+
+    A wrong image point raises the statistics of its image; elsewhere it shows by a small part only. Of the
+    other observations, each of which holds many images, the largest counts everywhere.
+    """
+    of_rays, image = statistics[0], observations.image_points.image
+    others = max((float(item.max(initial=0.0)) for item in statistics[1:]), default=0.0)
+    everywhere = max(critical_value, _SWAMPED * others, _SWAMPED_FAR * float(of_rays.max(initial=0.0)))
+    of_image = np.zeros(1 + int(image.max(initial=0)))
+    np.maximum.at(of_image, image, of_rays)
+    largest = max(others, float(of_rays.max(initial=0.0)))
+    least_of_others = max(critical_value, _SWAMPED * largest)
+    return (
+        np.maximum(everywhere, _SWAMPED * of_image[image]),
+        *(np.full(len(item), least_of_others) for item in statistics[1:]),
     )
 
 
 def choose(
-    observations: Observations, state: State, statistics: tuple[Floats, ...], least: float
+    observations: Observations, state: State, statistics: tuple[Floats, ...], least: tuple[Floats, ...]
 ) -> Rejection:
-    """The largest observation of every object point and image whose statistic exceeds a value.
+    """The largest observation of every object point and image whose statistic exceeds a value of its own.
 
     What is known beforehand of a parameter is no observation that could be gross: it contradicts, or not.
     """
@@ -156,7 +177,7 @@ def choose(
         (-float(statistics[g][i]), g, int(i))
         for g, group in enumerate(groups)
         if not isinstance(group, DirectObservations | JointPrior)
-        for i in np.flatnonzero(statistics[g] > least)
+        for i in np.flatnonzero(statistics[g] > least[g])
     ]
     rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)
     touched: set[tuple[str, int]] = set()

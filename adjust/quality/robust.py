@@ -99,7 +99,8 @@ def robust_rejection(
         state = converge(system, state, _STEPS, adjuster.progress, may_stall=True).state
         studentized = _studentized(observations, state, adjusted.residuals)
     largest = max((float(w.max(initial=0.0)) for w in studentized), default=0.0)
-    return choose(observations, state, studentized, max(rule.critical_value, _SWAMPED * largest))
+    least = max(rule.critical_value, _SWAMPED * largest)
+    return choose(observations, state, studentized, tuple(np.full(len(w), least) for w in studentized))
 
 
 def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> Observations:

@@ -20,14 +20,13 @@ from adjust.solve.factorization import Factorization, SingularNormalsError, fact
 from adjust.solve.free_network import OpenMovements, open_movements, settled
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back, weighted_squares
 from adjust.solve.system import System
+from adjust.solve.updated_normals import updated_normals
 
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3
 _FIRST_DAMPING = 1e-4
 # Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
 _LONG, _STALLED = 30.0, 1e-3
-# One step does where vᵀPv is what linear equations promise, but for this part.
-_LINEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -68,12 +67,13 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A converged (or stalled) state with its last normal equations, linearised at that state.
+    """A converged (or stalled) state with its last normal equations.
 
     Attributes
     ----------
-    normals : normal equations N dx = b.
+    normals : normal equations N dx = b, undamped.
     factorization : of them; of a free network in a minimal datum.
+    linearized_at : the state of the normal equations; None: the state itself.
     movements : what the observations leave open of the datum of a free network; None if nothing.
     """
 
@@ -83,6 +83,12 @@ class Solution:
     iterations: tuple[Iteration, ...]
     stalled: bool = False
     movements: OpenMovements | None = None
+    linearized_at: State | None = None
+
+    @property
+    def linearization(self) -> State:
+        """The state of the normal equations."""
+        return self.state if self.linearized_at is None else self.linearized_at
 
     @property
     def defect(self) -> int:
@@ -93,24 +99,28 @@ class Solution:
 Progress = Callable[[Iteration], None]
 
 
-def single_step(system: System, start: State) -> Solution | None:
-    """One step from values that are nearly adjusted; None where one does not do.
+def single_step(before: System, solution: Solution, system: System, start: State) -> tuple[Solution, float]:
+    """One linear step after a few observations were rejected or came back, and the vᵀPv that it promises.
 
-    The solution counts as stalled, and its normal equations are those of the state before the step.
+    The solution counts as stalled. Its normal equations are those of the last linearisation, updated.
+
+    Parameters
+    ----------
+    before, solution : with the observations before.
+    start : the state of the linearisation, with object points that took no part in their new places.
 
     Raises
     ------
     DatumDefectError : singular normal equations, explained.
     InconsistentBlockError : an object point lies behind a camera that sees it.
     """
-    normals = reduced_normals(system, start)
+    normals = updated_normals(before, solution.normals, system, start)
     increments = _increments(system, start, normals)
     moved = increments.applied(system, start)
     promised = normals.weighted_squares - increments.decrement
-    if not abs(weighted_squares(system, moved) - promised) <= _LINEAR * promised:
-        return None
     step = Iteration(1, normals.weighted_squares, increments.largest_move, 0.0)
-    return Solution(moved, normals, increments.factorization, (step,), True, increments.movements)
+    solution = Solution(moved, normals, increments.factorization, (step,), True, increments.movements, start)
+    return solution, promised
 
 
 def iterate(

@@ -79,6 +79,7 @@ class System:
         InconsistentBlockError : if an observation belongs to an image or object point that is not there.
         """
         _refuse_unknown_indices(block, observations)
+        observations = _with_known_basis(block, observations)
         images, points = len(block.images), len(block.points)
         active = determined_points(block, observations)
         pattern = covisibility(observations.image_points, images, points)
@@ -171,6 +172,14 @@ class System:
     def redundancy(self) -> int:
         """N − u; a free network has as many more as its datum has open directions."""
         return self.observations.count - self.unknowns
+
+
+def _with_known_basis(block: Block, observations: Observations) -> Observations:
+    """With what the additional parameters do at the measured points, where those points stay."""
+    if ray_columns(block.layout, observations.image_points).principal_point_is_free:
+        return observations
+    rays = observations.image_points.with_known_basis(block.approximate_state())
+    return replace(observations, image_points=rays)
 
 
 def _refuse_unknown_indices(block: Block, observations: Observations) -> None:

@@ -53,6 +53,11 @@ class SelfCalibration:
         return SelfCalibration(self.names, self.distortions, self.entity_of_image)
 
     @cached_property
+    def is_linear(self) -> bool:
+        """Whether Δ is the sum of functions of the measured point times the parameters, nothing else."""
+        return not self.distortions and not any(item.first.any() for item in self.corrections)
+
+    @cached_property
     def components_of_entity(self) -> tuple[Ints, ...]:
         """For each entity the indices (k,) of its parameters among the components of the family."""
         place = {name: index for index, name in enumerate(self.names)}

@@ -103,7 +103,7 @@ def test_strips_of_one_mounting_are_called_another_no_more_often_than_stated(
 @pytest.mark.parametrize("errors", [GOOD, STATED, TWICE])
 @pytest.mark.parametrize("flights", [(20,), (8, 8), (6, 2), (6, 6, 6)])
 def test_false_alarms_of_many_flights(errors: dict[str, Any], flights: tuple[int, ...]) -> None:
-    trials = 400
+    trials = 1000
     alarms = sum(mountings(seed, flights, **errors).max() > 0 for seed in range(trials))
     assert alarms <= stats.binom.ppf(0.999, trials, RULE.error_probability)
 

@@ -68,12 +68,12 @@ def test_an_offset_of_each_kind_is_called_what_it_is() -> None:
     assert verdicts(trials, lever_arm=(0.04, 0.0), shift=(0.0, 0.04))["both"] > 0.85 * trials
 
 
-def test_without_an_offset_none_is_called_for_with_the_stated_probability() -> None:
-    """A lever arm and a shift in 2.5 % each, 400 flights: 20 ± 4 together."""
-    trials = 400
+@pytest.mark.parametrize("trials", [400, pytest.param(4000, marks=pytest.mark.slow)])
+def test_without_an_offset_none_is_called_for_with_the_stated_probability(trials: int) -> None:
+    """A lever arm and a shift in 2.5 % each."""
     found = verdicts(trials)
     called = found["body"] + found["map"] + found["both"]
-    assert abs(called - 20) < 4 * 4
+    assert abs(called - 0.05 * trials) < 4.0 * np.sqrt(trials * 0.05 * 0.95)
     assert found["neither"] > 0.9 * trials
 
 

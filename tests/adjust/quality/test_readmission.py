@@ -59,6 +59,8 @@ def test_sound_observations_come_back_once(test: Any) -> None:
     assert np.flatnonzero(back.points).tolist() == [point]
     adjuster = Adjuster(AdjustmentOptions(critical_value=4.13))
     again = search.more(adjuster, back)
+    assert again.adjusted.solution.stalled
+    again = replace(again, adjusted=adjuster.to_the_end(again.adjusted))
     ordinary = adjust_block(scene.block, scene.observations)
     np.testing.assert_allclose(again.adjusted.state.object_point, ordinary.state.object_point, atol=1e-5)
     assert again.taken_back == 3 + 2
