@@ -153,17 +153,16 @@ class RowsByNumber:
         """The rows, ascending, with a number of begin … end − 1."""
         runs = np.flatnonzero((self._least < end) & (self._most >= begin))
         found = [np.zeros(0, dtype=np.int64)]
-        for run in runs.tolist():
-            own = self._number[run * _RUN : (run + 1) * _RUN]
-            if self._least[run] >= begin and self._most[run] < end:
-                found.append(np.arange(run * _RUN, run * _RUN + len(own)))
-            else:
-                found.append(np.flatnonzero((own >= begin) & (own < end)) + run * _RUN)
+        for beside in np.split(runs, np.flatnonzero(np.diff(runs) > 1) + 1) if len(runs) else []:
+            first = int(beside[0]) * _RUN
+            own = self._number[first : (int(beside[-1]) + 1) * _RUN]
+            # One comparison for both bounds: what is below the first wraps to very large.
+            found.append(np.flatnonzero((own - np.int32(begin)).view(np.uint32) < end - begin) + first)
         return np.concatenate(found)
 
 
 def ranges(count: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-    """Ranges of numbers with about `BLOCK` rows in each, and more where there are very many.
+    """Ranges of numbers with about twice `BLOCK` rows in each, and more where there are very many.
 
     Parameters
     ----------
@@ -172,7 +171,7 @@ def ranges(count: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
     behind = np.cumsum(count)
     if len(behind) == 0:
         return
-    size, begin = max(BLOCK, int(behind[-1]) // _PARTS), 0
+    size, begin = max(2 * BLOCK, int(behind[-1]) // _PARTS), 0
     while begin < len(count):
         before = int(behind[begin - 1]) if begin else 0
         end = max(begin + 1, int(np.searchsorted(behind, before + size, side="right")))

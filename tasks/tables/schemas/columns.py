@@ -42,7 +42,7 @@ class TableSchema:
     key : columns that identify a row, and the sort order.
     coordinates : columns that are x, y, z in the table's CRS and become its geometry; empty: none.
     version : raised when a column changes its meaning.
-    measured : columns of numbers that hardly ever come twice; looking for equal ones would cost time and room.
+    measured : columns of numbers that hardly ever come twice; looking for equal ones only costs time.
     """
 
     name: str
