@@ -79,6 +79,8 @@ class CopiedImages:
 def _perhaps_alike(point: NDArray[np.int64], place: NDArray[np.int64]) -> NDArray[np.int64]:
     """Rows with the same mixture of point and place as another: all alike ones, hardly one besides."""
     mixed = (point * _MIXING[0] + place[:, 0]) * _MIXING[1] + place[:, 1]
+    # The upper half tells nearly as much, and is sorted twice as fast.
+    mixed = (mixed.view(np.uint64) >> np.uint64(32)).astype(np.uint32)
     ordered = np.sort(mixed)
     double = np.unique(ordered[1:][ordered[1:] == ordered[:-1]])
     return np.flatnonzero(np.isin(mixed, double)) if len(double) else np.zeros(0, dtype=np.int64)
