@@ -1,6 +1,6 @@
 """The import of image points from CSV: points per second and memory.
 
-``python -m benchmarks.importing FOLDER RESULTS`` runs it in a process of its own and answers with one line of JSON.
+``python -m benchmarks.importing FOLDER RESULTS`` is a process of its own and answers with a line of JSON.
 """
 
 from __future__ import annotations
