@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tasks.deliveries.copied_images import CopiedImages
-from tasks.deliveries.measured_points import MeasuredPoints, Rows, RowsByNumber, counted, ranges
+from tasks.deliveries.measured_points import MeasuredPoints, Rows, RowsByNumber, blocks, counted, ranges
 from tasks.deliveries.neighbouring_images import SharedPoints
 from tasks.deliveries.source_rows import given_twice
 
@@ -26,6 +26,9 @@ def look_through(measured: MeasuredPoints, exposures: pd.DataFrame) -> tuple[str
     InputError
         If a point is measured twice in an image, or an image was delivered under two names.
     """
+    if len(measured.point) > len(measured.images) * len(measured.points):
+        # More than can be different; side by side they would need much memory.
+        _refuse_rows_again(measured, *_again_by_table(measured))
     shared = SharedPoints(exposures)
     copied = CopiedImages(measured)
     twice = False
@@ -63,6 +66,30 @@ def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
         repeated = order[1:][np.diff(key[order]) == 0]
         again += len(repeated)
         second = min(second, int(rows[repeated].min(initial=second)))
+    _refuse_rows_again(measured, second, again)
+
+
+def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
+    """The first row whose point and image stand in a row before, and how many do; by a table of them."""
+    images, count = len(measured.images), len(measured.point)
+    seen = np.zeros(images * len(measured.points), dtype=bool)
+    second, again = count, 0
+    for block in blocks(count):
+        rows = np.flatnonzero(measured.image[block] >= 0)
+        key = (measured.point[block][rows] * np.int64(images)) + measured.image[block][rows]
+        known, first = np.unique(key, return_index=True)
+        repeated = np.ones(len(rows), dtype=bool)
+        repeated[first[~seen[known]]] = False
+        seen[known] = True
+        again += int(np.count_nonzero(repeated))
+        second = min(second, int(rows[repeated].min(initial=count)) + block.start)
+    return second, again
+
+
+def _refuse_rows_again(measured: MeasuredPoints, second: int, again: int) -> None:
+    """Raise if there are rows whose point and image stand in a row before; `second` is the first of them."""
+    if again == 0:
+        return
     image, point = measured.image[second], measured.point[second]
     first = int(np.argmax((measured.image == image) & (measured.point == point)))
     number_of_file = measured.file_of(np.array([first, second]))

@@ -8,6 +8,7 @@ import pytest
 
 from tasks.deliveries.measured_points import BLOCK, RowsByNumber, counted, ranges
 from tasks.deliveries.neighbouring_images import SharedPoints
+from tasks.errors import InputError
 
 
 @pytest.mark.parametrize("order", ["ascending", "any"])
@@ -72,3 +73,9 @@ def test_a_further_column_with_a_name_of_the_table_is_not_taken_for_it(delivery)
     delivery.write(points="image,point,x,y,input_file\nI1,P,1,1,a\nI2,P,2,2,b\n")
     table = delivery.table(delivery.image_points(), "image_points")
     assert table["input_file"].tolist() == ["points.csv", "points.csv"]
+
+
+def test_more_rows_than_points_and_images_name_the_first_that_is_given_again(delivery) -> None:
+    delivery.write(points="image,point,x,y\nI2,P,1,1\nI1,P,1,2\nI3,P,1,3\nI1,P,1,4\nI2,P,1,5\n")
+    with pytest.raises(InputError, match=r"points.csv:5: .*given in line 3 \(1 more like it\)"):
+        delivery.image_points()
