@@ -39,6 +39,10 @@ def _records(options: argparse.Namespace) -> Iterable[Record]:
 
         for workload in _chosen(COMMANDS, options.workload, large=True):
             yield from command(workload, options.runs)
+    elif options.command == "import":
+        from benchmarks.importing import importing
+
+        yield importing(options.runs)
     elif options.command == "sweep":
         from benchmarks.sweep import sweep
 
@@ -52,7 +56,9 @@ def _chosen(workloads: Iterable[Workload], names: list[str], large: bool) -> lis
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("command", choices=["compare", "growth", "start-up", "command", "sweep", "show"])
+    parser.add_argument(
+        "command", choices=["compare", "growth", "start-up", "command", "import", "sweep", "show"]
+    )
     parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
     parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
     parser.add_argument("--large", action="store_true", help="growth: the largest blocks, too")

@@ -14,6 +14,8 @@ RESULTS = Path(__file__).with_name("results.jsonl")
 # Images of the operational block, whose time per image point larger ones are measured by.
 _OPERATIONAL = 2_448
 _SWEEP = "sweep-"
+#: How the names of imports begin.
+IMPORT = "import-"
 #: How the names of the whole command begin.
 COMMAND = "command-"
 
@@ -92,17 +94,21 @@ def _rounded(content: object) -> object:
 
 
 def show(records: Iterable[Record], console: Console | None = None) -> None:
-    """Print a table of comparisons and start-up times, of sweeps, of the whole command, of the growth."""
+    """Print a table of comparisons and start-up times, of sweeps, imports, the whole command, the growth."""
     records = list(records)
     console = console or Console(width=120)
     sweeps = [record for record in records if record.name.startswith(_SWEEP)]
-    plain = [record for record in records if record.phases_s is None and record not in sweeps]
+    imports = [record for record in records if record.name.startswith(IMPORT)]
+    others = [*sweeps, *imports]
+    plain = [record for record in records if record.phases_s is None and record not in others]
     commands = [record for record in records if record.name.startswith(COMMAND)]
     grown = [record for record in records if record.phases_s is not None and record not in commands]
     if plain:
         console.print(_comparisons(plain))
     if sweeps:
         console.print(_sweeps(sweeps))
+    if imports:
+        console.print(_imports(imports))
     if commands:
         console.print(_commands(commands))
     if grown:
@@ -137,6 +143,24 @@ def _sweeps(records: list[Record]) -> Table:
             _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
             _tenths(record.processor_s),
             f"{records[0].ours_s / record.ours_s:.2f}",
+        )
+    return table
+
+
+def _imports(records: list[Record]) -> Table:
+    """Image points per second of the processors and of the clock, and the memory of the process."""
+    table = Table(title="import of image points into Parquet")
+    for heading in ("", "image points", "seconds", "processor seconds", "points / processor second", "MiB"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for record in records:
+        points, processor_s = record.image_points or 0, record.processor_s or float("nan")
+        table.add_row(
+            record.name,
+            _count(points),
+            _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
+            _tenths(processor_s),
+            _count(points / processor_s),
+            _count(record.peak_memory_mib),
         )
     return table
 

@@ -7,16 +7,16 @@ whatever the reason.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats
 from adjust.camera.interior import FrameCamera
-from tasks.deliveries.source_rows import Places
+from tasks.errors import InputError
 from tasks.formats.records import ImagePointRecords
 
 Unit = Literal["px", "mm", "um", "centred-px", "longer-side"]
@@ -28,6 +28,8 @@ _NAMES = {
     "centred-px": "pixels from the middle of the image (centred-px)",
     "longer-side": "parts of the longer side of the image (longer-side)",
 }
+# Points that are looked at together.
+_BLOCK = 250_000
 # A measurement on the border of the image may stand a pixel outside it.
 _MARGIN_PX = 1.0
 # If all points lie within this part of the half format, the unit is too large by orders of magnitude.
@@ -48,8 +50,88 @@ class InFormat:
     remarks : sentences for the user.
     """
 
-    inside: NDArray[np.bool_]
+    inside: Bools
     remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """Points with the cameras that may have taken them.
+
+    Attributes
+    ----------
+    xy : (n, 2) as they stand in the file.
+    cameras : of the project.
+    camera_of_code : number of the camera, by code of the image.
+    code : (n,) of the image of each point.
+    """
+
+    xy: Floats
+    cameras: Sequence[FrameCamera]
+    camera_of_code: NDArray[np.int64]
+    code: NDArray[np.int32]
+
+    def over_format(self, unit: Unit) -> Iterator[tuple[slice, Floats, Bools]]:
+        """Block by block: position in the image as a part of the half format (m, 2), whether inside (m,)."""
+        half = np.array([model.half_format for model in self.cameras]) * 1e3
+        margin = _MARGIN_PX * np.array([model.pixel_size for model in self.cameras])[:, None] * 1e3
+        for begin in range(0, len(self.xy), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            camera = self.camera_of_code[self.code[rows]]
+            # One camera needs no look-up for each point.
+            which = camera if len(self.cameras) > 1 else slice(0, 1)
+            millimetres = in_millimetres(self.xy[rows], unit, self.cameras, camera)
+            inside = np.abs(millimetres) <= (half + margin)[which]
+            yield rows, millimetres / half[which], inside[:, 0] & inside[:, 1]
+
+
+@dataclass(frozen=True, slots=True)
+class _Extent:
+    """Where the points inside the format lie.
+
+    Attributes
+    ----------
+    inside : (n,) whether each lies inside.
+    least, most : of their positions along x and y, as parts of the half format.
+    quarters : how many lie in each quarter of the image.
+    """
+
+    inside: Bools
+    least: Floats
+    most: Floats
+    quarters: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, points: _Measured, unit: Unit) -> _Extent:
+        """The extent of points whose coordinates are in this unit."""
+        every = np.empty(len(points.xy), dtype=bool)
+        least, most, quarters = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(4, dtype=np.int64)
+        for rows, part, inside in points.over_format(unit):
+            every[rows] = inside
+            own = part if inside.all() else part[inside]
+            for axis in range(2 if len(own) else 0):
+                least[axis] = min(least[axis], own[:, axis].min())
+                most[axis] = max(most[axis], own[:, axis].max())
+            right, upper = own[:, 0] > 0.0, own[:, 1] > 0.0
+            quarters += [np.count_nonzero(x & y) for x in (right, ~right) for y in (upper, ~upper)]
+        return cls(every, least, most, quarters)
+
+    @property
+    def count(self) -> int:
+        """How many lie inside."""
+        return int(self.quarters.sum())
+
+    @property
+    def outside_share(self) -> float:
+        """The part of all points that does not."""
+        return 1.0 - self.count / len(self.inside)
+
+    @property
+    def is_spread(self) -> bool:
+        """Whether they cover a tenth of the half format, and many of them more than one quarter of it."""
+        if not (self.most - self.least).max() > 0.1:
+            return False
+        return self.count < _MANY or bool(self.quarters.max() <= _MOST * self.count)
 
 
 def in_millimetres(
@@ -58,6 +140,8 @@ def in_millimetres(
     """Image coordinates (n, 2) in mm of coordinates in `unit`; `camera` (n,) is the camera of each row."""
     if unit != "px":
         return np.asarray(xy * unit_mm(unit, cameras)[camera][:, None])
+    if len(cameras) == 1:
+        return np.asarray(cameras[0].image_from_pixel(xy) * 1e3)
     result = np.empty_like(xy)
     for number, model in enumerate(cameras):
         rows = camera == number
@@ -74,96 +158,94 @@ def unit_mm(unit: Unit, cameras: Sequence[FrameCamera]) -> Floats:
     return np.array([side * model.pixel_size * 1e3 for side, model in zip(sides, cameras, strict=True)])
 
 
-def _over_format(
-    xy: Floats, unit: Unit, cameras: Sequence[FrameCamera], camera: NDArray[np.int64]
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Position in the image as a part of the half format (n, 2), and whether it lies inside (n,)."""
-    half = np.array([model.half_format for model in cameras])[camera] * 1e3
-    margin = _MARGIN_PX * np.array([model.pixel_size for model in cameras])[camera][:, None] * 1e3
-    millimetres = in_millimetres(xy, unit, cameras, camera)
-    return millimetres / half, np.asarray((np.abs(millimetres) <= half + margin).all(axis=1))
-
-
 def in_format(
     records: ImagePointRecords,
     unit: Unit,
     cameras: Sequence[FrameCamera],
-    camera: NDArray[np.int64],
-    places: Places,
+    camera_of_code: NDArray[np.int64],
     outside_share: float,
 ) -> InFormat:
     """Which points lie in their image; more than a share of them outside are an error.
+
+    Parameters
+    ----------
+    camera_of_code : number of the camera, by code of the image in `records`.
 
     Raises
     ------
     InputError
         Naming the first point outside the image, and a unit in which fewer would lie outside.
     """
-    part, inside = _over_format(records.xy, unit, cameras, camera)
-    outside = ~inside
-    hint = _hint(records.xy, unit, cameras, camera, float(outside.mean()))
-    row = int(np.argmax(outside))
-    x, y = records.xy[row]
-    count = f"{int(outside.sum()):,} of {len(outside):,} points"
-    if outside.sum() > outside_share * len(outside):
+    points = _Measured(records.xy, cameras, camera_of_code, records.image.indices.to_numpy())
+    extent = _Extent.of(points, unit)
+    remarks = (
+        () if extent.count == len(records.xy) else (_outside(records, unit, points, extent, outside_share),)
+    )
+    suspicion = _unlikely_unit(records, unit, points, extent)
+    return InFormat(extent.inside, remarks if suspicion is None else (*remarks, suspicion))
+
+
+def _outside(
+    records: ImagePointRecords, unit: Unit, points: _Measured, extent: _Extent, outside_share: float
+) -> str:
+    """What is said of the points outside the format.
+
+    Raises
+    ------
+    InputError
+        If they are more than the share.
+    """
+    row, rows = int(np.argmin(extent.inside)), len(extent.inside)
+    count = rows - extent.count
+    of_all = f"{count:,} of {rows:,} points"
+    if count > outside_share * rows:
+        x, y = records.xy[row]
         allowed = f", {100 * outside_share:g} % are allowed" if outside_share > 0.0 else ""
-        raise places.error(
-            row,
+        raise InputError(
             f"The image point ({x:.10g}, {y:.10g}) {unit} in image '{records.image[row]}' lies outside "
-            f"the image ({count} do{allowed}).",
-            hint or "Check the camera, its size and the unit; delete points that are mistakes.",
-            str(records.point[row]),
+            f"the image ({of_all} do{allowed}).",
+            _hint(points, unit, extent.outside_share)
+            or "Check the camera, its size and the unit; delete points that are mistakes.",
+            file=records.file,
+            line=int(records.line[row]),
+            entity=str(records.point[row]),
         )
-    remarks = []
-    if outside.any():
-        remarks.append(
-            f"{records.file.name}: {count} lie outside their image and are left out; the first is "
-            f"'{records.point[row]}' in '{records.image[row]}' (line {places.line[row]})."
-        )
-    suspicion = _unlikely_unit(records, part[inside], places, hint)
-    return InFormat(inside, tuple(remarks) if suspicion is None else (*remarks, suspicion))
+    return (
+        f"{records.file.name}: {of_all} lie outside their image and are left out; the first is "
+        f"'{records.point[row]}' in '{records.image[row]}' (line {records.line[row]})."
+    )
 
 
-def _unlikely_unit(records: ImagePointRecords, part: Floats, places: Places, hint: str) -> str | None:
+def _unlikely_unit(records: ImagePointRecords, unit: Unit, points: _Measured, extent: _Extent) -> str | None:
     """Raise if all points lie about the centre of the image; a sentence if all lie in one quarter."""
-    if len(part) > 1 and np.abs(part).max() < _TINY:
-        raise places.error(
-            0,
-            f"All {len(part):,} image points lie within {100 * _TINY:g} % of the image about its centre.",
-            hint or "Check the unit.",
-            str(records.point[0]),
+    if extent.count > 1 and max(extent.most.max(), -extent.least.min()) < _TINY:
+        raise InputError(
+            f"All {extent.count:,} image points lie within {100 * _TINY:g} % of the image about its centre.",
+            _hint(points, unit, extent.outside_share) or "Check the unit.",
+            file=records.file,
+            line=int(records.line[0]),
+            entity=str(records.point[0]),
         )
-    one_quarter = (part > 0.0).all(axis=0) | (part < 0.0).all(axis=0)
-    if len(part) >= _MANY and one_quarter.all():
+    one_quarter = (extent.least > 0.0) | (extent.most < 0.0)
+    if extent.count >= _MANY and one_quarter.all():
+        hint = _hint(points, unit, extent.outside_share)
         return (
-            f"{records.file.name}: all {len(part):,} image points lie in one quarter of the image. "
+            f"{records.file.name}: all {extent.count:,} image points lie in one quarter of the image. "
             f"{hint or 'Check the unit and the origin of the coordinates.'}"
         )
     return None
 
 
-def _hint(
-    xy: Floats,
-    declared: Unit,
-    cameras: Sequence[FrameCamera],
-    camera: NDArray[np.int64],
-    outside_share: float,
-) -> str:
+def _hint(points: _Measured, declared: Unit, outside_share: float) -> str:
     """Another unit in which the points fit better: fewer outside, most inside, spread over the image."""
     best, least = "", max(outside_share, 1e-12)
     for unit in _UNITS:
-        part, inside = _over_format(xy, unit, cameras, camera)
-        share = 1.0 - float(inside.mean())
-        if unit != declared and share < min(least, 0.5) and _spread(part[inside]):
+        if unit == declared:
+            continue
+        extent = _Extent.of(points, unit)
+        share = extent.outside_share
+        if share < min(least, 0.5) and extent.is_spread:
             what = "they would fit" if share == 0.0 else f"{100 * (1.0 - share):.3g} % of them would fit"
             best = f'In {_NAMES[unit]} {what}: declare unit = "{unit}" if that is it.'
             least = share
     return best
-
-
-def _spread(part: Floats) -> bool:
-    """Whether points cover a tenth of the half format, and many of them more than one quarter of it."""
-    if np.ptp(part, axis=0).max() <= 0.1:
-        return False
-    quarter = np.bincount(2 * (part[:, 0] > 0.0) + (part[:, 1] > 0.0), minlength=4)
-    return len(part) < _MANY or bool(quarter.max() <= _MOST * len(part))

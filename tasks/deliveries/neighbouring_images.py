@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 # Neighbours that share less than this part of what others of their strip share stand alone.
 _PART = 0.1
@@ -19,58 +18,77 @@ _USUAL = 10
 _FAR = 1.5
 # Fewer images have no usual distance.
 _LEAST = 4
+_NONE = np.zeros(0, dtype=np.int64)
 
 
-def about_neighbours(
-    exposures: pd.DataFrame, image: NDArray[np.int64], point: NDArray[np.int64]
-) -> tuple[str, ...]:
-    """A sentence if neighbouring images of strips share hardly any point, and others do.
+class SharedPoints:
+    """How many points neighbouring images of strips share, counted some points at a time."""
 
-    Parameters
-    ----------
-    exposures : exposures.parquet.
-    image : (n,) row of the exposures of each image point.
-    point : (n,) number of the point of each image point.
-    """
-    if "x_m" not in exposures or len(point) == 0:
-        return ()
-    one, other, strip = _neighbours(exposures)
-    if len(one) == 0:
-        return ()
-    shape = (len(exposures), int(point.max()) + 1)
-    seen = csr_array((np.ones(len(point), dtype=np.int32), (image, point)), shape=shape)
-    shared: NDArray[np.int64] = np.asarray(seen[one].multiply(seen[other]).sum(axis=1)).ravel()
-    # What is usual is so in the block: half of a strip may be missing, or all of it.
-    usual = float(np.median(shared[shared > 0])) if (shared > 0).any() else 0.0
-    alone = np.flatnonzero(shared < _PART * usual) if usual >= _USUAL else np.zeros(0, dtype=np.int64)
-    if len(alone) == 0:
-        return ()
-    names, first = exposures["image"], alone[0]
-    return (
-        f"{len(alone):,} of {len(one):,} pairs of neighbouring images share hardly any image point, where "
-        f"{usual:.0f} are usual: first '{names.iloc[one[first]]}' ({shared[first]} shared) and "
-        f"'{names.iloc[other[first]]}' of strip {strip[first]}. The file of image points may end early, if "
-        "there is no water.",
-    )
+    def __init__(self, exposures: pd.DataFrame) -> None:
+        """`exposures` : exposures.parquet, whose rows are the images' numbers."""
+        self._names = exposures["image"]
+        placed = _neighbours(exposures) if "x_m" in exposures else (_NONE, _NONE, [])
+        self._one, self._other, self._strip = placed
+        #: A number (images,) of each image, one more than that of the neighbour before it in its strip, and
+        #: of no two others that differ by one.
+        self.position = _positions(len(exposures), self._one, self._other)
+        #: More than any position by two.
+        self.modulus = int(self.position.max(initial=0)) + 2
+        self._shared = np.zeros(self.modulus, dtype=np.int64)
+
+    def count(self, position: NDArray[np.int64]) -> None:
+        """Count points, each for the `position` of the first of two neighbours that it is measured in."""
+        self._shared += np.bincount(position, minlength=self.modulus)
+
+    def remarks(self) -> tuple[str, ...]:
+        """A sentence if neighbouring images of strips share hardly any point, and others do."""
+        shared = self._shared[self.position[self._one]]
+        # What is usual is so in the block: half of a strip may be missing, or all of it.
+        usual = float(np.median(shared[shared > 0])) if (shared > 0).any() else 0.0
+        alone = np.flatnonzero(shared < _PART * usual) if usual >= _USUAL else _NONE
+        if len(alone) == 0:
+            return ()
+        names, first = self._names, alone[0]
+        one, other = names.iloc[self._one[first]], names.iloc[self._other[first]]
+        return (
+            f"{len(alone):,} of {len(shared):,} pairs of neighbouring images share hardly any image point, "
+            f"where {usual:.0f} are usual: first '{one}' ({shared[first]} shared) and '{other}' of strip "
+            f"{self._strip[first]}. The file of image points may end early, if there is no water.",
+        )
+
+
+def _positions(images: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+    """As `SharedPoints.position`; pairs stand along their strips, and each image is in one strip."""
+    position = np.full(images, -1, dtype=np.int64)
+    if len(one):
+        begins = np.append(True, one[1:] != other[:-1])
+        position[one] = np.arange(len(one)) + 2 * np.cumsum(begins)
+        position[other] = position[one] + 1
+    alone = np.flatnonzero(position < 0)
+    position[alone] = position.max(initial=0) + 2 + 2 * np.arange(len(alone))
+    return position
 
 
 def _neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.int64], list[str]]:
     """Rows of images that follow each other in a strip at its usual distance, and its name."""
     one, other, strips = [], [], []
-    numbered = exposures.reset_index(drop=True)
-    numbered = numbered[numbered["strip"].notna()]
-    for (_, strip, _), own in numbered.groupby(["flight", "strip", "camera"], dropna=False, sort=True):
-        plan = own[["x_m", "y_m"]].to_numpy(np.float64)
+    everywhere, name = exposures[["x_m", "y_m"]].to_numpy(np.float64), exposures["strip"].to_numpy()
+    numbered = np.flatnonzero(exposures["strip"].notna())
+    groups = exposures.iloc[numbered].groupby(["flight", "strip", "camera"], dropna=False, sort=True).ngroup()
+    order = np.argsort(groups.to_numpy(), kind="stable")
+    begins = np.flatnonzero(np.diff(groups.to_numpy()[order])) + 1
+    for own in np.split(numbered[order], begins):
+        plan = everywhere[own]
         if len(own) < _LEAST or not np.isfinite(plan).all():
             continue
         along = np.linalg.svd(plan - plan.mean(axis=0), full_matrices=False)[2][0]
         order = np.argsort(plan @ along, kind="stable")
         base = np.linalg.norm(np.diff(plan[order], axis=0), axis=1)
         near = base <= _FAR * np.median(base)
-        rows = own.index.to_numpy()[order]
+        rows = own[order]
         one.append(rows[:-1][near])
         other.append(rows[1:][near])
-        strips += [str(strip)] * int(near.sum())
+        strips += [str(name[own[0]])] * int(near.sum())
     if not one:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), []
+        return _NONE, _NONE, []
     return np.concatenate(one), np.concatenate(other), strips

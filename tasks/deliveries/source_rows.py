@@ -67,14 +67,16 @@ class Places:
         second = int(np.argmax(again))
         first = int(np.argmax(codes == codes[second]))
         entity = " in ".join(f"'{part[second]}'" for part in names)
-        place = f"line {self.line[first]}"
-        if self.file[first] != self.file[second]:
-            place += f" of {self.files[int(self.file[first])]}"
-        more = int(again.sum()) - 1
-        count = f" ({more} more like it)" if more else ""
-        raise self.error(
-            second, f"This {kind} was already given in {place}{count}.", "Delete one of the two rows.", entity
-        )
+        other = self.files[int(self.file[first])] if self.file[first] != self.file[second] else None
+        what, remedy = given_twice(kind, int(self.line[first]), other, int(again.sum()) - 1)
+        raise self.error(second, what, remedy, entity)
+
+
+def given_twice(kind: str, line: int, other: Path | None, more: int) -> tuple[str, str]:
+    """That an entity also stands in a line, of the same or another file, and `more` do so; and the remedy."""
+    place = f"line {line}" + (f" of {other}" if other is not None else "")
+    count = f" ({more} more like it)" if more else ""
+    return f"This {kind} was already given in {place}{count}.", "Delete one of the two rows."
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,10 +132,14 @@ def about_missing_sigmas(
     known : (n, k) whether there is a quantity at all.
     default : what holds for the others, in words.
     """
-    without = (np.isnan(sigma) & known).any(axis=1)
-    if not without.any() or not np.isfinite(sigma).any():
-        return ()
+    without = int((np.isnan(sigma) & known).any(axis=1).sum())
+    given = bool(np.isfinite(sigma).any())
+    return (sigmas_missing(file, without, len(sigma), default),) if without and given else ()
+
+
+def sigmas_missing(file: Path, without: int, rows: int, default: str) -> str:
+    """The sentence of :func:`about_missing_sigmas` about so many of all rows."""
     return (
-        f"{file.name}: {int(without.sum()):,} of {len(sigma):,} rows leave a standard deviation empty that "
-        f"others give; {default} of the project file hold for them. Fill them in if that is not meant.",
+        f"{file.name}: {without:,} of {rows:,} rows leave a standard deviation empty that others give; "
+        f"{default} of the project file hold for them. Fill them in if that is not meant."
     )

@@ -8,6 +8,7 @@ first. Every image has a camera of its own, without a size: write the cameras in
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,14 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
 from tasks.errors import InputError
-from tasks.formats.plain_lines import text_of
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of, image_points_of
+from tasks.formats.plain_records import (
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    names_of_numbers,
+)
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.formats.text_lines import DeliveredLines
 
 _OF_CAMERA, _OF_POINT, _OF_OBSERVATION = 9, 3, 4
 
@@ -51,15 +57,17 @@ def read_bal_image_points(path: Path) -> ImagePointRecords:
         As `read_bal_exposures`.
     """
     observations, _ = _opened(path)
-    image, point = observations[:, :2].astype(np.int64).astype(str).T.tolist()
+    image, point = (names_of_numbers(observations[:, column].astype(np.int64)) for column in (0, 1))
     return image_points_of(path, image, point, observations[:, 2:], range(2, 2 + len(observations)))
 
 
 def _opened(path: Path) -> tuple[Floats, Floats]:
     """Observations (m, 4) and cameras (n, 9)."""
-    first, _, rest = text_of(path).partition("\n")
+    text = DeliveredLines.of(path, lone_return=b"")
+    pieces = text.pieces()
+    first, _, rest = next(pieces).partition(b"\n")
     counts = first.split()
-    if len(counts) != 3 or not all(one.isascii() and one.isdigit() and len(one) < 10 for one in counts):
+    if len(counts) != 3 or not all(one.isdigit() and len(one) < 10 for one in counts):
         raise InputError(
             "The first line is not the three numbers of cameras, points and observations.",
             "Check that it is a BAL problem, unpacked.",
@@ -68,17 +76,22 @@ def _opened(path: Path) -> tuple[Floats, Floats]:
         )
     cameras, points, observations = (int(one) for one in counts)
     needed = _OF_OBSERVATION * observations + _OF_CAMERA * cameras + _OF_POINT * points
-    words = rest.split()
-    if len(words) != needed:
+    values, found, strange = np.empty(min(needed, text.size)), 0, None
+    for piece in chain([rest], pieces):
+        words = piece.split()
+        begin, found = found, found + len(words)
+        try:
+            values[begin:found] = np.array(words[: max(len(values) - begin, 0)], dtype=np.float64)
+        except ValueError as error:
+            strange = error
+    if found != needed:
         raise InputError(
-            f"The file has {len(words)} numbers after the first line, and {needed} are announced.",
+            f"The file has {found} numbers after the first line, and {needed} are announced.",
             "It may have been cut off: deliver it again.",
             file=path,
         )
-    try:
-        values = np.array(words, dtype=np.float64)
-    except ValueError as error:
-        raise InputError("Something in the file is no number.", "Deliver it again.", file=path) from error
+    if strange is not None:
+        raise InputError("Something in the file is no number.", "Deliver it again.", file=path) from strange
     table = values[: _OF_OBSERVATION * observations].reshape(-1, _OF_OBSERVATION)
     index = table[:, :2]
     if not ((index >= 0) & (index < [cameras, points]) & (index == np.round(index))).all():

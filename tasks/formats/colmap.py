@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats
@@ -27,6 +28,7 @@ from tasks.formats.plain_records import (
     degrees_of_rotations,
     exposures_of,
     image_points_of,
+    names_of_numbers,
     number_of,
     numbers_of,
 )
@@ -92,18 +94,24 @@ def read_colmap_image_points(path: Path) -> ImagePointRecords:
     InputError
         If the file is damaged, or no image has such a point.
     """
-    image: list[str] = []
-    point: list[str] = []
-    xy: list[Floats] = []
+    names: list[str] = []
     line: list[int] = []
+    rows: list[int] = []
+    point: list[NDArray[np.uint64]] = []
+    xy: list[Floats] = []
     for one in _images(path):
         numbers, count = np.unique(one.point, return_counts=True)
         seen = (one.point != _NONE) & ~np.isin(one.point, numbers[count > 1])
-        image += [one.name] * int(seen.sum())
-        point += [str(number) for number in one.point[seen]]
+        names.append(one.name)
+        line.append(one.line)
+        rows.append(int(np.count_nonzero(seen)))
+        point.append(one.point[seen])
         xy.append(one.xy[seen])
-        line += [one.line] * int(seen.sum())
-    return image_points_of(path, image, point, np.concatenate([np.zeros((0, 2)), *xy]), line)
+    known = pa.array(names, pa.string()).dictionary_encode()
+    image = pa.DictionaryArray.from_arrays(np.repeat(known.indices.to_numpy(), rows), known.dictionary)
+    points = names_of_numbers(np.concatenate([np.zeros(0, dtype=np.uint64), *point]))
+    every = np.concatenate([np.zeros((0, 2)), *xy])
+    return image_points_of(path, image, points, every, np.repeat(np.array(line, dtype=np.int64), rows))
 
 
 def read_colmap_cameras(path: Path) -> Mapping[str, PixelCamera]:

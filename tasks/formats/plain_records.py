@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from adjust.arrays import Bools, Floats
 from adjust.geometry.rotation import to_omega_phi_kappa
@@ -19,6 +20,7 @@ from tasks.plain_text import quoted, trouble_in
 
 # Elements of a rotation that were printed with four decimals and more.
 _ROTATION_TOLERANCE = 1e-3
+_REMEDY = "Give a name of ordinary characters."
 #: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
 CV_AXES = np.diag([1.0, -1.0, -1.0])
 
@@ -70,13 +72,13 @@ def exposures_of(
 
 def image_points_of(
     path: Path,
-    image: Sequence[str],
-    point: Sequence[str],
+    image: Sequence[str] | pa.DictionaryArray,
+    point: Sequence[str] | pa.DictionaryArray,
     xy: Sequence[Sequence[float]] | Floats,
-    line: Sequence[int],
+    line: Sequence[int] | NDArray[np.int64],
     sigma: Floats | None = None,
 ) -> ImagePointRecords:
-    """Image points (n,) with coordinates (n, 2).
+    """Image points (n,) with coordinates (n, 2); names as they are, or each kept once.
 
     Raises
     ------
@@ -87,12 +89,18 @@ def image_points_of(
     file_limits().require_rows(path, len(image))
     return ImagePointRecords(
         file=path,
-        image=_names(path, image, line).dictionary_encode(),
-        point=_names(path, point, line).dictionary_encode(),
+        image=_kept_once(path, image, line),
+        point=_kept_once(path, point, line),
         xy=_numbers(path, xy, point, line),
-        sigma=np.full((len(image), 2), np.nan) if sigma is None else sigma,
+        sigma=np.broadcast_to(np.nan, (len(image), 2)) if sigma is None else sigma,
         line=np.asarray(line, dtype=np.int64),
     )
+
+
+def names_of_numbers(numbers: NDArray[np.integer[Any]]) -> pa.DictionaryArray:
+    """Numbers (n,) as names, each kept once."""
+    encoded = pa.array(numbers).dictionary_encode()
+    return pa.DictionaryArray.from_arrays(encoded.indices, encoded.dictionary.cast(pa.string()))
 
 
 def control_of(
@@ -200,20 +208,40 @@ def _refuse_none(path: Path, count: int, what: str) -> None:
         )
 
 
-def _names(path: Path, names: Sequence[str | None], line: Sequence[int]) -> pa.Array:
+def _kept_once(
+    path: Path, names: Sequence[str] | pa.DictionaryArray, line: Sequence[int] | NDArray[np.int64]
+) -> pa.DictionaryArray:
+    if not isinstance(names, pa.DictionaryArray):
+        return _names(path, names, line).dictionary_encode()
+    for code, name in enumerate(names.dictionary.to_pylist()):
+        trouble = _trouble(name)
+        if trouble is not None:
+            row = int(np.argmax(names.indices.to_numpy() == code))
+            raise InputError(trouble, _REMEDY, file=path, line=int(line[row]))
+    return names
+
+
+def _trouble(name: str) -> str | None:
+    return trouble_in(name) if name else "A name is empty."
+
+
+def _names(path: Path, names: Sequence[str | None], line: Sequence[int] | NDArray[np.int64]) -> pa.Array:
     known: set[str] = set()
     for row, name in enumerate(names):
         if name is None or name in known:
             continue
         known.add(name)
-        trouble = trouble_in(name) if name else "A name is empty."
+        trouble = _trouble(name)
         if trouble is not None:
-            raise InputError(trouble, "Give a name of ordinary characters.", file=path, line=int(line[row]))
+            raise InputError(trouble, _REMEDY, file=path, line=int(line[row]))
     return pa.array(names, pa.string())
 
 
 def _numbers(
-    path: Path, values: Sequence[object] | Floats, names: Sequence[str], line: Sequence[int]
+    path: Path,
+    values: Sequence[object] | Floats,
+    names: Sequence[str] | pa.DictionaryArray,
+    line: Sequence[int] | NDArray[np.int64],
 ) -> Floats:
     found = np.asarray(values, dtype=np.float64)
     bad: Bools = np.asarray(np.abs(found.reshape(len(found), -1)) > HUGE)

@@ -8,7 +8,7 @@ a number that is not given is NaN.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -63,6 +63,10 @@ class ImagePointRecords:
     sigma: Floats
     line: Lines
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
+
+    def without_names(self) -> ImagePointRecords:
+        """The same but for the names of images and points, whose columns are empty."""
+        return replace(self, image=self.image.slice(0, 0), point=self.point.slice(0, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -111,7 +111,8 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
     try:
         table = pa.csv.read_csv(
             pa.py_buffer(content),
-            pa.csv.ReadOptions(column_names=list(layout.names)),
+            # As one block, so that no names are looked up again to join those of several.
+            pa.csv.ReadOptions(column_names=list(layout.names), block_size=len(content) + 1),
             pa.csv.ParseOptions(delimiter=MARKS[layout.separator], quote_char=layout.quote),
             pa.csv.ConvertOptions(
                 column_types=types,
@@ -129,10 +130,11 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
     values = np.empty((lines, len(layout.numeric)))
     for position, name in enumerate(layout.numeric):
         column = table.column(name)
-        values[:, position] = column.to_numpy()
+        numbers = column.to_numpy()
         # "nan" is no number, whatever Arrow makes of it.
-        if int(np.isnan(values[:, position]).sum()) != column.null_count:
+        if np.count_nonzero(np.isnan(numbers)) != column.null_count:
             return None
+        values[:, position] = numbers
     blanks = layout.separator != "blank" and (b" " in content or b"\t" in content)
     texts = tuple(_joined(table.column(name)) for name in layout.texts)
     return Rows(tuple(map(_without_leading_blanks, texts)) if blanks else texts, values)

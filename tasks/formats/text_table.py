@@ -259,6 +259,6 @@ def _joined_lines(parts: Sequence[tuple[int, NDArray[np.int32] | range]], count:
     end = 0
     for first, part in parts:
         begin, end = end, end + len(part)
-        joined[begin:end] = part
+        joined[begin:end] = np.arange(len(part), dtype=np.int32) if isinstance(part, range) else part
         joined[begin:end] += first
     return joined

@@ -28,7 +28,7 @@ from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table, write_row_groups, write_table
 from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
 
 
@@ -110,7 +110,7 @@ def import_image_points(
             "calibrate`.",
         )
     surveyed = None if control_points is None else tuple(read_table(control_points)["point"])
-    columns, extra, notes = usable_image_points(
+    usable = usable_image_points(
         sources,
         read_table(exposures),
         read_table(cameras),
@@ -118,8 +118,8 @@ def import_image_points(
         outside_format_share,
         orient_without_exposure,
     )
-    write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
-    write_notes(folder, notes)
+    write_row_groups(folder / "image_points.parquet", IMAGE_POINTS, usable.groups, extra=usable.extra)
+    write_notes(folder, usable.notes)
 
 
 @stored("import_control")

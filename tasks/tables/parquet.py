@@ -9,7 +9,7 @@ table came in.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -71,6 +71,7 @@ def write_row_groups(
     chunks: Iterable[Mapping[str, Any]],
     frame: MapFrame | None = None,
     box: Box | None = None,
+    extra: Sequence[str] = (),
 ) -> int:
     """Write a table that never is in memory as a whole; the same bytes as :func:`write_table` writes.
 
@@ -79,6 +80,7 @@ def write_row_groups(
     chunks : the columns of consecutive rows, as for :func:`write_table`; any number of rows in each, all in
         the order of the key.
     box : of all coordinates; needed beforehand, because it stands in the description of the geometry.
+    extra : further text columns in all of `chunks`, which are none of the schema; kept after those of it.
 
     Returns
     -------
@@ -90,8 +92,17 @@ def write_row_groups(
         If the columns do not fit the schema, or the rows are not in the order of its key.
     """
     _require_frame(schema, frame)
-    tables = ascending((typed_table(schema, columns) for columns in chunks), schema)
-    return _write(path, schema, arrow_schema(schema), tables, frame, box)
+    fields = pa.schema([*arrow_schema(schema), *(pa.field(name, pa.string()) for name in extra)])
+    tables = ascending((_chunk(schema, columns, extra) for columns in chunks), schema)
+    return _write(path, schema, fields, tables, frame, box)
+
+
+def _chunk(schema: TableSchema, columns: Mapping[str, Any], extra: Sequence[str]) -> pa.Table:
+    """Rows in the types of the schema, and the further text columns."""
+    table = typed_table(schema, {name: values for name, values in columns.items() if name not in extra})
+    for name in extra:
+        table = table.append_column(name, columns[name])
+    return table
 
 
 def _require_frame(schema: TableSchema, frame: MapFrame | None) -> None:
@@ -112,8 +123,9 @@ def _write(
     if schema.coordinates and frame is not None:
         fields = fields.append(pa.field(GEOMETRY, pa.binary()))
         metadata[b"geo"] = json.dumps(description(frame, box), sort_keys=True).encode()
-    rows = 0
-    with pq.ParquetWriter(path, fields.with_metadata(metadata), compression="zstd") as writer:
+    rows, alike = 0, [name for name in fields.names if name not in schema.measured]
+    options: dict[str, Any] = {"compression": "zstd", "use_dictionary": alike if schema.measured else True}
+    with pq.ParquetWriter(path, fields.with_metadata(metadata), **options) as writer:
         for group in _row_groups(tables):
             rows += len(group)
             complete = with_geometry(group, schema) if schema.coordinates else group

@@ -113,6 +113,7 @@ IMAGE_POINTS = TableSchema(
         text("input_file", "name of the input file", nullable=True),
     ),
     ("image", "point"),
+    measured=("x_mm", "y_mm"),
 )
 
 EXPOSURES = TableSchema(

@@ -1,0 +1,100 @@
+"""The rows of each point side by side: twice in an image, at one place in two, shared by neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tasks.deliveries.copied_images import CopiedImages
+from tasks.deliveries.measured_points import MeasuredPoints, Rows, RowsByNumber, blocks, counted, ranges
+from tasks.deliveries.neighbouring_images import SharedPoints
+from tasks.deliveries.source_rows import given_twice
+
+
+def look_through(measured: MeasuredPoints, exposures: pd.DataFrame) -> tuple[str, ...]:
+    """A sentence if neighbouring images share hardly any point.
+
+    Parameters
+    ----------
+    exposures : exposures.parquet, a row for each image, in the order of their numbers.
+
+    Raises
+    ------
+    InputError
+        If a point is measured twice in an image, or an image was delivered under two names.
+    """
+    if len(measured.point) > len(measured.images) * len(measured.points):
+        # More than can be different; side by side they would need much memory.
+        _refuse_rows_again(measured, *_again_by_table(measured))
+    shared = SharedPoints(exposures)
+    copied = CopiedImages(measured)
+    twice = False
+    for rows, key in _by_point(measured, shared):
+        key.sort()
+        step = np.diff(key)
+        twice = twice or bool((step == 0).any())
+        if not twice:
+            shared.count(key[:-1][step == 1] % shared.modulus)
+            copied.look_at(rows)
+    if twice:
+        _refuse_duplicates(measured, shared)
+    copied.refuse()
+    return shared.remarks()
+
+
+def _by_point(measured: MeasuredPoints, shared: SharedPoints) -> Iterator[tuple[Rows, NDArray[np.int64]]]:
+    """All rows of some points, and a number for each row that point and position of the image make."""
+    by_point = RowsByNumber(measured.point)
+    for begin, end in ranges(counted(measured.point, len(measured.points))):
+        rows = by_point.rows(begin, end)
+        image = measured.image[rows]
+        if image.min(initial=0) < 0:
+            rows, image = rows[image >= 0], image[image >= 0]
+        key = (measured.point[rows] - np.int64(begin)) * shared.modulus
+        key += shared.position[image]
+        yield rows, key
+
+
+def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
+    """Raise, naming the first row of a point and image that stand in a row before."""
+    second, again = len(measured.point), 0
+    for rows, key in _by_point(measured, shared):
+        order = np.argsort(key, kind="stable")
+        repeated = order[1:][np.diff(key[order]) == 0]
+        again += len(repeated)
+        second = min(second, int(rows[repeated].min(initial=second)))
+    _refuse_rows_again(measured, second, again)
+
+
+def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
+    """The first row whose point and image stand in a row before, and how many do; by a table of them."""
+    images, count = len(measured.images), len(measured.point)
+    seen = np.zeros(images * len(measured.points), dtype=bool)
+    second, again = count, 0
+    for block in blocks(count):
+        rows = np.flatnonzero(measured.image[block] >= 0)
+        key = (measured.point[block][rows] * np.int64(images)) + measured.image[block][rows]
+        known, first = np.unique(key, return_index=True)
+        repeated = np.ones(len(rows), dtype=bool)
+        repeated[first[~seen[known]]] = False
+        seen[known] = True
+        again += int(np.count_nonzero(repeated))
+        second = min(second, int(rows[repeated].min(initial=count)) + block.start)
+    return second, again
+
+
+def _refuse_rows_again(measured: MeasuredPoints, second: int, again: int) -> None:
+    """Raise if there are rows whose point and image stand in a row before; `second` is the first of them."""
+    if again == 0:
+        return
+    image, point = measured.image[second], measured.point[second]
+    first = int(np.argmax((measured.image == image) & (measured.point == point)))
+    number_of_file = measured.file_of(np.array([first, second]))
+    other = measured.place(first)[0] if number_of_file[0] != number_of_file[1] else None
+    what, remedy = given_twice("image point", measured.place(first)[1], other, again - 1)
+    raise measured.error(
+        second, what, remedy, f"'{measured.points[int(point)]}' in '{measured.images[int(image)]}'"
+    )
