@@ -1,4 +1,4 @@
-"""The bundle adjustment as a stage."""
+"""What the stage of the bundle adjustment does."""
 
 from __future__ import annotations
 
@@ -68,7 +68,6 @@ from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.store.store import stored
 from tasks.tables.parquet import read_table
 
 _log = logging.getLogger("aerocal")
@@ -79,8 +78,7 @@ _FREE_NETWORK = (
 )
 
 
-@stored("bundle_adjustment")
-def adjust_bundle(
+def write_adjusted_bundle(
     folder: Path,
     *,
     exposures: Artifact,
@@ -93,20 +91,9 @@ def adjust_bundle(
     approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
-    calibrated: tuple[Artifact, Artifact] | None = None,
+    calibrated: tuple[Artifact, Artifact] | None,
 ) -> None:
-    """Adjust the block and write orientations, points, residuals, parameters and their quality.
-
-    Parameters
-    ----------
-    calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
-        the first of two steps: then ``strip_errors.parquet`` is written, too.
-
-    Raises
-    ------
-    NotComputableError
-        If the datum is not determined or the iteration diverges.
-    """
+    """Adjust the block and write its tables; see `tasks.stages.bundle_adjustment_stage`."""
     delivered = DeliveredTables(
         read_table(exposures),
         read_table(cameras),
