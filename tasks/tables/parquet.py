@@ -113,7 +113,11 @@ def _write(
         fields = fields.append(pa.field(GEOMETRY, pa.binary()))
         metadata[b"geo"] = json.dumps(description(frame, box), sort_keys=True).encode()
     rows = 0
-    with pq.ParquetWriter(path, fields.with_metadata(metadata), compression="zstd") as writer:
+    # Numbers hardly ever repeat: dictionaries of them take most of the time, and a fifth of the space.
+    texts = [field.name for field in fields if pa.types.is_string(field.type)]
+    with pq.ParquetWriter(
+        path, fields.with_metadata(metadata), compression="zstd", use_dictionary=texts
+    ) as writer:
         for group in _row_groups(tables):
             rows += len(group)
             complete = with_geometry(group, schema) if schema.coordinates else group
