@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -160,9 +161,15 @@ def _written(
     """Write the tables; returns figures and remarks."""
     adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
     cameras = adjusted.block.cameras
-    write_exterior_orientations(folder, adjusted)
-    write_object_points(folder, adjusted)
-    write_residuals(folder, adjusted)
+    # The large tables are written beside the tests of the model, which leave a processor half of the time.
+    with ThreadPoolExecutor(1) as beside:
+        written = [
+            beside.submit(write, folder, adjusted)
+            for write in (write_residuals, write_object_points, write_exterior_orientations)
+        ]
+        examined = _examined_model(prepared, adjusted, settings)
+        for table in written:
+            table.result()
     write_control_residuals(folder, adjusted)
     distances = write_distance_residuals(folder, adjusted)
     eliminated: frozenset[tuple[str, str]] = frozenset()
@@ -175,7 +182,6 @@ def _written(
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
     write_parameter_influences(folder, adjusted, _options(settings))
-    examined = _examined_model(prepared, adjusted, settings)
     findings = model_findings(write_model_alternatives(folder, examined))
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
     write_residual_autocorrelation(folder, cameras, grids)
