@@ -4,25 +4,29 @@ A block and its observations go into :func:`adjust_block`; what comes out knows 
 Everything is SI and radians; ``docs/conventions.md`` of the repository has frames and signs.
 """
 
-from adjust.adjustment import adjust_block
-from adjust.block import Block
-from adjust.camera.interior import FrameCamera
-from adjust.errors import (
-    AdjustmentError,
-    DatumDefectError,
-    DivergenceError,
-    InconsistentBlockError,
-)
-from adjust.observations.base import ObservationGroup, StochasticModel
-from adjust.observations.control_point import ControlPoints
-from adjust.observations.direct import DirectObservations
-from adjust.observations.gnss_position import GnssPositions
-from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import InsAttitudes
-from adjust.options import AdjustmentOptions
-from adjust.parameters import FAMILIES, State, SystemParameters
-from adjust.result import AdjustmentResult
-from adjust.solve.system import Observations
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from adjust.adjustment import adjust_block
+    from adjust.block import Block
+    from adjust.camera.interior import FrameCamera
+    from adjust.errors import (
+        AdjustmentError,
+        DatumDefectError,
+        DivergenceError,
+        InconsistentBlockError,
+    )
+    from adjust.observations.base import ObservationGroup, StochasticModel
+    from adjust.observations.control_point import ControlPoints
+    from adjust.observations.direct import DirectObservations
+    from adjust.observations.gnss_position import GnssPositions
+    from adjust.observations.image_point import ImagePoints
+    from adjust.observations.ins_attitude import InsAttitudes
+    from adjust.options import AdjustmentOptions
+    from adjust.parameters import FAMILIES, State, SystemParameters
+    from adjust.result import AdjustmentResult
+    from adjust.solve.system import Observations
 
 __all__ = [
     "FAMILIES",
@@ -46,3 +50,33 @@ __all__ = [
     "SystemParameters",
     "adjust_block",
 ]
+
+_MODULES = {
+    "AdjustmentError": "adjust.errors",
+    "AdjustmentOptions": "adjust.options",
+    "AdjustmentResult": "adjust.result",
+    "Block": "adjust.block",
+    "ControlPoints": "adjust.observations.control_point",
+    "DatumDefectError": "adjust.errors",
+    "DirectObservations": "adjust.observations.direct",
+    "DivergenceError": "adjust.errors",
+    "FAMILIES": "adjust.parameters",
+    "FrameCamera": "adjust.camera.interior",
+    "GnssPositions": "adjust.observations.gnss_position",
+    "ImagePoints": "adjust.observations.image_point",
+    "InconsistentBlockError": "adjust.errors",
+    "InsAttitudes": "adjust.observations.ins_attitude",
+    "ObservationGroup": "adjust.observations.base",
+    "Observations": "adjust.solve.system",
+    "State": "adjust.parameters",
+    "StochasticModel": "adjust.observations.base",
+    "SystemParameters": "adjust.parameters",
+    "adjust_block": "adjust.adjustment",
+}
+
+
+def __getattr__(name: str) -> object:
+    """A name of the list above, loaded when it is asked for: who needs one module waits for no other."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)

@@ -31,3 +31,11 @@ def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_import
     program += "sys.exit('prefect' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_run_that_finds_everything_stored_loads_nothing_that_computes() -> None:
+    """What such a run imports: the command, the settings, the story with its stages."""
+    program = "import flows.command.execution, flows.stories.aerial_triangulation, sys\n"
+    program += "sys.exit(', '.join({'numba', 'pandas', 'scipy'} & set(sys.modules)) or 0)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -282,11 +282,14 @@ class Products:
         """Add what a group contributes; columns (n, m) of the alternatives with these numbers."""
         white, present = whiten(group, equations), group.stochastic.present
         numbers = np.array([k for k, _ in columns])
-        whitened = np.empty((*white.misclosure.shape, len(columns)))
+        # Column after column, as they are made: interleaved, every one of them would run through all memory.
+        whitened = np.empty((len(columns), *white.misclosure.shape))
+        complete = bool(present.all())
         for place, (_, column) in enumerate(columns):
-            whitened[:, :, place] = group.stochastic.whitened(np.where(present, column, 0.0))
-        flat = whitened.reshape(-1, len(columns))
-        self.own[np.ix_(numbers, numbers)] += flat.T @ flat
+            column = column if complete else np.where(present, column, 0.0)
+            whitened[place] = group.stochastic.whitened(column)
+        flat = whitened.reshape(len(columns), -1)
+        self.own[np.ix_(numbers, numbers)] += flat @ flat.T
         for term in white.terms:
             if term.block == EXTERIOR_ORIENTATION:
                 self.load.of_exposures[:, :, numbers] += _summed(term, whitened, self.layout.images)
@@ -303,8 +306,8 @@ class Products:
 
 
 def _summed(term: Term, columns: Floats, count: int) -> Floats:
-    """Aᵀ C (count, d, k) of one term with columns (n, m, k)."""
-    result = np.zeros((count, term.jacobian.shape[2], columns.shape[2]))
+    """Aᵀ C (count, d, k) of one term with columns (k, n, m)."""
+    result = np.zeros((count, term.jacobian.shape[2], len(columns)))
     add_products(term.index, np.ascontiguousarray(term.jacobian), columns, result)
     return result
 

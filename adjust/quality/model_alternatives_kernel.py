@@ -7,7 +7,7 @@ from adjust.compiled import kernel
 def add_products(index, jacobian, columns, result):
     """Add Aᵀ C of n observations to the unknowns they touch.
 
-    index (n,) which; jacobian (n, m, d); columns (n, m, k); result (count, d, k) is changed.
+    index (n,) which; jacobian (n, m, d); columns (k, n, m); result (count, d, k) is changed.
     """
     n, m, d = jacobian.shape
     for i in range(n):
@@ -16,5 +16,5 @@ def add_products(index, jacobian, columns, result):
             for j in range(d):
                 derivative = jacobian[i, c, j]
                 if derivative != 0.0:
-                    for t in range(columns.shape[2]):
-                        result[touched, j, t] += derivative * columns[i, c, t]
+                    for t in range(columns.shape[0]):
+                        result[touched, j, t] += derivative * columns[t, i, c]

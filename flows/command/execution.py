@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flows.command.exit_code import OF_STATUS, complain, remark
+from flows.command.living_line import living_line
 from flows.command.progress import show_progress
 from flows.command.result_table import show_result
 from flows.runs.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
@@ -30,16 +31,16 @@ def execute(
     request = RunRequest.of(project_file, out, overrides, data)
     story = request.declared_story() if story is None else story
     address = server_to_report_to(server, remark)
-    show_progress(on_screen=address is None)
-    outcome = _in_process(request, story) if address is None else _reported_to(address, request, story)
+    console = show_progress(on_screen=address is None)
+    if address is None:
+        with living_line(console, request, story):
+            outcome = carry_out(story_named(story), request)
+    else:
+        outcome = _reported_to(address, request, story)
     show_result(outcome, as_json=as_json)
     if outcome.error is not None:
         complain(outcome.error)
     return OF_STATUS[outcome.summary.status]
-
-
-def _in_process(request: RunRequest, story: StoryName) -> RunOutcome:
-    return carry_out(story_named(story), request)
 
 
 def _reported_to(address: str, request: RunRequest, story: StoryName) -> RunOutcome:

@@ -8,7 +8,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from tasks.documents.georeferencing.material import CheckFigures, DifferenceFigures, Triple
+from tasks.documents.georeferencing.check_figures import CheckFigures, DifferenceFigures, Triple
 from tasks.results.summary import DirectGeoreferencing
 
 #: The page of a check in the output folder.

@@ -23,14 +23,21 @@ class _ScreenHandler(logging.Handler):
         self.console.print(line, soft_wrap=True)
 
 
-def show_progress(*, on_screen: bool = True) -> None:
+def show_progress(*, on_screen: bool = True) -> Console:
     """Let the stages' messages through from now on.
 
     Parameters
     ----------
     on_screen : whether to print them on stderr; Prefect prints them itself.
+
+    Returns
+    -------
+    console : where they are printed.
     """
     log = logging.getLogger("aerocal")
     log.setLevel(logging.INFO)
-    if on_screen and not any(isinstance(handler, _ScreenHandler) for handler in log.handlers):
-        log.addHandler(_ScreenHandler(Console(stderr=True)))
+    shown = [handler.console for handler in log.handlers if isinstance(handler, _ScreenHandler)]
+    console = shown[0] if shown else Console(stderr=True)
+    if on_screen and not shown:
+        log.addHandler(_ScreenHandler(console))
+    return console

@@ -20,7 +20,8 @@ def run(
     georeferencing, else the adjustment; aerocal calibrate, check and adjust do one of them whatever the
     file declares. Deliveries are read, tables, figures and report published.
 
-    Stages whose inputs, settings and code did not change are reused, so a rerun is cheap.
+    Stages whose inputs, settings and code did not change are reused, so a rerun is cheap. On a terminal, one
+    line says which stage is in work and about how long the rest takes.
 
     [bold]Examples[/bold]
 

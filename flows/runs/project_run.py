@@ -18,11 +18,11 @@ from typing import Literal, TypeAlias
 from tasks.errors import AerocalError, InputError, NotComputableError
 from tasks.files.delivered_file import is_there
 from tasks.files.installation import InstallationError, writing_into
-from tasks.georeferencing.registered_cameras import with_registered_cameras
 from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
 from tasks.results.summary import Summary, failed_summary, write_summary
 from tasks.settings.base import DATA_VARIABLE
+from tasks.settings.cameras import REGISTRY
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.store.run_lock import run_lock
@@ -110,7 +110,7 @@ class RunRequest:
         InputError
             If it, or a value in it, is wrong, or the registry has no calibration for a camera.
         """
-        return with_registered_cameras(
+        return _with_registered_cameras(
             load_project(
                 self.project_file,
                 self.overrides,
@@ -148,7 +148,7 @@ class RunRequest:
         variants = load_variants(
             self.project_file, self.overrides, self.data, environment=self._environment(), roots=self.roots
         )
-        return {name: with_registered_cameras(project) for name, project in variants.items()}
+        return {name: _with_registered_cameras(project) for name, project in variants.items()}
 
     def _environment(self) -> dict[str, str] | None:
         """The variables that paths may use; None: all."""
@@ -231,3 +231,13 @@ def _tell_remotely(store: Store, summary: Summary) -> None:
         store.remote.tell(summary.to_json())
     except InstallationError as error:
         _log.warning("the reason could not be told to object storage: %s", error)
+
+
+def _with_registered_cameras(project: Project) -> Project:
+    """The project, its cameras with what the registry has for them."""
+    if all(camera.calibration != REGISTRY for camera in project.cameras.values()):
+        return project
+    # Loaded only for a camera that wants it, as the clients of databases are.
+    from tasks.georeferencing.registered_cameras import with_registered_cameras
+
+    return with_registered_cameras(project)

@@ -8,11 +8,11 @@ from tasks.documents.report.provenance import delivered_names
 from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
-from tasks.stages import bundle_adjustment, report
+from tasks.stages import bundle_adjustment_stage, report
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store
 
-adjust_bundle = stage(bundle_adjustment.adjust_bundle)
+adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
 write_report = stage(report.write_report)
 publish = stage(publishing.publish)
 

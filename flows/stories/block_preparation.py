@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from flows.runs.stage import stage
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.project import Project
-from tasks.stages import approximate_values as approximate
+from tasks.stages import approximate_values_stage as approximate
 from tasks.stages import ingest
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store

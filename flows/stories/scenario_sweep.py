@@ -16,14 +16,14 @@ from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import published_table
 from tasks.settings.sweep import SweepSettings
-from tasks.stages import bundle_adjustment, sweep_page
+from tasks.stages import bundle_adjustment_stage, sweep_page
 from tasks.stages import sub_block as selection
 from tasks.stages import sweep_table as tabulate
 from tasks.store.store import Outputs, Store
 from tasks.sweep import publication
 from tasks.sweep.scenario import Computed, Scenario, in_one_line, scenarios
 
-adjust_bundle = stage(bundle_adjustment.adjust_bundle)
+adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
 select_images = stage(selection.select_images)
 assign_roles = stage(selection.assign_roles)
 tabulate_sweep = stage(tabulate.tabulate_sweep)

@@ -26,16 +26,13 @@ def element(tag: str, attributes: Mapping[str, Attribute], *content: Markup | st
     attributes : by name; numbers are rounded to a tenth of a unit.
     content : child elements (Markup) or text, which is escaped.
     """
-    named = Markup("").join(
-        Markup(' {}="{}"').format(name, value if isinstance(value, str) else number(value))
+    # Put together as plain text: a map has thousands of elements, and Markup.format takes each of them apart.
+    named = "".join(
+        f' {name}="{escape(value) if isinstance(value, str) else number(value)}"'
         for name, value in attributes.items()
     )
-    inner = Markup("").join(escape(item) for item in content)
-    return Markup("<{0}{1}/>").format(tag, named) if not inner else _closed(tag, named, inner)
-
-
-def _closed(tag: str, named: Markup, inner: Markup) -> Markup:
-    return Markup("<{0}{1}>{2}</{0}>").format(tag, named, inner)
+    inner = "".join(map(escape, content))
+    return Markup(f"<{tag}{named}>{inner}</{tag}>" if inner else f"<{tag}{named}/>")
 
 
 def number(value: float) -> str:
@@ -70,7 +67,7 @@ def line(x1: float, y1: float, x2: float, y2: float) -> Markup:
 
 def path_of(x: Floats, y: Floats, *, closed: bool = False) -> str:
     """Path data through the points (n,), (n,)."""
-    points = " ".join(f"{number(a)},{number(b)}" for a, b in zip(x, y, strict=True))
+    points = " ".join(f"{number(a)},{number(b)}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
     return f"M{points}{'Z' if closed else ''}"
 
 

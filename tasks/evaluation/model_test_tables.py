@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -188,18 +189,19 @@ class ExaminedModel:
         own = np.flatnonzero(self._calibrated())
         names = [self._names[k] for k in own]
         effect = self.found.tests.effect[own] * self._units()[own, None]
-        parts = [
-            pd.DataFrame(
-                {
-                    **{name: getattr(item, name) for name in (*_KEY, "unit")},
-                    "parameter": [name.name for name in names],
-                    "parameter_entity": [name.entity for name in names],
-                    "effect": effect[:, k] / item.factor,
-                }
-            )
-            for k, item in enumerate(self.alternatives)
-        ]
-        return pd.concat(parts) if parts and names else pd.DataFrame()
+        count = len(self.alternatives)
+        columns: dict[str, Any] = {
+            name: np.repeat([getattr(item, name) for item in self.alternatives], len(names))
+            for name in (*_KEY, "unit")
+        }
+        return pd.DataFrame(
+            columns
+            | {
+                "parameter": np.tile([name.name for name in names], count),
+                "parameter_entity": np.tile([name.entity for name in names], count),
+                "effect": (effect / [item.factor for item in self.alternatives]).T.reshape(-1),
+            }
+        )
 
     @cached_property
     def _moved_sigmas(self) -> Floats:

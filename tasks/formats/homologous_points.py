@@ -10,8 +10,6 @@ from pathlib import PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
@@ -79,6 +77,10 @@ def joined_to_tracks(image: NDArray[np.int64], xy: Floats) -> tuple[NDArray[np.i
 
     The first ends of all pairs come first, then the second ones.
     """
+    # Loaded for these files only, as a run that finds everything stored reads none.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     keyed = np.column_stack([image.astype(np.float64), xy])
     _, first, place = np.unique(keyed, axis=0, return_index=True, return_inverse=True)
     count, half = len(first), len(image) // 2

@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -144,6 +143,8 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
 
 def _flight_and_strip(image: pa.Array) -> tuple[pa.Array, pa.Array]:
     """Flight and strip in names like ``21FD244720x00015_00614``; null where the name is made otherwise."""
+    import pandas as pd
+
     encoded = image.dictionary_encode()
     parts = pd.Series(encoded.dictionary.to_pylist(), dtype="str").str.extract(_IMAGE_NAME)
     columns = []

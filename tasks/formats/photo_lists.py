@@ -13,7 +13,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from tasks.errors import InputError
 from tasks.formats.plain_lines import text_of
@@ -34,6 +33,8 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
     InputError
         With file and line: a point without two coordinates; a list that does not end.
     """
+    import pandas as pd
+
     # Emptied, and not left to the parser, which would not count their lines.
     text = _COMMENT.sub("", text_of(path))
     width = max(len(line.split()) for line in text.split("\n"))

@@ -13,10 +13,9 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
@@ -26,6 +25,9 @@ from tasks.errors import InputError
 from tasks.formats.table_layout import MARKS, Separator
 from tasks.formats.text_lines import line_feeds
 from tasks.plain_text import quoted
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _NAMES = pa.dictionary(pa.int32(), pa.string())
 _REMAINDER = "\x00more"
@@ -192,6 +194,9 @@ def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
         _refuse_other_counts(content, layout, first_line)
     if content.isspace():
         return Rows((pa.nulls(0, _NAMES),) * len(layout.texts), np.empty((0, len(layout.numeric))))
+    # Loaded for files that Arrow does not take as they are.
+    import pandas as pd
+
     options = _options(layout)
     kinds: dict[str, Any] = {
         name: np.float64 if name in layout.numeric else object for name in (*layout.names, _REMAINDER)
@@ -313,6 +318,8 @@ def _not_a_number(
     first_line: int,
 ) -> InputError:
     """Read everything as text and name the first field that is not a number."""
+    import pandas as pd
+
     with warnings.catch_warnings():
         # Of fields beyond the columns, which are refused where all numbers are some.
         warnings.simplefilter("ignore", pd.errors.ParserWarning)

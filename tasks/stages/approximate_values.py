@@ -44,14 +44,12 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.store.store import stored
 from tasks.tables import schemas
 from tasks.tables.parquet import read_table, write_table
 from tasks.tables.places import distinct, places_of
 
 
-@stored("approximate_values")
-def approximate_block(
+def write_approximate_block(
     folder: Path,
     *,
     exposures: Artifact,
@@ -61,21 +59,9 @@ def approximate_block(
     distances: Artifact,
     project: ProjectSettings,
     checks: ChecksSettings,
-    misaligned: bool = False,
+    misaligned: bool,
 ) -> None:
-    """Orient images that were given nothing, intersect all object points, refuse what contradicts itself.
-
-    Writes images, approximate_orientations, approximate_points and approximate_boresight.parquet, notes.json.
-
-    Parameters
-    ----------
-    misaligned : whether the boresight is to be estimated, so that it may be anything that is usual.
-
-    Raises
-    ------
-    InputError
-        If orientations, image points and control contradict each other.
-    """
+    """Write the tables of approximate values; see `tasks.stages.approximate_values_stage`."""
     announce_compilation()
     map_frame = MapFrame.of(project.crs, project.heights)
     measured = read_table(image_points)

@@ -1,8 +1,9 @@
-"""The bundle adjustment as a stage."""
+"""What the stage of the bundle adjustment does."""
 
 from __future__ import annotations
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -68,7 +69,6 @@ from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.store.store import stored
 from tasks.tables.parquet import read_table
 
 _log = logging.getLogger("aerocal")
@@ -79,8 +79,7 @@ _FREE_NETWORK = (
 )
 
 
-@stored("bundle_adjustment")
-def adjust_bundle(
+def write_adjusted_bundle(
     folder: Path,
     *,
     exposures: Artifact,
@@ -93,20 +92,9 @@ def adjust_bundle(
     approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
-    calibrated: tuple[Artifact, Artifact] | None = None,
+    calibrated: tuple[Artifact, Artifact] | None,
 ) -> None:
-    """Adjust the block and write orientations, points, residuals, parameters and their quality.
-
-    Parameters
-    ----------
-    calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
-        the first of two steps: then ``strip_errors.parquet`` is written, too.
-
-    Raises
-    ------
-    NotComputableError
-        If the datum is not determined or the iteration diverges.
-    """
+    """Adjust the block and write its tables; see `tasks.stages.bundle_adjustment_stage`."""
     delivered = DeliveredTables(
         read_table(exposures),
         read_table(cameras),
@@ -173,9 +161,15 @@ def _written(
     """Write the tables; returns figures and remarks."""
     adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
     cameras = adjusted.block.cameras
-    write_exterior_orientations(folder, adjusted)
-    write_object_points(folder, adjusted)
-    write_residuals(folder, adjusted)
+    # The large tables are written beside the tests of the model, which leave a processor half of the time.
+    with ThreadPoolExecutor(1) as beside:
+        written = [
+            beside.submit(write, folder, adjusted)
+            for write in (write_residuals, write_object_points, write_exterior_orientations)
+        ]
+        examined = _examined_model(prepared, adjusted, settings)
+        for table in written:
+            table.result()
     write_control_residuals(folder, adjusted)
     distances = write_distance_residuals(folder, adjusted)
     eliminated: frozenset[tuple[str, str]] = frozenset()
@@ -188,7 +182,6 @@ def _written(
         problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
     write_parameter_influences(folder, adjusted, _options(settings))
-    examined = _examined_model(prepared, adjusted, settings)
     findings = model_findings(write_model_alternatives(folder, examined))
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
     write_residual_autocorrelation(folder, cameras, grids)

@@ -1,7 +1,8 @@
 """Import: the files of a delivery become tables in the project's coordinate system and in millimetres.
 
 Three stages, one for each kind of input. What is wrong with the input stops here with file, line and remedy;
-what only looks odd becomes a sentence in the notes.
+what only looks odd becomes a sentence in the notes. What reads the files is loaded by the stage that reads: a
+run that finds the tables stored needs none of it.
 """
 
 from __future__ import annotations
@@ -15,11 +16,6 @@ import pyarrow as pa
 
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
-from tasks.deliveries.cameras import taken_from_registry, write_cameras
-from tasks.deliveries.control import control_columns
-from tasks.deliveries.distances import distance_columns
-from tasks.deliveries.exposures import exposure_columns
-from tasks.deliveries.image_points import usable_image_points
 from tasks.errors import InputError
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, DistancesInput, ExposuresInput, ImagePointsInput
@@ -28,7 +24,6 @@ from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_row_groups, write_table
 from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
 
 
@@ -66,6 +61,9 @@ def import_exposures(
     InputError
         See `tasks.deliveries.exposures` and `tasks.deliveries.cameras`.
     """
+    from tasks.deliveries.cameras import taken_from_registry, write_cameras
+    from tasks.tables.parquet import write_table
+
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
     columns, extra, notes = _exposures(sources, tuple(cameras), frame)
@@ -77,6 +75,8 @@ def _exposures(
     sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
 ) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
     """Columns of the exposures; empty ones without sources."""
+    from tasks.deliveries.exposures import exposure_columns
+
     if sources:
         return exposure_columns(sources, cameras, frame)
     return {column.name: [] for column in EXPOSURES.columns}, {}, Notes((), {"counts": {"exposures": 0}})
@@ -103,6 +103,9 @@ def import_image_points(
     InputError
         If there is no file; see `tasks.deliveries.image_points`.
     """
+    from tasks.deliveries.image_points import usable_image_points
+    from tasks.tables.parquet import read_table, write_row_groups
+
     if not sources:
         raise InputError(
             "There are no image points (inputs.image_points), and nothing can be adjusted without.",
@@ -137,6 +140,10 @@ def import_control(
     InputError
         See `tasks.deliveries.control` and `tasks.deliveries.distances`.
     """
+    from tasks.deliveries.control import control_columns
+    from tasks.deliveries.distances import distance_columns
+    from tasks.tables.parquet import write_table
+
     frame = project_frame(project)
     if sources:
         columns, extra, notes = control_columns(sources, frame)

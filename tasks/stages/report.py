@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tasks.documents.report.export import figure_of
-from tasks.documents.report.material import read_material
-from tasks.documents.report.page import render
 from tasks.documents.report.provenance import SOFTWARE
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact
@@ -38,6 +35,11 @@ def write_report(
     files : names of the delivered files, without folders.
     software : versions that decide how the report looks.
     """
+    # A run that finds the report stored never loads what writes it.
+    from tasks.documents.report.export import figure_of
+    from tasks.documents.report.material import read_material
+    from tasks.documents.report.page import render
+
     page = render(read_material(stages, project), name, files, software)
     (folder / REPORT).write_text(page, encoding="utf-8")
     (folder / MAP).write_text(figure_of(page, "block"), encoding="utf-8")

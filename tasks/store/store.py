@@ -117,16 +117,21 @@ class Store:
 
     def reason_to_compute(self, key: StageKey) -> str:
         """In words, what is new against the newest stored output of the same stage."""
-        folders = [path for path in (self.folder / key.stage).glob("[0-9a-f]*") if path.name != key.digest]
+        newest = self.newest(key.stage, without=key.digest)
+        if newest is None:
+            return "no earlier result"
+        old = newest.get("key_parts")
+        changed = differences(old, key.parts) if isinstance(old, Mapping) else ()
+        return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
+
+    def newest(self, stage: str, without: str = "") -> Mapping[str, JSON] | None:
+        """The list of a stage's newest output, but for that of a key; None: there is none; empty: damaged."""
+        folders = [path for path in (self.folder / stage).glob("[0-9a-f]*") if path.name != without]
         newest = max(folders, key=lambda path: path.stat().st_mtime_ns, default=None)
         try:
-            if newest is None:
-                return "no earlier result"
-            old = cast(Mapping[str, JSON], read_json(newest / STAGE_FILE))["key_parts"]
-            changed = differences(cast(Mapping[str, JSON], old), key.parts)
-            return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
+            return None if newest is None else cast(Mapping[str, JSON], read_json(newest / STAGE_FILE))
         except _DAMAGES:
-            return "no usable earlier result"
+            return {}
 
     def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
         """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it.
@@ -215,12 +220,14 @@ def stored(
                 outputs = store.taken_up(key)
                 reused = outputs is not None
                 if outputs is None:
-                    _log.info("%s: started (%s)", stage, store.reason_to_compute(key))
+                    reason = store.reason_to_compute(key)
+                    _log.info("%s: started (%s)", stage, reason, extra={"stage_began": stage})
                     with writing_into(store.folder):
                         outputs = _compute(store, key, function, arguments, inputs)
                     store.keep_remotely(key)
             seconds = time.perf_counter() - started
-            _log.info("%s: %s in %.1f s", stage, "reused" if reused else "computed", seconds)
+            done = "reused" if reused else "computed"
+            _log.info("%s: %s in %.1f s", stage, done, seconds, extra={"stage_ended": stage})
             with writing_into(store.folder):
                 keep_record(store.folder, StageRecord.of(key, outputs, reused, began, seconds, inputs))
             return outputs

@@ -123,9 +123,12 @@ def _write(
     if schema.coordinates and frame is not None:
         fields = fields.append(pa.field(GEOMETRY, pa.binary()))
         metadata[b"geo"] = json.dumps(description(frame, box), sort_keys=True).encode()
-    rows, alike = 0, [name for name in fields.names if name not in schema.measured]
-    options: dict[str, Any] = {"compression": "zstd", "use_dictionary": alike if schema.measured else True}
-    with pq.ParquetWriter(path, fields.with_metadata(metadata), **options) as writer:
+    rows = 0
+    # Numbers hardly ever repeat: dictionaries of them take most of the time, and a fifth of the space.
+    texts = [field.name for field in fields if pa.types.is_string(field.type)]
+    with pq.ParquetWriter(
+        path, fields.with_metadata(metadata), compression="zstd", use_dictionary=texts
+    ) as writer:
         for group in _row_groups(tables):
             rows += len(group)
             complete = with_geometry(group, schema) if schema.coordinates else group

@@ -14,7 +14,8 @@ from tasks.document_kit.table import (
     numbers,
     text_column,
 )
-from tasks.documents.georeferencing.material import CheckMaterial, DifferenceFigures, Triple
+from tasks.documents.georeferencing.check_figures import DifferenceFigures, Triple
+from tasks.documents.georeferencing.material import CheckMaterial
 from tasks.georeferencing.difference_statistics import CONFIDENCE, PARTS
 from tasks.georeferencing.point_differences import INDEPENDENT
 from tasks.quantities import quantity_words

@@ -25,6 +25,7 @@ MOST_OUTLINES = 600
 # Above this many images each strip is one element: single names would take several megabytes.
 _MOST_NAMED = 3000
 _MOST_STRIP_NAMES = 40
+_SHOWN = ("image", "strip", "camera")
 _SINGLE = "#f6c9a8"
 # The overlap is the ground on which all symbols stand.
 _DARKEST = 0.68
@@ -120,15 +121,15 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
             if name
             else []
         )
-        heading = strip["heading_deg"].to_numpy(np.float64)
+        triangles = _triangles(x, y, strip["heading_deg"].to_numpy(np.float64), size)
         if len(images) <= _MOST_NAMED:
             drawn += [
-                markup.element("path", {"d": _triangle(a, b, h, size), "fill": colour}, markup.title(title))
-                for a, b, h, title in zip(x, y, heading, _titles(strip), strict=True)
+                markup.element("path", {"d": triangle, "fill": colour}, markup.title(title))
+                for triangle, title in zip(triangles, _titles(strip), strict=True)
             ]
         else:
-            data = "".join(_triangle(a, b, h, size) for a, b, h in zip(x, y, heading, strict=True))
-            drawn.append(markup.element("path", {"d": data, "fill": colour}, markup.title(f"strip {name}")))
+            data = {"d": "".join(triangles), "fill": colour}
+            drawn.append(markup.element("path", data, markup.title(f"strip {name}")))
         if name and len(strips) <= _MOST_STRIP_NAMES:
             drawn.append(_strip_name(str(name), x, y))
         parts.append(markup.group("strip", drawn))
@@ -139,20 +140,23 @@ def _titles(strip: pd.DataFrame) -> list[str]:
     """What the pointer shows at each image."""
     return [
         f"{image} (strip {name}, {camera})" if name else f"{image} ({camera})"
-        for image, name, camera in zip(strip["image"], strip["strip"], strip["camera"], strict=True)
+        for image, name, camera in zip(*(strip[of].tolist() for of in _SHOWN), strict=True)
     ]
 
 
-def _triangle(x: float, y: float, heading_deg: float, size: float) -> str:
-    """Path data of a triangle that points along the heading; a diamond where it is not known."""
-    if not np.isfinite(heading_deg):
-        return markup.path_of(
-            np.array([x, x + size, x, x - size]), np.array([y - size, y, y + size, y]), closed=True
-        )
-    angle = np.deg2rad(heading_deg)
-    forward, right = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
-    corners = np.array([1.4 * forward, -forward + 0.8 * right, -forward - 0.8 * right]) * size
-    return markup.path_of(x + corners[:, 0], y + corners[:, 1], closed=True)
+def _triangles(x: Floats, y: Floats, heading_deg: Floats, size: float) -> list[str]:
+    """Path data of triangles (n,) that point along their headings; diamonds where these are not known."""
+    angle = np.deg2rad(heading_deg)[:, None]
+    ahead, aside = np.array([1.4, -1.0, -1.0]), np.array([0.0, 0.8, -0.8])
+    corner_x = x[:, None] + size * (ahead * np.sin(angle) + aside * np.cos(angle))
+    corner_y = y[:, None] + size * (-ahead * np.cos(angle) + aside * np.sin(angle))
+    round_x, round_y = size * np.array([0.0, 1.0, 0.0, -1.0]), size * np.array([-1.0, 0.0, 1.0, 0.0])
+    return [
+        markup.path_of(corner_x[k], corner_y[k], closed=True)
+        if np.isfinite(heading_deg[k])
+        else markup.path_of(x[k] + round_x, y[k] + round_y, closed=True)
+        for k in range(len(x))
+    ]
 
 
 def _strip_name(name: str, x: Floats, y: Floats) -> Markup:

@@ -42,7 +42,6 @@ class TableSchema:
     key : columns that identify a row, and the sort order.
     coordinates : columns that are x, y, z in the table's CRS and become its geometry; empty: none.
     version : raised when a column changes its meaning.
-    measured : columns of numbers that hardly ever come twice; looking for equal ones only costs time.
     """
 
     name: str
@@ -51,7 +50,6 @@ class TableSchema:
     key: tuple[str, ...]
     coordinates: tuple[str, ...] = ()
     version: int = 1
-    measured: tuple[str, ...] = ()
 
     def column(self, name: str) -> Column:
         """The column of this name.

@@ -113,7 +113,6 @@ IMAGE_POINTS = TableSchema(
         text("input_file", "name of the input file", nullable=True),
     ),
     ("image", "point"),
-    measured=("x_mm", "y_mm"),
 )
 
 EXPOSURES = TableSchema(

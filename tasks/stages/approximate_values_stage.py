@@ -1,0 +1,52 @@
+"""Approximate values as a stage; the work is done in `tasks.stages.approximate_values`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tasks.settings.project import ProjectSettings
+from tasks.settings.quality import ChecksSettings
+from tasks.store.artifact import Artifact
+from tasks.store.store import stored
+
+
+@stored("approximate_values")
+def approximate_block(
+    folder: Path,
+    *,
+    exposures: Artifact,
+    cameras: Artifact,
+    image_points: Artifact,
+    control_points: Artifact,
+    distances: Artifact,
+    project: ProjectSettings,
+    checks: ChecksSettings,
+    misaligned: bool = False,
+) -> None:
+    """Orient images that were given nothing, intersect all object points, refuse what contradicts itself.
+
+    Writes images, approximate_orientations, approximate_points and approximate_boresight.parquet, notes.json.
+
+    Parameters
+    ----------
+    misaligned : whether the boresight is to be estimated, so that it may be anything that is usual.
+
+    Raises
+    ------
+    InputError
+        If orientations, image points and control contradict each other.
+    """
+    # A run that finds the output stored never loads what computes it.
+    from tasks.stages.approximate_values import write_approximate_block
+
+    write_approximate_block(
+        folder,
+        exposures=exposures,
+        cameras=cameras,
+        image_points=image_points,
+        control_points=control_points,
+        distances=distances,
+        project=project,
+        checks=checks,
+        misaligned=misaligned,
+    )
