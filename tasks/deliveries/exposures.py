@@ -26,11 +26,13 @@ from tasks.deliveries.exposure_angles import (
 )
 from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import refuse_other_statement
+from tasks.deliveries.gnss_solutions import with_declared_solutions
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
+from tasks.deliveries.trajectory import exposures_of_trajectory
 from tasks.formats.records import ExposureRecords
-from tasks.formats.register import read_exposures
+from tasks.formats.register import TRAJECTORY_FORMATS, read_exposures
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.store.notes import Notes
@@ -102,14 +104,14 @@ def exposure_columns(
 
 
 def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
-    delivered = read_exposures(source.format, source.file, source.angles.order, source.layout)
-    delivered = with_image_names(delivered, source.image_names)
+    delivered = with_image_names(_delivered(source), source.image_names)
     records = with_declared_flights(with_declared_names(delivered, source), source.flights)
-    places = Places.of_files([source.file], [records.line])
+    records = with_declared_solutions(records, source)
+    places = Places.of_files([records.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
     if source.angles.reference == "grid":
         refuse_distorted_angles(frame)
-    refuse_other_statement(records.file, records.states, source, frame, records.position)
+    refuse_other_statement(source.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
@@ -158,6 +160,12 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
             ),
         ),
     )
+
+
+def _delivered(source: ExposuresInput) -> ExposureRecords:
+    if source.format in TRAJECTORY_FORMATS:
+        return exposures_of_trajectory(source)
+    return read_exposures(source.format, source.file, source.angles.order, source.layout)
 
 
 def turned_sigmas(transfer: Transfer, sigma: Floats, position: Floats, converted: Floats) -> Floats:
