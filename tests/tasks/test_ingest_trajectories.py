@@ -1,0 +1,328 @@
+"""Exposures of a simulated trajectory, 200 Hz and 60 m/s, against its own path; and everything that can be wrong."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adjust.geometry import rotation
+from adjust.simulate.block import SimulatedBlock, simulate_block
+from adjust.simulate.flown_path import flown_path
+from adjust.simulate.trajectory import ENU_FROM_NED
+from tasks.coordinates.crs import MapFrame
+from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.deliveries.exposures import exposure_columns
+from tasks.errors import InputError
+from tasks.settings.base import PathContext
+from tasks.settings.inputs import ExposuresInput
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
+
+OFFSET, ARM = 0.003, (0.3, 0.1, -1.0)
+SPEC = f"""
+preset = "uce-high"
+[project]
+crs = "EPSG:25832"
+latitude_deg = 48.9
+longitude_deg = 9.3
+[[flight]]
+name = "S"
+height_m = 1950.0
+heading_deg = 70.0
+exposures = [4, 4]
+speed_m_s = 60.0
+[points]
+count = 60
+[control]
+control = 4
+[trajectory]
+sbet_hz = 200.0
+[truth]
+time_offset_s = {OFFSET}
+lever_arm_m = {list(ARM)}
+gnss_shift_m = [0.0, 0.0, 0.0]
+[noise]
+level = 0
+"""
+
+
+@dataclass(frozen=True)
+class Flight:
+    folder: Path
+    block: SimulatedBlock
+    map_frame: MapFrame
+    frame: AdjustmentFrame
+
+    @property
+    def declared(self):
+        return tomllib.loads((self.folder / "project.toml").read_text())["inputs"]["exposures"][0]
+
+    def source(self, **changes):
+        """The declared input with other keys; None takes one out."""
+        declared = self.declared
+        for key, value in changes.items():
+            table = {**declared.get(key, {}), **value} if isinstance(value, dict) else value
+            declared[key] = _without_none(table) if isinstance(table, dict) else table
+        return ExposuresInput.model_validate(_without_none(declared), context=PathContext(self.folder))
+
+    def imported(self, **changes):
+        """Columns and remarks of the exposures, in the order of the events."""
+        camera = self.block.specification.cameras[0].name
+        columns, _, notes = exposure_columns([self.source(**changes)], (camera,), self.map_frame)
+        return columns, notes.problems
+
+    def refused(self, **changes):
+        with pytest.raises(InputError) as raised:
+            self.imported(**changes)
+        return raised.value
+
+    def samples(self):
+        content = (self.folder / "trajectory.sbet").read_bytes()
+        return np.frombuffer(content, "<f8").reshape(-1, 17).copy()
+
+    def write(self, name, table):
+        (self.folder / name).write_bytes(np.ascontiguousarray(table, "<f8").tobytes())
+        return name
+
+
+def _without_none(table):
+    return {key: value for key, value in table.items() if value is not None}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("trajectory")
+    (folder / "spec.toml").write_text(SPEC)
+    simulation = load_simulation(str(folder / "spec.toml"))
+    simulate_project(simulation, folder / "project")
+    block = simulate_block(block_specification(simulation))
+    frames = simulated_map_frame(simulation.project), simulated_frame(simulation.project)
+    return Flight(folder / "project", block, *frames)
+
+
+def stacked(columns, *names):
+    return np.column_stack([columns[name] for name in names])
+
+
+def errors(flight, columns, offset=OFFSET):
+    """Positions (m), attitudes (degrees), rates (degrees/s) of the columns minus those of the path."""
+    plan, flown = flight.block.truth.plan, flight.block.truth.trajectory
+    time = flown.time[[plan.images.index(name) for name in columns["image"].to_pylist()]] + offset
+    path = flown_path(plan, flown, 0)
+    attitude = path.local_from_body(time)
+    place = local_from_map(flight.map_frame, flight.frame, stacked(columns, "x_m", "y_m", "z_m"))
+    found = (
+        np.asarray(flight.frame.local_from_enu(place))
+        @ ENU_FROM_NED
+        @ rotation.ned_from_body(np.radians(stacked(columns, "heading_deg", "pitch_deg", "roll_deg")))
+    )
+    turn = np.linalg.norm(rotation.log(np.swapaxes(attitude, 1, 2) @ found), axis=1)
+    rates = stacked(columns, "rate_roll_deg_s", "rate_pitch_deg_s", "rate_yaw_deg_s")
+    return (
+        np.linalg.norm(place - path.position(time) - attitude @ np.array(ARM), axis=1),
+        np.degrees(turn),
+        np.abs(rates - np.degrees(path.rate(time))).max(axis=1),
+    )
+
+
+def test_exposures_are_those_of_the_path_at_the_moments_of_the_events(flight):
+    columns, problems = flight.imported()
+    metres, degrees, rates = errors(flight, columns)
+    assert metres.max() < 1e-5  # asked for: 1e-3
+    assert degrees.max() < 1e-7  # asked for: 2e-4
+    assert rates.max() < 1e-6
+    assert len(metres) == 8
+    # The same path without the offset is 18 cm off: the moments are the events', not the exposures'.
+    np.testing.assert_allclose(errors(flight, columns, 0.0)[0], 60.0 * OFFSET, rtol=0.05)
+    assert "8 events interpolated between samples 0.005 s apart" in problems[0]
+
+
+def test_moments_in_a_turn_are_as_good(flight):
+    """The bank changes fastest there; the moments lie anywhere between samples."""
+    path = flown_path(flight.block.truth.plan, flight.block.truth.trajectory, 0)
+    time = flight.block.truth.trajectory.time
+    middle = np.sort(time)[3] + 5.0 + np.linspace(0.0, 170.0, 57)
+    rows = "".join(f"T{k},{moment!r},UCE-80,T\n" for k, moment in enumerate(middle.tolist()))
+    (flight.folder / "turn.csv").write_text("image,time,camera,strip\n" + rows)
+    columns, _ = flight.imported(events={"file": "turn.csv"})
+    place = local_from_map(flight.map_frame, flight.frame, stacked(columns, "x_m", "y_m", "z_m"))
+    true = path.position(middle) + path.local_from_body(middle) @ np.array(ARM)
+    assert np.linalg.norm(place - true, axis=1).max() < 1e-5
+    assert np.ptp(stacked(columns, "roll_deg")) > 15.0
+
+
+def test_accuracies_are_interpolated_between_their_records(flight):
+    table = np.frombuffer((flight.folder / "smrmsg.out").read_bytes(), "<f8").reshape(-1, 10).copy()
+    table[:, 1] = 0.01 + 1e-4 * (table[:, 0] - table[0, 0])
+    table[:, 9] = 0.3
+    columns, _ = flight.imported(trajectory={"accuracy": flight.write("rising.out", table)})
+    time = columns["time_s"]
+    np.testing.assert_allclose(columns["sigma_heading_deg"], 0.005, rtol=1e-9)
+    # North of the true east-north axes, turned into the grid: the small convergence mixes the two a little.
+    np.testing.assert_allclose(columns["sigma_y_m"], 0.01 + 1e-4 * (time - table[0, 0]), rtol=2e-3)
+    error = flight.refused(trajectory={"accuracy": flight.write("short.out", table[:30])})
+    assert "do not have the moment of this event" in error.what
+
+
+def test_an_event_outside_is_refused_or_left_out_but_never_extrapolated(flight):
+    table = flight.samples()
+    time = np.sort(flight.block.truth.trajectory.time)
+    late = table[table[:, 0] < time[-1]]
+    error = flight.refused(file=flight.write("late.sbet", late))
+    assert error.file.name == "events.csv"
+    assert error.line == 9
+    assert "s after the last sample" in error.what
+    columns, problems = flight.imported(file="late.sbet", events={"outside": "leave-out"})
+    assert np.isnan(columns["x_m"]).tolist() == [False] * 7 + [True]
+    assert np.isnan(columns["heading_deg"]).tolist() == [False] * 7 + [True]
+    assert any("1 events are left out, as declared" in problem for problem in problems)
+
+
+def test_an_event_in_a_gap_is_refused_unless_so_long_an_interval_is_allowed(flight):
+    table, moment = flight.samples(), float(np.sort(flight.block.truth.trajectory.time)[2])
+    torn = table[np.abs(table[:, 0] - moment) > 0.1]
+    error = flight.refused(file=flight.write("torn.sbet", torn))
+    assert (error.line, "in a gap of 0.2" in error.what) == (4, True)
+    columns, _ = flight.imported(file="torn.sbet", trajectory={"longest_gap_s": 0.5})
+    assert errors(flight, columns)[0].max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "events", "shift"),
+    [
+        ({"time": "gps-week"}, {"time": "utc-week"}, -18.0),
+        ({"time": "utc-week"}, {"time": "gps-week"}, 18.0),
+        ({"time": "gps-week"}, {"time": "gps-day"}, 0.0),
+    ],
+)
+def test_events_on_another_clock_are_the_same_moments(flight, trajectory, events, shift):
+    lines = (flight.folder / "events.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    changed = [",".join([row[0], repr(float(row[1]) + shift), *row[2:]]) for row in rows]
+    (flight.folder / "other.csv").write_text("\n".join([lines[0], *changed]) + "\n")
+    events = {"file": "other.csv", **events}
+    if shift:
+        error = flight.refused(trajectory=trajectory, events=events)
+        assert "gps_minus_utc_s (18 since 2017)" in error.remedy
+    columns, _ = flight.imported(trajectory={**trajectory, "gps_minus_utc_s": 18.0}, events=events)
+    assert errors(flight, columns)[0].max() < 1e-5
+
+
+def test_a_flight_over_the_end_of_the_week_goes_on(flight):
+    table = flight.samples()
+    half = 0.5 * float(table[0, 0] + table[-1, 0])
+    shift = 604_800.0 - half
+    table[:, 0] = (table[:, 0] + shift) % 604_800.0
+    accuracy = np.frombuffer((flight.folder / "smrmsg.out").read_bytes(), "<f8").reshape(-1, 10).copy()
+    accuracy[:, 0] = (accuracy[:, 0] + shift) % 604_800.0
+    lines = (flight.folder / "events.csv").read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    moved = [",".join([row[0], repr((float(row[1]) + shift) % 604_800.0), *row[2:]]) for row in rows]
+    assert float(moved[0].split(",")[1]) > float(moved[-1].split(",")[1])
+    (flight.folder / "sunday.csv").write_text("\n".join([lines[0], *moved]) + "\n")
+    columns, _ = flight.imported(
+        file=flight.write("sunday.sbet", table),
+        trajectory={"accuracy": flight.write("sunday.out", accuracy)},
+        events={"file": "sunday.csv"},
+    )
+    # Doubles of seconds keep 1e-10 s here: 7 nm at 60 m/s.
+    assert errors(flight, columns)[0].max() < 1e-5
+    assert np.all(np.diff(columns["time_s"]) > 0.0)
+
+
+def test_velocities_and_rates_of_other_axes_are_not_used(flight):
+    table = flight.samples()
+    # Velocities north, east, up instead of those of the wander frame; rates forward, left, up.
+    sine, cosine = np.sin(table[:, 10]), np.cos(table[:, 10])
+    x, y = table[:, 4].copy(), table[:, 5].copy()
+    table[:, 4], table[:, 5] = x * cosine - y * sine, -x * sine - y * cosine
+    table[:, 15:] *= -1.0
+    columns, problems = flight.imported(file=flight.write("axes.sbet", table))
+    assert any("velocities are not those with which the positions change" in text for text in problems)
+    assert any("rates are not those with which the attitudes change" in text for text in problems)
+    metres, degrees, rates = errors(flight, columns)
+    assert (metres.max() < 1e-3, degrees.max() < 2e-4, rates.max() < 1e-2) == (True, True, True)
+    # Declared, the rates are right.
+    columns, problems = flight.imported(file="axes.sbet", angles={"rate_axes": "forward-left-up"})
+    assert not any("rates are" in text for text in problems)
+    assert errors(flight, columns)[2].max() < 1e-6
+
+
+def test_a_sample_that_does_not_belong_is_named(flight):
+    table, moment = flight.samples(), float(np.sort(flight.block.truth.trajectory.time)[5])
+    table[np.searchsorted(table[:, 0], moment), 3] += 3.0
+    _, problems = flight.imported(file=flight.write("outlier.sbet", table))
+    assert any("1 events lie beside samples that do not belong" in text for text in problems)
+
+
+def test_what_is_missing_in_the_declaration_is_named(flight):
+    for changes, says in (
+        ({"events": None}, "no exposures without their moments"),
+        ({"trajectory": None}, "clock of the trajectory is not declared"),
+        ({"format": "csv"}, "belong to a trajectory"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            flight.source(**changes)
+    error = flight.refused(angles={"unit": "deg"})
+    assert error.remedy == 'Declare angles.unit = "rad".'
+
+
+def solution_of(flight, qualities, hertz=5):
+    """The trajectory of the antenna as RTKLIB writes it; Q changes from second to second."""
+    table = flight.samples()[:: 200 // hertz]
+    head = "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)\n"
+    rows = [
+        f"2200 {row[0]:.3f} {np.degrees(row[1]):.12f} {np.degrees(row[2]):.12f} {row[3]:.6f} "
+        f"{qualities[int(row[0]) % len(qualities)]} 9 0.01 0.02 0.03\n"
+        for row in table
+    ]
+    (flight.folder / "solution.pos").write_text(head + "".join(rows))
+    angles = {"unit": "deg", "rate_axes": None}
+    return {"file": "solution.pos", "format": "rtklib", "trajectory": None, "angles": angles}
+
+
+def test_positions_without_velocities_are_interpolated_by_their_own(flight):
+    columns, problems = flight.imported(**solution_of(flight, [1]))
+    place = local_from_map(flight.map_frame, flight.frame, stacked(columns, "x_m", "y_m", "z_m"))
+    path, time = flown_path(flight.block.truth.plan, flight.block.truth.trajectory, 0), columns["time_s"]
+    time = time - 2200 * 604_800
+    true = path.position(time) + path.local_from_body(time) @ np.array(ARM)
+    assert np.linalg.norm(place - true, axis=1).max() < 1e-3
+    assert np.isnan(columns["heading_deg"]).all()
+    np.testing.assert_allclose(columns["sigma_z_m"], 0.03)
+    assert not any("solutions" in problem for problem in problems)
+
+
+def test_float_solutions_are_said_weighted_or_left_out_as_declared(flight):
+    declared = solution_of(flight, [2])
+    _, problems = flight.imported(**declared)
+    assert any("8 positions of float solutions" in text and "0.03 m" in text for text in problems)
+    columns, _ = flight.imported(**declared, solutions={"float": 0.5})
+    np.testing.assert_allclose(columns["sigma_x_m"], 0.5)
+    columns, problems = flight.imported(**declared, solutions={"float": "leave-out"})
+    assert np.isnan(columns["x_m"]).all()
+    assert any("are left out, as declared" in text for text in problems)
+
+
+def test_marks_of_a_drone_lead_from_the_antenna_to_the_camera(flight):
+    time = np.sort(flight.block.truth.trajectory.time) + OFFSET
+    marks = "".join(
+        f"{k}\t{moment:.9f}\t[2200]\t 1000,N\t 2000,E\t 3000,V\t48.9,Lat\t9.3,Lon\t1.0,Ellh\t1, 1, 1\t50,Q\n"
+        for k, moment in enumerate(time.tolist(), start=1)
+    )
+    (flight.folder / "flight.MRK").write_text(marks)
+    events = {"file": "flight.MRK", "format": "dji-mrk", "time": None}
+    places = {}
+    for position in ("antenna", "projection_centre"):
+        columns, _ = flight.imported(**solution_of(flight, [1]), events=events, position=position)
+        places[position] = local_from_map(
+            flight.map_frame, flight.frame, stacked(columns, "x_m", "y_m", "z_m")
+        )
+    axes = np.asarray(flight.frame.local_from_enu(places["antenna"]))
+    moved = np.einsum("nji,nj->ni", axes, places["projection_centre"] - places["antenna"])
+    np.testing.assert_allclose(moved, np.tile([2.0, 1.0, -3.0], (8, 1)), rtol=0, atol=1e-6)
