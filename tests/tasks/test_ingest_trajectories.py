@@ -1,4 +1,4 @@
-"""Exposures of a simulated trajectory, 200 Hz and 60 m/s, against its own path; and everything that can be wrong."""
+"""Exposures of a simulated trajectory, 200 Hz and 60 m/s, against its own path; and all that can be wrong."""
 
 from __future__ import annotations
 
