@@ -18,6 +18,7 @@ from adjust.geometry.earth import ecef_from_enu, geodetic_from_ecef
 from adjust.geometry.interpolation import Poses
 from adjust.geometry.rotation import to_heading_pitch_roll
 from tasks.deliveries.event_times import nearest_period, on_clock_of
+from tasks.deliveries.trajectory_path import TrajectoryPath, path_of
 from tasks.deliveries.trajectory_window import ENU_FROM_NED, Window, window_of
 from tasks.errors import InputError
 from tasks.formats.earth_poses import WGS84, in_degrees
@@ -53,8 +54,8 @@ class _Found:
     trouble: list[str]
 
 
-def exposures_of_trajectory(source: ExposuresInput) -> ExposureRecords:
-    """Exposures of a trajectory with its events; without events each sample is an exposure.
+def exposures_of_trajectory(source: ExposuresInput) -> tuple[ExposureRecords, TrajectoryPath]:
+    """Exposures of a trajectory with its events, and its path; without events each sample is an exposure.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def exposures_of_trajectory(source: ExposuresInput) -> ExposureRecords:
     """
     records = TRAJECTORY_FORMATS[source.format](source.file)
     if source.events is None:
-        return _samples(records)
+        return _samples(records), path_of(records, np.inf, np.zeros(0, np.int64))
     events = _events(source.events)
     clock = _clock(records.clock, source.trajectory.time)
     found = _found(records, clock, events, source)
@@ -79,7 +80,8 @@ def exposures_of_trajectory(source: ExposuresInput) -> ExposureRecords:
     first = found.first[rows]
     # Rates of other axes are delivered as they stand and turned with the angles; here they are needed.
     signs = np.array([1.0, -1.0, -1.0] if source.angles.rate_axes == "forward-left-up" else [1.0, 1.0, 1.0])
-    window = window_of(records, first, _longest_gap(records, source), signs)
+    gap = _longest_gap(records, source)
+    window = window_of(records, first, gap, signs)
     poses = window.at(found.time[rows])
     reduced = events.from_antenna is not None and source.position == "projection_centre"
     exposures = _exposures(records, events, found, poses, events.from_antenna if reduced else None)
@@ -87,12 +89,17 @@ def exposures_of_trajectory(source: ExposuresInput) -> ExposureRecords:
     exposures = _with_sigmas(exposures, records, source, clock, rows, first, part)
     if exposures.rates is not None:
         exposures = replace(exposures, rates=exposures.rates * signs)
+    metres, radians = window.left_out()
+    away = _outliers(metres, exposures.sigma_position[rows])
     remarks = (
         *_about_outside(events, found),
         *_about_window(window),
-        *_about_precision(records, exposures, window, rows),
+        _about_precision(float(np.median(np.diff(records.time_s))), metres, radians),
+        *_about_outliers(exposures.image, rows[away], metres[away]),
     )
-    return replace(exposures, remarks=tuple(f"{source.file.name}: {remark}" for remark in remarks))
+    exposures = replace(exposures, remarks=tuple(f"{source.file.name}: {remark}" for remark in remarks))
+    beside = first[away] + np.argmax(np.nan_to_num(metres[away]), axis=1)
+    return exposures, path_of(records, gap, beside)
 
 
 def _events(declared: EventsInput) -> EventRecords:
@@ -278,35 +285,38 @@ def _about_window(window: Window) -> list[str]:
     ]
 
 
-def _about_precision(
-    records: TrajectoryRecords, exposures: ExposureRecords, window: Window, rows: Ints
-) -> list[str]:
-    """How well samples are found from the others around them, and which are not."""
-    metres, radians = window.left_out()
-    interval = float(np.median(np.diff(records.time_s)))
+def _about_precision(interval: float, metres: Floats, radians: Floats) -> str:
+    """How well samples beside the events are found from the others around them."""
     known = np.isfinite(metres).any(axis=1)
     if not known.any():
-        return ["no event has enough samples around it to say how well it is interpolated."]
+        return "no event has enough samples around it to say how well it is interpolated."
     worst = np.fmax(metres[:, 0], metres[:, 1])
-    usual = float(np.median(worst[known]))
-    words = f"positions to {1e3 * usual:.2g} mm (largest {1e3 * np.nanmax(worst):.2g} mm)"
+    words = f"positions to {1e3 * np.nanmedian(worst):.2g} mm (largest {1e3 * np.nanmax(worst):.2g} mm)"
     if np.isfinite(radians).any():
         turn = np.degrees(np.fmax(radians[:, 0], radians[:, 1]))
         words += f", attitudes to {np.nanmedian(turn):.2g}° (largest {np.nanmax(turn):.2g}°)"
-    remarks = [
-        f"{len(rows):,} events interpolated between samples {interval:.4g} s apart. Samples beside "
-        f"the events that are left out are found again, over twice the interval, {words}."
+    return (
+        f"{len(metres):,} events interpolated between samples {interval:.4g} s apart. Samples beside the "
+        f"events that are left out are found again, over twice the interval, {words}."
+    )
+
+
+def _outliers(metres: Floats, sigma: Floats) -> Ints:
+    """Events (k,) beside a sample that is farther from where the others put it than usual and than its σ."""
+    worst = np.nan_to_num(np.fmax(metres[:, 0], metres[:, 1]))
+    length = np.linalg.norm(sigma, axis=1)
+    allowed = np.where(np.isfinite(length), _OUTLIER_SIGMAS * length, _OUTLIER_M)
+    return np.flatnonzero((worst > _OUTLIER * np.median(worst)) & (worst > allowed))
+
+
+def _about_outliers(image: pa.Array, rows: Ints, metres: Floats) -> list[str]:
+    if len(rows) == 0:
+        return []
+    return [
+        f"{len(rows):,} events lie beside samples that do not belong to those around them "
+        f"({_named(image, rows)}; up to {np.nanmax(metres):.3g} m): outliers of the trajectory, or gaps that "
+        "it does not show."
     ]
-    sigma = np.linalg.norm(exposures.sigma_position[rows], axis=1)
-    allowed = np.where(np.isfinite(sigma), _OUTLIER_SIGMAS * sigma, _OUTLIER_M)
-    away = np.flatnonzero(known & (worst > _OUTLIER * usual) & (worst > allowed))
-    if len(away):
-        remarks.append(
-            f"{len(away):,} events lie beside samples that do not belong to those around them "
-            f"({_named(exposures.image, rows[away])}; up to {np.nanmax(worst[away]):.3g} m): outliers of the "
-            "trajectory, or gaps that it does not show."
-        )
-    return remarks
 
 
 def _named(image: pa.Array, rows: Ints) -> str:

@@ -6,20 +6,17 @@ what only looks odd becomes a sentence in the notes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import pyarrow as pa
 
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.deliveries.cameras import taken_from_registry, write_cameras
 from tasks.deliveries.control import control_columns
 from tasks.deliveries.distances import distance_columns
-from tasks.deliveries.exposures import exposure_columns
+from tasks.deliveries.exposures import ExposureColumns, exposure_columns
 from tasks.deliveries.image_points import usable_image_points
+from tasks.deliveries.trajectory_path import path_columns
 from tasks.errors import InputError
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, DistancesInput, ExposuresInput, ImagePointsInput
@@ -29,7 +26,7 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
+from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS, TRAJECTORIES
 
 
 def project_frame(project: ProjectSettings) -> MapFrame:
@@ -59,7 +56,7 @@ def import_exposures(
     cameras: dict[str, CameraInput],
     project: ProjectSettings,
 ) -> None:
-    """Write ``exposures.parquet``, ``cameras.parquet`` and notes.
+    """Write ``exposures.parquet``, ``cameras.parquet`` and notes; ``trajectories.parquet`` if there are any.
 
     Raises
     ------
@@ -68,18 +65,21 @@ def import_exposures(
     """
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
-    columns, extra, notes = _exposures(sources, tuple(cameras), frame)
+    columns, extra, notes, paths = _exposures(sources, tuple(cameras), frame)
     write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
+    if paths:
+        write_table(folder / "trajectories.parquet", TRAJECTORIES, path_columns(paths), frame)
     write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
 
 
 def _exposures(
     sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
-) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
+) -> ExposureColumns:
     """Columns of the exposures; empty ones without sources."""
     if sources:
         return exposure_columns(sources, cameras, frame)
-    return {column.name: [] for column in EXPOSURES.columns}, {}, Notes((), {"counts": {"exposures": 0}})
+    notes = Notes((), {"counts": {"exposures": 0}})
+    return {column.name: [] for column in EXPOSURES.columns}, {}, notes, ()
 
 
 @stored("import_image_points")

@@ -73,7 +73,7 @@ class Flight:
     def imported(self, **changes):
         """Columns and remarks of the exposures, in the order of the events."""
         camera = self.block.specification.cameras[0].name
-        columns, _, notes = exposure_columns([self.source(**changes)], (camera,), self.map_frame)
+        columns, _, notes, _ = exposure_columns([self.source(**changes)], (camera,), self.map_frame)
         return columns, notes.problems
 
     def refused(self, **changes):
@@ -326,3 +326,18 @@ def test_marks_of_a_drone_lead_from_the_antenna_to_the_camera(flight):
     axes = np.asarray(flight.frame.local_from_enu(places["antenna"]))
     moved = np.einsum("nji,nj->ni", axes, places["projection_centre"] - places["antenna"])
     np.testing.assert_allclose(moved, np.tile([2.0, 1.0, -3.0], (8, 1)), rtol=0, atol=1e-6)
+
+
+def test_the_path_that_is_shown_has_gaps_outliers_and_kinds_of_solutions(flight):
+    table, time = flight.samples(), np.sort(flight.block.truth.trajectory.time)
+    table[np.searchsorted(table[:, 0], time[5]), 3] += 3.0
+    quiet = 0.5 * float(time[3] + time[4])
+    flight.write("shown.sbet", table[np.abs(table[:, 0] - quiet) > 1.0])
+    *_, (path,) = exposure_columns([flight.source(file="shown.sbet")], ("UCE-80",), flight.map_frame)
+    assert len(path.time_s) < 2_100
+    assert path.after_gap.sum() == 1
+    assert path.time_s[path.after_gap][0] == pytest.approx(quiet + 1.0, abs=0.01)
+    np.testing.assert_allclose(path.time_s[path.is_outlier], time[5], atol=0.01)
+    source = flight.source(**solution_of(flight, [1, 1, 1, 2]))
+    *_, (path,) = exposure_columns([source], ("UCE-80",), flight.map_frame)
+    assert set(path.solution) == {"fixed", "float"}
