@@ -20,6 +20,7 @@ from tasks.errors import InputError
 from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import exposures_of, number_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+from tasks.formats.sbet import WEEK_S
 from tasks.formats.trajectory_records import Clock, EventRecords
 
 _NUMBER = r"([+-]?[0-9.eE+-]+)"
@@ -30,7 +31,6 @@ _LINE = re.compile(
 )
 # 52 is written by newer drones beside standard deviations of one or two centimetres.
 _QUALITY = {0: "none", 16: "single", 34: "float", 50: "fixed", 52: "fixed"}
-_WEEK_S = 604_800.0
 _STATES = FileStatement(heights="ellipsoidal", position="projection_centre")
 
 
@@ -111,7 +111,7 @@ def _marks(path: Path) -> _Marks:
             )
         second, week, *numbers = (number_of(path, text, number, "a number") for text in found.groups()[1:])
         if not (
-            0.0 <= second <= _WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
+            0.0 <= second <= WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
         ):
             raise InputError(
                 "Time or position of this line are none: seconds of a week, degrees.",
@@ -121,7 +121,7 @@ def _marks(path: Path) -> _Marks:
                 entity=found[1],
             )
         image.append(found[1])
-        time.append(week * _WEEK_S + second)
+        time.append(week * WEEK_S + second)
         values.append(numbers[:9])
         solution.append(_QUALITY.get(int(numbers[9])))
         at.append(number)

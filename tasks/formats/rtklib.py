@@ -19,6 +19,7 @@ from tasks.formats.calendar_time import seconds_of_date
 from tasks.formats.plain_lines import lines
 from tasks.formats.plain_records import number_of
 from tasks.formats.records import FileStatement
+from tasks.formats.sbet import SHORTEST_STEP_S, WEEK_S
 from tasks.formats.trajectory_records import SOLUTIONS, Clock, TrajectoryRecords
 
 _QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp"}
@@ -26,7 +27,6 @@ _PLACE = ("latitude(deg)", "longitude(deg)", "height(m)")
 _SIGMA = ("sde(m)", "sdn(m)", "sdu(m)")
 _VELOCITY = ("ve(m/s)", "vn(m/s)", "vu(m/s)")
 _NEEDED = (*_PLACE, "Q")
-_WEEK_S = 604_800.0
 _FIELDS = re.compile(r"\s*,\s*|\s+")
 
 
@@ -83,7 +83,7 @@ def _time(path: Path, fields: list[str], line: int) -> float:
     if "/" in fields[0]:
         return seconds_of_date(path, f"{fields[0]} {fields[1]}", line)
     week = number_of(path, fields[0], line, "GPS week")
-    return week * _WEEK_S + number_of(path, fields[1], line, "seconds of the week")
+    return week * WEEK_S + number_of(path, fields[1], line, "seconds of the week")
 
 
 def _no_heading(path: Path, line: int) -> InputError:
@@ -121,7 +121,7 @@ def _records(path: Path, head: list[str], time: Floats, values: Floats, at: list
             return None
         return values[:, [names.index(name) for name in wanted]]
 
-    late = np.concatenate([[False], np.diff(time) <= 0.0])
+    late = np.concatenate([[False], np.diff(time) < SHORTEST_STEP_S])
     quality = values[:, names.index("Q")]
     unknown = ~np.isin(quality, list(_QUALITY))
     latitude, longitude = values[:, 0], values[:, 1]

@@ -28,6 +28,8 @@ from tasks.magnitude import HUGE
 #: Doubles of a record.
 SBET_FIELDS, SMRMSG_FIELDS = 17, 10
 WEEK_S, DAY_S = 604_800.0, 86_400.0
+#: Samples nearer to each other than any receiver has them are one.
+SHORTEST_STEP_S = 1e-6
 _ARC_MINUTE = np.pi / 10_800.0
 # Far from everything that flies: other doubles than those of a trajectory.
 _HIGHEST_M, _FASTEST_M_S, _FASTEST_RAD_S = 1e5, 1e4, 1e3
@@ -79,13 +81,12 @@ def read_smrmsg(path: Path) -> AccuracyRecords:
         If the length is not that of whole records, one is no accuracy, or times do not ascend.
     """
     table = _records(path, SMRMSG_FIELDS, "smrmsg")
-    _refuse(
-        path,
-        np.asarray(~((table[:, 1:4] > 0.0).all(axis=1) & (table[:, 7:] > 0.0).all(axis=1))),
-        "has an RMS that is not positive",
-    )
+    rms = table[:, 1:]
+    _refuse(path, np.asarray((rms < 0.0).any(axis=1)), "has a negative RMS")
+    # Zero stands where nothing was computed.
+    rms = np.where(rms > 0.0, rms, np.nan)
     return AccuracyRecords(
-        path, _ascending(path, table[:, 0]), table[:, [2, 1, 3]], table[:, [9, 8, 7]] * _ARC_MINUTE
+        path, _ascending(path, table[:, 0]), rms[:, [1, 0, 2]], rms[:, [8, 7, 6]] * _ARC_MINUTE
     )
 
 
@@ -124,5 +125,6 @@ def _ascending(path: Path, time: Floats) -> Floats:
         if over.any():
             time = time + period * np.concatenate([[0.0], np.cumsum(over)])
             break
-    _refuse(path, np.concatenate([[False], np.diff(time) <= 0.0]), "is not later than the one before")
+    late = np.concatenate([[False], np.diff(time) < SHORTEST_STEP_S])
+    _refuse(path, late, "is not later than the one before")
     return time

@@ -30,6 +30,8 @@ _ARC_MINUTE = np.pi / 10_800.0
 # Any will do; not zero, so that whoever passes it over is found out.
 _WANDER = 0.3
 _TIME_DIGITS = 9
+# Samples that are computed together.
+_PIECE = 50_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,9 @@ def write_trajectories(folder: Path, block: SimulatedBlock, frame: AdjustmentFra
         first, last = antenna.path.span
         # Samples at whole steps of the clock, as receivers have them.
         time = np.arange(np.ceil(first * hertz), np.floor(last * hertz) + 1.0) / hertz
-        (folder / files.trajectory).write_bytes(_sbet(antenna, frame, time))
+        with (folder / files.trajectory).open("wb") as stream:
+            for begin in range(0, len(time), _PIECE):
+                stream.write(_sbet(antenna, frame, time[begin : begin + _PIECE]))
         (folder / files.accuracy).write_bytes(_smrmsg(block, np.arange(np.floor(first), np.ceil(last) + 1.0)))
         _write_events(folder / files.events, block, flight)
 
@@ -120,7 +124,7 @@ def _sbet(antenna: _Antenna, frame: TopocentricFrame, time: Floats) -> bytes:
     local_from_ned = frame.local_from_enu(position) @ ENU_FROM_NED
     north, east, down = np.einsum("nji,nj->in", local_from_ned, velocity)
     heading, pitch, roll = rotation.to_heading_pitch_roll(np.swapaxes(local_from_ned, 1, 2) @ attitude).T
-    wander = _WANDER + (geodetic[:, 1] - geodetic[0, 1]) * np.sin(geodetic[:, 0])
+    wander = _WANDER + (geodetic[:, 1] - frame.longitude) * np.sin(geodetic[:, 0])
     sine, cosine = np.sin(wander), np.cos(wander)
     columns = [
         time, *geodetic.T,

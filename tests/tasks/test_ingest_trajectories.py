@@ -341,3 +341,33 @@ def test_the_path_that_is_shown_has_gaps_outliers_and_kinds_of_solutions(flight)
     source = flight.source(**solution_of(flight, [1, 1, 1, 2]))
     *_, (path,) = exposure_columns([source], ("UCE-80",), flight.map_frame)
     assert set(path.solution) == {"fixed", "float"}
+
+
+def test_damage_ends_in_exposures_or_one_sentence(flight):
+    """Samples beside the events are what is interpolated: whatever stands there, nothing breaks."""
+    table = flight.samples()
+    near = (
+        np.abs(table[:, 0, None] - np.sort(flight.block.truth.trajectory.time)[None, :4]).min(axis=1) < 0.03
+    )
+    table, random = table[near], np.random.default_rng(4)
+    values = (0.0, -1.0, 1e-300, 1e15, np.nan, np.inf, 3.0, 600.0, 604_800.0)
+    lines = (flight.folder / "events.csv").read_text().splitlines()[:5]
+    (flight.folder / "few.csv").write_text("\n".join(lines) + "\n")
+    sound, _ = flight.imported(file=flight.write("few.sbet", table), events={"file": "few.csv"})
+    refused = 0
+    for _ in range(60):
+        damaged = table.copy()
+        rows, columns = random.integers(0, len(table), 12), random.integers(0, 17, 12)
+        damaged[rows, columns] = (
+            random.choice(values, 12) if random.random() < 0.5 else random.normal(size=12)
+        )
+        flight.write("damaged.sbet", damaged[: random.integers(2, len(table))])
+        try:
+            found, _ = flight.imported(
+                file="damaged.sbet", events={"file": "few.csv", "outside": "leave-out"}
+            )
+        except InputError:
+            refused += 1
+            continue
+        assert found["image"].equals(sound["image"])
+    assert 0 < refused < 60
