@@ -50,4 +50,4 @@ def _listed(image: pa.Array, rows: np.typing.NDArray[np.integer], solution: str)
 def _undeclared(solution: str, sigma: np.typing.NDArray[np.float64]) -> str:
     largest = np.nanmax(sigma) if np.isfinite(sigma).any() else np.nan
     stated = "the file states no σ" if np.isnan(largest) else f"the file states σ up to {largest:.2f} m"
-    return f'are used, {stated}; declare solutions.{solution} = SIGMA or "leave-out" if they are not to be'
+    return f'are used, {stated}; otherwise declare solutions.{solution} = SIGMA or "leave-out"'
