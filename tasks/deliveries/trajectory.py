@@ -32,8 +32,10 @@ from tasks.settings.trajectory import CLOCKS, ClockName, EventsInput
 _GAP_FACTOR = 2.5
 # Names that a message lists.
 _EXAMPLES = 5
-# A sample so much farther off than usual, and than its σ allows, does not belong to the others.
-_OUTLIER, _OUTLIER_SIGMAS, _OUTLIER_M = 10.0, 5.0, 0.05
+# A sample that is so many times farther off than four of five, and than its σ, does not belong to the others.
+_OUTLIER, _USUAL, _OUTLIER_SIGMAS, _OUTLIER_M = 5.0, 0.8, 5.0, 0.05
+# The error is of the fourth order: over twice the interval it is so many times as large.
+_TWICE = 16.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +97,7 @@ def exposures_of_trajectory(source: ExposuresInput) -> tuple[ExposureRecords, Tr
         *_about_outside(events, found),
         *_about_window(window),
         _about_precision(float(np.median(np.diff(records.time_s))), metres, radians),
+        *_about_motion(exposures, rows, metres),
         *_about_outliers(exposures.image, rows[away], metres[away]),
     )
     exposures = replace(exposures, remarks=tuple(f"{source.file.name}: {remark}" for remark in remarks))
@@ -301,12 +304,25 @@ def _about_precision(interval: float, metres: Floats, radians: Floats) -> str:
     )
 
 
+def _about_motion(exposures: ExposureRecords, rows: Ints, metres: Floats) -> list[str]:
+    """Whether the samples are too far apart for the motion."""
+    error = np.nan_to_num(np.fmax(metres[:, 0], metres[:, 1])) / _TWICE
+    rough = rows[error > np.linalg.norm(exposures.sigma_position[rows], axis=1)]
+    if len(rough) == 0:
+        return []
+    return [
+        f"a sixteenth of this, the error of the interpolation, is more than the σ of {len(rough):,} events "
+        f"({_named(exposures.image, rough)}): the samples are too far apart for this motion."
+    ]
+
+
 def _outliers(metres: Floats, sigma: Floats) -> Ints:
     """Events (k,) beside a sample that is farther from where the others put it than usual and than its σ."""
     worst = np.nan_to_num(np.fmax(metres[:, 0], metres[:, 1]))
     length = np.linalg.norm(sigma, axis=1)
     allowed = np.where(np.isfinite(length), _OUTLIER_SIGMAS * length, _OUTLIER_M)
-    return np.flatnonzero((worst > _OUTLIER * np.median(worst)) & (worst > allowed))
+    usual = np.quantile(worst, _USUAL, method="lower")
+    return np.flatnonzero((worst > _OUTLIER * usual) & (worst > allowed))
 
 
 def _about_outliers(image: pa.Array, rows: Ints, metres: Floats) -> list[str]:

@@ -254,3 +254,11 @@ def test_damage_ends_in_exposures_or_one_sentence(flight):
             continue
         assert found["image"].equals(sound["image"])
     assert 0 < refused < 60
+
+
+def test_samples_too_far_apart_for_the_motion_are_said(flight):
+    flight.write("slow.sbet", flight.samples()[::2_000])
+    columns, problems = flight.imported(file="slow.sbet")
+    assert any("the samples are too far apart for this motion" in text for text in problems)
+    assert errors(flight, columns)[0].max() > 0.1
+    assert not any("too far apart" in text for text in flight.imported()[1])
