@@ -30,12 +30,15 @@ class FlightVariation:
     attitude : roll, pitch, heading of single exposures, radians.
     crab : heading of a strip against its track, radians.
     rate : of the turning of single exposures about the body axes, radians per second.
+    is_path : whether velocities and rates are those of one smooth path through the exposures
+        (`adjust.simulate.flown_path`) instead.
     """
 
     position: tuple[float, float, float] = (3.0, 3.0, 5.0)
     attitude: tuple[float, float, float] = (np.deg2rad(1.0), np.deg2rad(1.0), np.deg2rad(0.5))
     crab: float = np.deg2rad(3.0)
     rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    is_path: bool = False
 
 
 @dataclass(frozen=True, eq=False)

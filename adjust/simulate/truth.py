@@ -19,6 +19,7 @@ from adjust.geometry import rotation
 from adjust.geometry.earth import CartesianFrame, LocalFrame
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, State
 from adjust.simulate.flight_plan import FlightPlan, LineGroup, flight_plan
+from adjust.simulate.flown_path import along_the_path
 from adjust.simulate.gross_errors import GrossErrorSpecification
 from adjust.simulate.image_errors import ImageErrors, ImageErrorSpecification, image_errors_of
 from adjust.simulate.noise import NoiseSpecification
@@ -113,6 +114,8 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     plan = flight_plan(specification.flight)
     terrain = terrain_of(specification.terrain, streams.of(Source.TERRAIN))
     flown = fly(plan, specification.variation, terrain.mean, frame, streams.of(Source.TRAJECTORY))
+    if specification.variation.is_path:
+        flown = along_the_path(plan, flown)
     system = true_system(specification.system, specification.cameras, plan, streams)
     local_from_camera = _local_from_camera(flown, plan, specification.cameras, system)
     geometry = _geometry(flown, plan, specification, system, local_from_camera)

@@ -38,6 +38,7 @@ from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings
+from tasks.settings.trajectory import EventsInput, TrajectoryInput
 
 _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("project file", Project, "The top level."),
@@ -61,6 +62,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("inputs.exposures.angles", Angles, ""),
     ("inputs.exposures.sigma", ExposureSigma, ""),
     ("[inputs.exposures.flights.NAME]", DeliveredFlight, ""),
+    ("[inputs.exposures.trajectory]", TrajectoryInput, ""),
+    ("[inputs.exposures.events]", EventsInput, "With the keys of [tables of others](#tables-of-others)."),
     ("[inputs.control]", ControlInput, ""),
     ("[inputs.distances]", DistancesInput, ""),
     ("inputs.exposures.strip", StripRule, ""),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -26,14 +26,19 @@ from tasks.deliveries.exposure_angles import (
 )
 from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import refuse_other_statement
+from tasks.deliveries.gnss_solutions import with_declared_solutions
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
+from tasks.deliveries.trajectory import exposures_of_trajectory
+from tasks.deliveries.trajectory_path import TrajectoryPath
 from tasks.formats.records import ExposureRecords
-from tasks.formats.register import read_exposures
+from tasks.formats.register import TRAJECTORY_FORMATS, read_exposures
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import ExposuresInput
 from tasks.store.notes import Notes
+
+ExposureColumns: TypeAlias = tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes, Sequence[TrajectoryPath]]
 
 # Names that a message lists.
 _EXAMPLES = 5
@@ -58,12 +63,13 @@ class _Converted:
     rates: Floats
     kind: str
     problems: tuple[str, ...]
+    path: TrajectoryPath | None
 
 
 def exposure_columns(
     sources: Sequence[ExposuresInput], cameras: tuple[str, ...], project: MapFrame
-) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
-    """Columns of ``exposures.parquet``, further columns of the files, and notes.
+) -> ExposureColumns:
+    """Columns of ``exposures.parquet``, further columns of the files, notes, and the trajectories.
 
     Raises
     ------
@@ -98,18 +104,20 @@ def exposure_columns(
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
     problems = (*(problem for entry in inputs for problem in entry.problems), *about_extra(records))
     notes = Notes(problems, {"counts": {"exposures": len(image)}})
-    return columns, joined([r.extra for r in records], [len(r.line) for r in records]), notes
+    extra = joined([r.extra for r in records], [len(r.line) for r in records])
+    return columns, extra, notes, [entry.path for entry in inputs if entry.path is not None]
 
 
 def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
-    delivered = read_exposures(source.format, source.file, source.angles.order, source.layout)
+    delivered, path = _delivered(source)
     delivered = with_image_names(delivered, source.image_names)
     records = with_declared_flights(with_declared_names(delivered, source), source.flights)
-    places = Places.of_files([source.file], [records.line])
+    records = with_declared_solutions(records, source)
+    places = Places.of_files([records.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
     if source.angles.reference == "grid":
         refuse_distorted_angles(frame)
-    refuse_other_statement(records.file, records.states, source, frame, records.position)
+    refuse_other_statement(source.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
@@ -157,7 +165,15 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
                 "sigma.position_m and sigma.attitude_deg",
             ),
         ),
+        None if path is None else path.in_project(transfer),
     )
+
+
+def _delivered(source: ExposuresInput) -> tuple[ExposureRecords, TrajectoryPath | None]:
+    """The exposures of a file, and the trajectory they were taken from."""
+    if source.format in TRAJECTORY_FORMATS:
+        return exposures_of_trajectory(source)
+    return read_exposures(source.format, source.file, source.angles.order, source.layout), None
 
 
 def turned_sigmas(transfer: Transfer, sigma: Floats, position: Floats, converted: Floats) -> Floats:

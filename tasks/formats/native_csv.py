@@ -6,6 +6,7 @@
 | exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 | distances | point, other_point, distance [, sigma, role] |
+| events | image, time [, camera, strip, flight] |
 
 The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
@@ -25,9 +26,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 
 from tasks.errors import InputError
+from tasks.formats.calendar_time import seconds_of_date
 from tasks.formats.foreign_headings import declaration, mapped_names, refuse_other_separator
 from tasks.formats.records import (
     AngleOrder,
@@ -40,6 +43,7 @@ from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
 from tasks.formats.text_table import TextTable, read_rows
+from tasks.formats.trajectory_records import Count, EventRecords
 from tasks.nearest_name import nearest
 from tasks.plain_text import trouble_in
 
@@ -149,6 +153,27 @@ def read_csv_distances(path: Path) -> DistanceRecords:
         line=table.line,
         extra=extra,
     )
+
+
+def read_csv_events(path: Path, count: Count, layout: TableLayout = _OURS) -> EventRecords:
+    """Read moments of exposures, in seconds or as dates with a time.
+
+    Raises
+    ------
+    InputError
+        With file and line: see `tasks.formats.text_table`; missing columns; a text that is no date.
+    """
+    numeric = () if count == "date" else ("time",)
+    table, extra = _read(path, ("image", "time"), ("camera", "strip", "flight"), numeric, layout)
+    if count == "date":
+        texts = table.text("time").to_pylist()
+        time = np.array(
+            [seconds_of_date(path, text, int(line)) for text, line in zip(texts, table.line, strict=True)]
+        )
+    else:
+        time = table.numbers(("time",))[:, 0]
+    camera, strip, flight = (_optional_text(table, name) for name in ("camera", "strip", "flight"))
+    return EventRecords(path, None, table.text("image"), camera, strip, flight, time, table.line, extra=extra)
 
 
 def _optional_text(table: TextTable, name: str) -> pa.Array:

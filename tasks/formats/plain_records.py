@@ -40,6 +40,7 @@ def exposures_of(
     unit: Literal["deg", "gon", "rad"] | None = None,
     states: FileStatement | None = None,
     remarks: tuple[str, ...] = (),
+    solution: Sequence[str | None] | None = None,
 ) -> ExposureRecords:
     """Exposures; positions and angles (n, 3), NaN where an image has none.
 
@@ -67,6 +68,7 @@ def exposures_of(
         declared_angle_unit=unit,
         states=states or FileStatement(),
         remarks=remarks,
+        solution=None if solution is None else pa.array(solution, pa.string()),
     )
 
 

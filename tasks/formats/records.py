@@ -89,6 +89,8 @@ class ExposureRecords:
     extra : further columns of the file, text (n,), verbatim.
     states : what else the file itself says.
     remarks : sentences for the user about what the file says besides.
+    solution : kind of the GNSS solution of each position (`tasks.formats.trajectory_records`), text (n,);
+        None: the file does not say.
     """
 
     file: Path
@@ -107,6 +109,7 @@ class ExposureRecords:
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
     states: FileStatement = FileStatement()
     remarks: tuple[str, ...] = ()
+    solution: pa.Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,6 +22,7 @@ from tasks.formats.colmap_database import (
     read_colmap_database_exposures,
     read_colmap_database_image_points,
 )
+from tasks.formats.dji import read_mrk_events, read_mrk_exposures
 from tasks.formats.ign_camera import read_ign_camera
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.inpho import (
@@ -47,6 +48,7 @@ from tasks.formats.micmac import (
 from tasks.formats.native_csv import (
     read_csv_control,
     read_csv_distances,
+    read_csv_events,
     read_csv_exposures,
     read_csv_image_points,
 )
@@ -82,12 +84,18 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
+from tasks.formats.rtklib import read_rtklib
+from tasks.formats.sbet import read_sbet, read_smrmsg
 from tasks.formats.table_layout import TableLayout
+from tasks.formats.trajectory_records import AccuracyRecords, Count, EventRecords, TrajectoryRecords
 
 ImagePointReader: TypeAlias = Callable[[Path], ImagePointRecords]
 ExposureReader: TypeAlias = Callable[[Path, AngleOrder], ExposureRecords]
 ControlReader: TypeAlias = Callable[[Path], ControlRecords]
 DistanceReader: TypeAlias = Callable[[Path], DistanceRecords]
+TrajectoryReader: TypeAlias = Callable[[Path], TrajectoryRecords]
+AccuracyReader: TypeAlias = Callable[[Path], AccuracyRecords]
+EventReader: TypeAlias = Callable[[Path, Count], EventRecords]
 CameraReader: TypeAlias = Callable[[Path], Mapping[str, CameraRecord | PixelCamera]]
 
 #: The format whose layout a project file may declare.
@@ -133,6 +141,13 @@ EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "micmac": read_micmac_exposures,
     "bal": read_bal_exposures,
     "colmap-database": read_colmap_database_exposures,
+    "dji-mrk": read_mrk_exposures,
+}
+TRAJECTORY_FORMATS: dict[str, TrajectoryReader] = {"sbet": read_sbet, "rtklib": read_rtklib}
+ACCURACY_FORMATS: dict[str, AccuracyReader] = {"smrmsg": read_smrmsg}
+EVENT_FORMATS: dict[str, EventReader] = {
+    TABLE: read_csv_events,
+    "dji-mrk": lambda path, _count: read_mrk_events(path),
 }
 CONTROL_FORMATS: dict[str, ControlReader] = {
     TABLE: read_csv_control,
@@ -174,6 +189,11 @@ def read_exposures(name: str, path: Path, order: AngleOrder, layout: TableLayout
     return read_csv_exposures(path, order, layout) if name == TABLE else EXPOSURE_FORMATS[name](path, order)
 
 
+def read_events(name: str, path: Path, count: Count, layout: TableLayout) -> EventRecords:
+    """Read events of a format of the register; count and layout are those of a table."""
+    return read_csv_events(path, count, layout) if name == TABLE else EVENT_FORMATS[name](path, count)
+
+
 def read_control(name: str, path: Path, layout: TableLayout) -> ControlRecords:
     """Read control points of a format of the register; the layout is that of a table."""
     return read_csv_control(path, layout) if name == TABLE else CONTROL_FORMATS[name](path)
@@ -185,8 +205,13 @@ def image_point_formats() -> tuple[str, ...]:
 
 
 def exposure_formats() -> tuple[str, ...]:
-    """Names of the formats of exposures."""
-    return tuple(EXPOSURE_FORMATS)
+    """Names of the formats of exposures, and of trajectories that they are taken from."""
+    return (*EXPOSURE_FORMATS, *TRAJECTORY_FORMATS)
+
+
+def event_formats() -> tuple[str, ...]:
+    """Names of the formats of events."""
+    return tuple(EVENT_FORMATS)
 
 
 def control_formats() -> tuple[str, ...]:

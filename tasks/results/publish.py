@@ -26,6 +26,7 @@ PUBLISHED = (
     "cameras",
     "image_points",
     "exposures",
+    "trajectories",
     "control_points",
     "distances",
     "exterior_orientations",

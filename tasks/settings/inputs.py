@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from tasks.formats.register import (
+    TRAJECTORY_FORMATS,
     control_formats,
     distance_formats,
     exposure_formats,
@@ -24,6 +25,7 @@ from tasks.settings.coordinates import (
     one_table_or_several,
 )
 from tasks.settings.table_layout import Name, StripRule, TableSettings
+from tasks.settings.trajectory import EventsInput, SolutionName, SolutionUse, TrajectoryInput
 
 #: Default standard deviation of an image point, in pixels: automatic tie points reach 1/4 to 1/3 px.
 IMAGE_POINT_SIGMA_PX = 0.3
@@ -140,6 +142,44 @@ class ExposuresInput(PlacedSettings, TableSettings):
         description="Settings of single flights, by their delivered names, e.g. `high = { part_of = "
         '"1" }` or `"day 2" = { camera = "UCE-80 remounted" }`.',
     )
+    trajectory: TrajectoryInput = Field(
+        default_factory=TrajectoryInput, description="For a trajectory: its clock and accuracy."
+    )
+    events: EventsInput | None = Field(
+        default=None,
+        description="For a trajectory: the moments of the exposures. Without them, each solution of an "
+        "`rtklib` file is an exposure, called by its number from 1.",
+    )
+    solutions: dict[SolutionName, SolutionUse] = Field(
+        default_factory=dict,
+        description="Use of positions by the kind of their GNSS solution (`rtklib`, `dji-mrk`): a standard "
+        "deviation in m instead of that of the file, one number or three, or `leave-out`. Example: "
+        '`solutions = { float = 0.5, single = "leave-out" }`.',
+    )
+
+    @model_validator(mode="after")
+    def _complete_trajectory(self) -> ExposuresInput:
+        if self.format not in TRAJECTORY_FORMATS:
+            given = [name for name in ("trajectory", "events") if name in self.model_fields_set]
+            if given:
+                raise trouble(
+                    f"{', '.join(given)} belong to a trajectory, and {self.format} is a format of exposures.",
+                    f"Leave them out, or declare the format: {', '.join(TRAJECTORY_FORMATS)}.",
+                )
+            return self
+        if self.format == "sbet" and self.events is None:
+            raise trouble(
+                "A trajectory has no exposures without their moments.",
+                'Declare events = { file = "events.csv", time = "gps-week" }.',
+            )
+        if self.format == "sbet" and self.trajectory.time is None:
+            raise trouble(
+                "The clock of the trajectory is not declared, and an SBET does not state it.",
+                'Declare e.g. trajectory = { time = "gps-week" }.',
+            )
+        if self.format != "sbet" and self.trajectory.time is not None:
+            raise trouble("The file of the trajectory states its clock itself.", "Leave trajectory.time out.")
+        return self
 
     def _given_in_another_way(self) -> tuple[str, ...]:
         return tuple(name for name in ("camera", "strip") if getattr(self, name) is not None)

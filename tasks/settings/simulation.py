@@ -167,6 +167,21 @@ class SimulatedTrajectory(Settings):
         "right, down, degrees per second. If not zero, the exposures are delivered with "
         "rates.",
     )
+    sbet_hz: Annotated[Real, Field(ge=1.0, le=1000.0)] | None = Field(
+        default=None,
+        description="Deliver the exposures as trajectories and events instead of a table: for each flight an "
+        "SBET with so many samples per second, its smrmsg, and the moments of the exposures. Velocities and "
+        "rates are then those of a smooth path through the exposures, with turns.",
+    )
+
+    @model_validator(mode="after")
+    def _one_kind_of_rates(self) -> SimulatedTrajectory:
+        if self.sbet_hz is not None and any(self.rate_deg_s):
+            raise trouble(
+                "A trajectory (sbet_hz) turns as its path does, and rates are given (rate_deg_s).",
+                "Leave one of the two out.",
+            )
+        return self
 
 
 class SimulatedTerrain(Settings):
@@ -413,6 +428,22 @@ class Simulation(Settings):
             raise trouble(
                 f"The flight has {exposures:,} exposures, more than {_MOST_EXPOSURES:,}.",
                 "Give fewer lines or exposures.",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _trajectory_on_the_earth(self) -> Simulation:
+        if self.trajectory.sbet_hz is None:
+            return self
+        if self.project.crs == LOCAL or self.project.latitude_deg is None:
+            raise trouble(
+                "An SBET (trajectory.sbet_hz) has latitudes, and the project has no place on the earth.",
+                "Give project.crs, latitude_deg and longitude_deg.",
+            )
+        if self.project.angles != "heading-pitch-roll":
+            raise trouble(
+                "An SBET (trajectory.sbet_hz) has heading, pitch, roll.",
+                'Give project.angles = "heading-pitch-roll".',
             )
         return self
 

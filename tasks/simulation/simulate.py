@@ -26,6 +26,7 @@ from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.settings.simulation import Simulation
 from tasks.simulation.simulated_project import project_text
+from tasks.simulation.simulated_sbet import write_trajectories
 from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
 from tasks.simulation.simulation_truth import SPECIFICATION, TRUTH, write_truth
 
@@ -90,7 +91,11 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
     (folder / "project.toml").unlink(missing_ok=True)
     write_truth(folder / TRUTH, simulation, block, map_frame, frame)
     _write_image_points(folder / "image_points.csv", block)
-    _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
+    if simulation.trajectory.sbet_hz is None:
+        _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
+    else:
+        (folder / "exposures.csv").unlink(missing_ok=True)
+        write_trajectories(folder, block, frame, simulation.trajectory.sbet_hz)
     _write_control(folder / "control.csv", block, map_frame, frame)
     (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from adjust.simulate.block import SimulatedBlock
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.simulation import Simulation
+from tasks.simulation.simulated_sbet import trajectory_files
+from tasks.simulation.simulation_input import simulated_map_frame
 from tasks.simulation.toml_text import TomlValue, toml_text
 
 
@@ -56,11 +58,6 @@ def _tiles(seams_mm: tuple[float, float]) -> Mapping[str, TomlValue]:
 def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlValue]:
     noise = simulation.noise
     place: dict[str, TomlValue] = {"crs": simulation.project.crs, "heights": "ellipsoidal"}
-    order = simulation.project.angles
-    turning: dict[str, TomlValue] = (
-        {"rate_axes": "forward-right-down"} if any(simulation.trajectory.rate_deg_s) else {}
-    )
-    reference = "true-north" if order == "heading-pitch-roll" else "grid"
     inputs: dict[str, TomlValue] = {
         "image_points": {
             "file": "image_points.csv",
@@ -68,24 +65,61 @@ def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlV
             "unit": "mm",
             "sigma": round(noise.image_um * 1e-3, 9),
         },
-        "exposures": {
-            "file": "exposures.csv",
-            "format": "csv",
-            **place,
-            "position": "antenna",
-            "angles": {"order": order, "unit": "deg", "reference": reference, **turning},
-            "sigma": {
-                "position_m": [float(sigma) for sigma in block.specification.noise.stated_gnss],
-                "attitude_deg": [
-                    math.hypot(white, markov)
-                    for white, markov in zip(noise.ins_deg, noise.ins_markov_deg, strict=True)
-                ],
-            },
-        },
+        "exposures": _exposures(simulation, block)
+        if simulation.trajectory.sbet_hz is None
+        else _trajectories(simulation, block),
     }
     if len(block.truth.surveyed):
         inputs["control"] = {"file": "control.csv", "format": "csv", **place, "sigma_m": noise.control_m}
     return inputs
+
+
+def _exposures(simulation: Simulation, block: SimulatedBlock) -> TomlValue:
+    noise, order = simulation.noise, simulation.project.angles
+    turning: dict[str, TomlValue] = (
+        {"rate_axes": "forward-right-down"} if any(simulation.trajectory.rate_deg_s) else {}
+    )
+    reference = "true-north" if order == "heading-pitch-roll" else "grid"
+    return {
+        "file": "exposures.csv",
+        "format": "csv",
+        "crs": simulation.project.crs,
+        "heights": "ellipsoidal",
+        "position": "antenna",
+        "angles": {"order": order, "unit": "deg", "reference": reference, **turning},
+        "sigma": {
+            "position_m": [float(sigma) for sigma in block.specification.noise.stated_gnss],
+            "attitude_deg": [
+                math.hypot(white, markov)
+                for white, markov in zip(noise.ins_deg, noise.ins_markov_deg, strict=True)
+            ],
+        },
+    }
+
+
+def _trajectories(simulation: Simulation, block: SimulatedBlock) -> TomlValue:
+    """One input for each flight; the geographic CRS is that of the project's datum."""
+    geographic = simulated_map_frame(simulation.project).crs.geodetic_crs
+    code = None if geographic is None else geographic.to_authority()
+    return [
+        {
+            "file": files.trajectory,
+            "format": "sbet",
+            "crs": ":".join(code) if code is not None else simulation.project.crs,
+            "heights": "ellipsoidal",
+            "position": "antenna",
+            "flight": files.flight,
+            "angles": {
+                "order": "heading-pitch-roll",
+                "unit": "rad",
+                "reference": "true-north",
+                "rate_axes": "forward-right-down",
+            },
+            "trajectory": {"time": "gps-week", "accuracy": files.accuracy},
+            "events": {"file": files.events, "time": "gps-week"},
+        }
+        for files in trajectory_files(block)
+    ]
 
 
 def _adjustment(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlValue]:

@@ -66,6 +66,7 @@ def block_specification(simulation: Simulation) -> BlockSpecification:
             _radians(simulation.trajectory.attitude_deg),
             float(np.deg2rad(simulation.trajectory.crab_deg)),
             _radians(simulation.trajectory.rate_deg_s),
+            is_path=simulation.trajectory.sbet_hz is not None,
         ),
         terrain=TerrainShape(terrain.mean_m, terrain.relief_m, terrain.shortest_m, terrain.longest_m),
         system=_system(simulation.truth),

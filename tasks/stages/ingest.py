@@ -7,12 +7,9 @@ run that finds the tables stored needs none of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import pyarrow as pa
+from typing import TYPE_CHECKING
 
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
@@ -24,7 +21,10 @@ from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS
+from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS, TRAJECTORIES
+
+if TYPE_CHECKING:
+    from tasks.deliveries.exposures import ExposureColumns
 
 
 def project_frame(project: ProjectSettings) -> MapFrame:
@@ -54,7 +54,7 @@ def import_exposures(
     cameras: dict[str, CameraInput],
     project: ProjectSettings,
 ) -> None:
-    """Write ``exposures.parquet``, ``cameras.parquet`` and notes.
+    """Write ``exposures.parquet``, ``cameras.parquet`` and notes; ``trajectories.parquet`` if there are any.
 
     Raises
     ------
@@ -66,20 +66,25 @@ def import_exposures(
 
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
-    columns, extra, notes = _exposures(sources, tuple(cameras), frame)
+    columns, extra, notes, paths = _exposures(sources, tuple(cameras), frame)
     write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
+    if paths:
+        from tasks.deliveries.trajectory_path import path_columns
+
+        write_table(folder / "trajectories.parquet", TRAJECTORIES, path_columns(paths), frame)
     write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
 
 
 def _exposures(
     sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
-) -> tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes]:
+) -> ExposureColumns:
     """Columns of the exposures; empty ones without sources."""
     from tasks.deliveries.exposures import exposure_columns
 
     if sources:
         return exposure_columns(sources, cameras, frame)
-    return {column.name: [] for column in EXPOSURES.columns}, {}, Notes((), {"counts": {"exposures": 0}})
+    notes = Notes((), {"counts": {"exposures": 0}})
+    return {column.name: [] for column in EXPOSURES.columns}, {}, notes, ()
 
 
 @stored("import_image_points")

@@ -43,6 +43,7 @@ class Material:
         tables of these names.
     self_calibration : the additional parameters that were offered; empty without any.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
+    exposures, trajectories : the tables of these names; empty if no exposures come from a trajectory.
     """
 
     project: Project
@@ -64,6 +65,8 @@ class Material:
     residual_autocorrelation: pd.DataFrame
     self_calibration: pd.DataFrame
     strip_means: pd.DataFrame = field(default_factory=pd.DataFrame)
+    exposures: pd.DataFrame = field(default_factory=pd.DataFrame)
+    trajectories: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @cached_property
     def figures(self) -> AdjustmentFigures:
@@ -181,5 +184,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         camera_table=camera_table,
         self_calibration=pd.DataFrame() if offered is None else read_table(offered),
         strip_means=pd.DataFrame() if means is None else read_table(means),
+        exposures=read_table(tables["exposures"]) if "trajectories" in tables else pd.DataFrame(),
+        trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
         **read,
     )

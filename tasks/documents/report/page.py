@@ -32,6 +32,7 @@ from tasks.documents.report import (
     surveyed_points,
     suspicious,
     system_parameters,
+    trajectories,
     two_step,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
@@ -150,6 +151,7 @@ def _plots(material: Material) -> list[Plot]:
         "residual-correlation": residual_correlation.correlation_plot(material),
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
+        "trajectory": trajectories.trajectory_map(material.trajectories, material.exposures),
         "strip-differences": strip_differences.strip_plot(material.strip_means),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]

@@ -26,6 +26,7 @@ from tasks.tables.schemas.deliveries import (
     EXPOSURES,
     IMAGE_POINTS,
     IMAGES,
+    TRAJECTORIES,
 )
 from tasks.tables.schemas.georeferencing import (
     DIRECT_GEOREFERENCING,
@@ -56,6 +57,7 @@ SCHEMAS: dict[str, TableSchema] = {
         IMAGES,
         IMAGE_POINTS,
         EXPOSURES,
+        TRAJECTORIES,
         CONTROL_POINTS,
         DISTANCES,
         APPROXIMATE_ORIENTATIONS,
@@ -118,6 +120,7 @@ __all__ = [
     "STEREO_MODELS",
     "STRIP_ERRORS",
     "SWEEP",
+    "TRAJECTORIES",
     "Y_PARALLAXES",
     "Column",
     "ColumnType",

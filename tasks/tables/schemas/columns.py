@@ -80,6 +80,11 @@ def count(name: str, meaning: str, *, nullable: bool = False) -> Column:
     return Column(name, "int32", "", meaning, nullable)
 
 
+def flag(name: str, meaning: str) -> Column:
+    """A column of yes and no."""
+    return Column(name, "bool", "", meaning)
+
+
 def position(of: str, *, nullable: bool = False) -> tuple[Column, ...]:
     """Columns x, y, z in metres, in the table's CRS."""
     directions = (("x", "east"), ("y", "north"), ("z", "height"))

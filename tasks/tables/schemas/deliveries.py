@@ -15,6 +15,7 @@ from tasks.tables.schemas.columns import (
     XYZ_M,
     TableSchema,
     count,
+    flag,
     number,
     position,
     sigmas,
@@ -142,6 +143,21 @@ EXPOSURES = TableSchema(
         ),
     ),
     ("image",),
+    XYZ_M,
+)
+
+TRAJECTORIES = TableSchema(
+    "trajectories",
+    "A sample of a trajectory from which exposures were taken, in the CRS of the project; thinned.",
+    (
+        text("trajectory", "name of the file"),
+        number("time_s", "s", "time on the scale of the delivery"),
+        *position("sample"),
+        text("solution", "kind of the GNSS solution, null if not stated", nullable=True),
+        flag("after_gap", "whether a gap lies before it, in which nothing is interpolated"),
+        flag("is_outlier", "whether it lies beside an exposure and does not belong to the samples around it"),
+    ),
+    ("trajectory", "time_s"),
     XYZ_M,
 )
 

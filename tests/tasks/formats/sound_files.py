@@ -6,7 +6,15 @@ import json
 import struct
 from collections.abc import Callable
 
-from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
+from tasks.formats.register import (
+    ACCURACY_FORMATS,
+    CAMERA_FORMATS,
+    CONTROL_FORMATS,
+    EVENT_FORMATS,
+    EXPOSURE_FORMATS,
+    IMAGE_POINT_FORMATS,
+    TRAJECTORY_FORMATS,
+)
 from tests.tasks.formats import packed_files as small
 from tests.tasks.formats import test_classical_formats as texts
 
@@ -99,6 +107,23 @@ _IGN_XML = """<sensor><usefull-frame><rect><w>100</w><h>80</h></rect></usefull-f
 <pixel_size>5e-6</pixel_size>
 <focal><pt3d><x>50</x><y>40</y><z>20000</z></pt3d></focal></sensor>"""
 
+_SBET = b"".join(
+    struct.pack(
+        "<17d", 0.005 * k, 0.85, 0.16, 2e3, 60, -1, 0.1, 0.01, 0.02, 1.5, 0.3, *(0,) * 3, *(0.01,) * 3
+    )
+    for k in range(1, 5)
+)
+_SMRMSG = b"".join(struct.pack("<10d", k, *(0.02,) * 3, *(0.005,) * 3, 0.2, 0.2, 0.5) for k in range(3))
+_RTKLIB = """% program   : RTKPOST
+%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  age(s)
+2020/12/24 21:28:42.000   40.097025378 -105.147247371  1578.8456   2  11   1.4193   1.3913   2.9108   0.00
+2020/12/24 21:28:43.000   40.097025245 -105.147247922  1578.8200   1  11   0.0348   0.0174   0.1384   0.00
+"""
+_MRK = (
+    "1\t400373.488877\t[2264]\t   -40,N\t     0,E\t    86,V\t44.42824637,Lat\t1.26196331,Lon\t359.494,Ellh\t"
+    "0.028, 0.031, 0.055\t50,Q\n"
+)
+
 PIX4D_CAMERAS = """fileName imageWidth imageHeight
 camera matrix K [3x3]
 radial distortion [3x1]
@@ -161,6 +186,12 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("exposures", "bal"): _BAL,
     ("exposures", "colmap-database"): _DATABASE,
     ("exposures", "realityscan"): "#name,x,y,alt,heading,pitch,roll\na.tif,1,2,3,-89.7,-0.2,-0.01\n",
+    ("exposures", "dji-mrk"): _MRK,
+    ("trajectory", "sbet"): _SBET,
+    ("trajectory", "rtklib"): _RTKLIB,
+    ("accuracy", "smrmsg"): _SMRMSG,
+    ("events", "csv"): "image,time,camera\na,1.5,C\n",
+    ("events", "dji-mrk"): _MRK,
     ("control", "csv"): "point,x,y,z\nA,1,2,3\n",
     ("control", "ign-app"): "A 13 1 2 3\n",
     ("control", "patb"): "A 1.5 2.5\n-99\nA 10.25\n-99\n",
@@ -196,6 +227,11 @@ READERS: dict[str, dict[str, Callable[..., object]]] = {
         for name, reader in EXPOSURE_FORMATS.items()
     },
     "control": dict(CONTROL_FORMATS),
+    "trajectory": dict(TRAJECTORY_FORMATS),
+    "accuracy": dict(ACCURACY_FORMATS),
+    "events": {
+        name: lambda path, reader=reader: reader(path, "week") for name, reader in EVENT_FORMATS.items()
+    },
     "camera": dict(CAMERA_FORMATS),
 }
 

@@ -199,3 +199,25 @@ def test_a_full_disk_is_one_sentence_about_the_installation(tmp_path: Path) -> N
 def test_points_hardly_ever_found_are_refused_before_they_fill_the_memory(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="hardly one would be found"):
         _simulated(tmp_path / "a", "points.detection=1e-9")
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (("trajectory.sbet_hz=200.0",), "no place on the earth"),
+        (("trajectory.sbet_hz=200.0", "trajectory.rate_deg_s=[1.0, 1.0, 1.0]"), "turns as its path does"),
+        (
+            (
+                "trajectory.sbet_hz=200.0",
+                "project.crs=EPSG:25832",
+                "project.latitude_deg=48.9",
+                "project.longitude_deg=9.0",
+                "project.angles=omega-phi-kappa",
+            ),
+            "heading, pitch, roll",
+        ),
+    ],
+)
+def test_a_trajectory_that_cannot_be_is_refused(tmp_path: Path, changes: tuple[str, ...], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        _simulated(tmp_path / "a", *changes)

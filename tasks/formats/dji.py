@@ -1,0 +1,140 @@
+"""DJI's ``Timestamp.MRK``: one line an exposure, made by a drone with RTK.
+
+Number, GPS seconds of the week, [week], from the antenna to the camera N, E, V (mm, V downwards), latitude,
+longitude, ellipsoidal height, standard deviations north, east, up (m), quality: 50 fixed, 34 float, 16
+single, 0 none. Positions are those of the camera: the drone has applied the three offsets. Images are called
+by their number.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from adjust.arrays import Floats
+from tasks.errors import InputError
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import exposures_of, number_of
+from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+from tasks.formats.sbet import WEEK_S
+from tasks.formats.trajectory_records import Clock, EventRecords
+
+_NUMBER = r"([+-]?[0-9.eE+-]+)"
+_LINE = re.compile(
+    rf"(\d+)\s+{_NUMBER}\s+\[(\d+)\]\s+{_NUMBER},N\s+{_NUMBER},E\s+{_NUMBER},V\s+"
+    rf"{_NUMBER},Lat\s+{_NUMBER},Lon\s+{_NUMBER},Ellh\s+{_NUMBER},\s*{_NUMBER},\s*{_NUMBER}\s+(\d+),Q",
+    re.ASCII,
+)
+# 52 is written by newer drones beside standard deviations of one or two centimetres.
+_QUALITY = {0: "none", 16: "single", 34: "float", 50: "fixed", 52: "fixed"}
+_STATES = FileStatement(heights="ellipsoidal", position="projection_centre")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Marks:
+    """The lines of a file: number, time (s since 1980), 9 numbers as they stand, solution, line."""
+
+    image: list[str]
+    time_s: Floats
+    values: Floats
+    solution: list[str | None]
+    line: list[int]
+
+
+def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+    """Read positions of exposures; a line of quality 0 has none.
+
+    Raises
+    ------
+    InputError
+        With file and line: a line that is none of MRK.
+    """
+    marks = _marks(path)
+    known = np.array([solution != "none" for solution in marks.solution])[:, None]
+    position = np.where(known, marks.values[:, [4, 3, 5]], np.nan)
+    sigma = marks.values[:, [7, 6, 8]]
+    return exposures_of(
+        path,
+        marks.image,
+        position,
+        np.full_like(position, np.nan),
+        marks.line,
+        time_s=marks.time_s.tolist(),
+        sigma_position=np.where(known & (sigma > 0.0), sigma, np.nan).tolist(),
+        states=_STATES,
+        solution=marks.solution,
+        remarks=_of_unknown_quality(path, marks),
+    )
+
+
+def read_mrk_events(path: Path) -> EventRecords:
+    """Read the moments of exposures, with the way from the antenna to the camera.
+
+    Raises
+    ------
+    InputError
+        As of `read_mrk_exposures`.
+    """
+    marks = _marks(path)
+    nothing = pa.nulls(len(marks.image), pa.string())
+    north, east, down = 1e-3 * marks.values[:, :3].T
+    return EventRecords(
+        path,
+        Clock("gps", "date"),
+        pa.array(marks.image, pa.string()),
+        nothing,
+        nothing,
+        nothing,
+        marks.time_s,
+        np.asarray(marks.line, dtype=np.int64),
+        np.column_stack([east, north, -down]),
+    )
+
+
+def _marks(path: Path) -> _Marks:
+    image, time, values, solution, at = [], [], [], [], []
+    for number, line in enumerate(lines(path), start=1):
+        if not line.strip():
+            continue
+        found = _LINE.match(line.strip())
+        if found is None:
+            raise InputError(
+                "There is no line of MRK here: number, seconds, [week], N, E, V, Lat, Lon, Ellh, three "
+                "standard deviations, Q.",
+                "Deliver the file as the drone wrote it.",
+                file=path,
+                line=number,
+            )
+        second, week, *numbers = (number_of(path, text, number, "a number") for text in found.groups()[1:])
+        if not (
+            0.0 <= second <= WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
+        ):
+            raise InputError(
+                "Time or position of this line are none: seconds of a week, degrees.",
+                "Deliver the file as the drone wrote it.",
+                file=path,
+                line=number,
+                entity=found[1],
+            )
+        image.append(found[1])
+        time.append(week * WEEK_S + second)
+        values.append(numbers[:9])
+        solution.append(_QUALITY.get(int(numbers[9])))
+        at.append(number)
+    if not image:
+        raise InputError("There is no exposure in the file.", "Deliver it again.", file=path)
+    return _Marks(image, np.array(time), np.array(values), solution, at)
+
+
+def _of_unknown_quality(path: Path, marks: _Marks) -> tuple[str, ...]:
+    unknown = [image for image, solution in zip(marks.image, marks.solution, strict=True) if solution is None]
+    if not unknown:
+        return ()
+    return (
+        f"{path.name}: {len(unknown):,} exposures have a quality other than 0, 16, 34, 50, 52 (the first: "
+        f"{unknown[0]}); their own standard deviations stand.",
+    )

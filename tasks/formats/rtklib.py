@@ -1,0 +1,151 @@
+"""RTKLIB's solutions, ``.pos``: a trajectory of positions with their quality, or positions of events.
+
+Comments begin with ``%``; the last of them heads the columns: time (``GPST`` or ``UTC``, as a date or as week
+and second), ``latitude(deg)``, ``longitude(deg)``, ``height(m)``, Q, ns, standard deviations and covariances
+north, east, up, …, and velocities where they were written. Q: 1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6
+PPP.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from adjust.arrays import Floats
+from tasks.errors import InputError
+from tasks.formats.calendar_time import seconds_of_date
+from tasks.formats.plain_lines import lines
+from tasks.formats.plain_records import number_of
+from tasks.formats.records import FileStatement
+from tasks.formats.sbet import SHORTEST_STEP_S, WEEK_S
+from tasks.formats.trajectory_records import SOLUTIONS, Clock, TrajectoryRecords
+
+_QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp"}
+_PLACE = ("latitude(deg)", "longitude(deg)", "height(m)")
+_SIGMA = ("sde(m)", "sdn(m)", "sdu(m)")
+_VELOCITY = ("ve(m/s)", "vn(m/s)", "vu(m/s)")
+_NEEDED = (*_PLACE, "Q")
+_FIELDS = re.compile(r"\s*,\s*|\s+")
+
+
+def read_rtklib(path: Path) -> TrajectoryRecords:
+    """Read a solution.
+
+    Raises
+    ------
+    InputError
+        With file and line: headings or fields missing, another clock, times that do not ascend.
+    """
+    head: list[str] = []
+    time: list[float] = []
+    values: list[list[float]] = []
+    at: list[int] = []
+    for number, line in enumerate(lines(path), start=1):
+        if line.startswith("%"):
+            named = _split(line.lstrip("%"))
+            head = named if "Q" in named else head
+            continue
+        if not line.strip():
+            continue
+        if not head:
+            raise _no_heading(path, number)
+        if not at:
+            _refuse_headings(path, head, number)
+        fields = _split(line)
+        if len(fields) < len(head) + 1:
+            raise InputError(
+                f"This line has {len(fields)} fields, and its heading names {len(head) + 1}.",
+                "The file may have been cut off: deliver it again.",
+                file=path,
+                line=number,
+            )
+        time.append(_time(path, fields, number))
+        # The time is one heading and two fields.
+        values.append([number_of(path, text, number, name) for name, text in _named(head, fields)])
+        at.append(number)
+    if not at:
+        raise InputError("There is no solution in the file.", "Deliver it again.", file=path)
+    return _records(path, head, np.array(time), np.array(values), at)
+
+
+def _split(line: str) -> list[str]:
+    return _FIELDS.split(line.strip())
+
+
+def _named(head: list[str], fields: list[str]) -> list[tuple[str, str]]:
+    wanted = (*_NEEDED, *_SIGMA, *_VELOCITY)
+    return [(name, fields[head.index(name) + 1]) for name in wanted if name in head]
+
+
+def _time(path: Path, fields: list[str], line: int) -> float:
+    if "/" in fields[0]:
+        return seconds_of_date(path, f"{fields[0]} {fields[1]}", line)
+    week = number_of(path, fields[0], line, "GPS week")
+    return week * WEEK_S + number_of(path, fields[1], line, "seconds of the week")
+
+
+def _no_heading(path: Path, line: int) -> InputError:
+    return InputError(
+        "There is no line with the headings of the columns above this one.",
+        "Write the solution with its header (RTKLIB: out-outhead = on).",
+        file=path,
+        line=line,
+    )
+
+
+def _refuse_headings(path: Path, head: list[str], line: int) -> None:
+    if head[0] not in ("GPST", "UTC"):
+        raise InputError(
+            f"The times are headed '{head[0][:20]}'.",
+            "Write the solution in GPST or UTC (RTKLIB: out-timesys).",
+            file=path,
+            line=line,
+        )
+    missing = [name for name in _NEEDED if name not in head]
+    if missing:
+        raise InputError(
+            f"The headings lack {', '.join(missing)}.",
+            "Write latitude, longitude, height in degrees (RTKLIB: out-solformat = llh, out-degform = deg).",
+            file=path,
+            line=line,
+        )
+
+
+def _records(path: Path, head: list[str], time: Floats, values: Floats, at: list[int]) -> TrajectoryRecords:
+    names = [name for name in (*_NEEDED, *_SIGMA, *_VELOCITY) if name in head]
+
+    def columns(wanted: tuple[str, ...]) -> Floats | None:
+        if not set(wanted) <= set(names):
+            return None
+        return values[:, [names.index(name) for name in wanted]]
+
+    late = np.concatenate([[False], np.diff(time) < SHORTEST_STEP_S])
+    quality = values[:, names.index("Q")]
+    unknown = ~np.isin(quality, list(_QUALITY))
+    latitude, longitude = values[:, 0], values[:, 1]
+    nowhere = (np.abs(latitude) > 90.0) | (np.abs(longitude) > 360.0)
+    for bad, what in (
+        (late, "is not later than the one above"),
+        (unknown, "has a quality Q other than 1 to 6"),
+        (nowhere, "lies nowhere on the earth"),
+    ):
+        if bad.any():
+            raise InputError(
+                f"The solution {what} ({int(bad.sum())} of {len(bad)}).",
+                "Deliver the file as RTKLIB wrote it.",
+                file=path,
+                line=at[int(np.argmax(bad))],
+            )
+    sigma = columns(_SIGMA)
+    return TrajectoryRecords(
+        path,
+        Clock("gps" if head[0] == "GPST" else "utc", "date"),
+        time,
+        np.column_stack([longitude, latitude, values[:, 2]]),
+        columns(_VELOCITY),
+        sigma_position=None if sigma is None else np.where(sigma > 0.0, sigma, np.nan),
+        solution=np.array([SOLUTIONS.index(_QUALITY[int(code)]) for code in quality]),
+        states=FileStatement(heights="ellipsoidal"),
+    )
