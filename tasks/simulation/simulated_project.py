@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 
 from adjust.simulate.block import SimulatedBlock
+from tasks.files.toml_text import TomlValue, toml_text
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.simulation import Simulation
-from tasks.simulation.toml_text import TomlValue, toml_text
 
 
 def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
