@@ -7,8 +7,9 @@ whatever the reason.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -36,6 +37,8 @@ _TINY = 0.01
 _MANY = 50
 # So large a part of them in one quarter speaks against a unit.
 _MOST = 0.9
+_EXCHANGED = 'columns = { x = "y", y = "x" }'
+_LINE = re.compile(f'unit = "[a-z-]+"|{re.escape(_EXCHANGED)}')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,13 +110,14 @@ def in_format(
     count = f"{int(outside.sum()):,} of {len(outside):,} points"
     if outside.sum() > outside_share * len(outside):
         allowed = f", {100 * outside_share:g} % are allowed" if outside_share > 0.0 else ""
-        raise places.error(
+        error = places.error(
             row,
             f"The image point ({x:.10g}, {y:.10g}) {unit} in image '{records.image[row]}' lies outside "
             f"the image ({count} do{allowed}).",
             hint or "Check the camera, its size and the unit; delete points that are mistakes.",
             str(records.point[row]),
         )
+        raise replace(error, declare=_declared(hint))
     remarks = []
     if outside.any():
         remarks.append(
@@ -127,12 +131,13 @@ def in_format(
 def _unlikely_unit(records: ImagePointRecords, part: Floats, places: Places, hint: str) -> str | None:
     """Raise if all points lie about the centre of the image; a sentence if all lie in one quarter."""
     if len(part) > 1 and np.abs(part).max() < _TINY:
-        raise places.error(
+        error = places.error(
             0,
             f"All {len(part):,} image points lie within {100 * _TINY:g} % of the image about its centre.",
             hint or "Check the unit.",
             str(records.point[0]),
         )
+        raise replace(error, declare=_declared(hint))
     one_quarter = (part > 0.0).all(axis=0) | (part < 0.0).all(axis=0)
     if len(part) >= _MANY and one_quarter.all():
         return (
@@ -140,6 +145,12 @@ def _unlikely_unit(records: ImagePointRecords, part: Floats, places: Places, hin
             f"{hint or 'Check the unit and the origin of the coordinates.'}"
         )
     return None
+
+
+def _declared(hint: str) -> str | None:
+    """The line of the project file in a hint."""
+    found = _LINE.search(hint)
+    return None if found is None else found[0]
 
 
 def _hint(
@@ -158,6 +169,11 @@ def _hint(
             what = "they would fit" if share == 0.0 else f"{100 * (1.0 - share):.3g} % of them would fit"
             best = f'In {_NAMES[unit]} {what}: declare unit = "{unit}" if that is it.'
             least = share
+    if best:
+        return best
+    part, inside = _over_format(xy[:, ::-1], declared, cameras, camera)
+    if inside.all() and _spread(part):
+        return f"x and y look swapped: {_EXCHANGED} reads the one as the other."
     return best
 
 
