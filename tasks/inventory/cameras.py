@@ -74,7 +74,8 @@ def _origin(files: Sequence[FoundFile]) -> str:
     """Where pixels are counted from, if the formats of the image points agree."""
     contents = [content for file in files for content in file.contents if content.kind == "image_points"]
     meanings = [IMAGE_POINT_MEANINGS.get(content.format) for content in contents]
-    origins = {None if one is None else one.origin for one in meanings}
+    # Formats that count no pixels have no origin of theirs.
+    origins = {None if one is None else one.origin for one in meanings if one is None or one.unit == "px"}
     only = next(iter(origins)) if len(origins) == 1 else None
     return only or open_value("corner or centre: which point of the first pixel has coordinates (0, 0)")
 

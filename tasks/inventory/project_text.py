@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pyarrow as pa
 
-from tasks.formats.meanings import ADJUSTED, IMAGE_POINT_MEANINGS
+from tasks.formats.meanings import ADJUSTED, IMAGE_POINT_MEANINGS, WITHOUT_REFRACTION
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
 from tasks.formats.register import TABLE
 from tasks.inventory.cameras import CameraSection, camera_sections
@@ -160,8 +160,12 @@ def _place(states: FileStatement, position: np.ndarray, counts: str) -> Iterator
     yield comment(
         f"{counts}: {', '.join(f'{n} {_range(p)}' for n, p in zip('xyz', position.T, strict=True))}"
     )
-    if states.crs is not None:
+    if states.crs is not None and "+ellps" not in states.crs:
         yield key_line("crs", states.crs, "as the file states it")
+    elif states.crs is not None:
+        # An ellipsoid is no datum: between such systems nothing can be transformed.
+        datum = f", datum {states.datum}" if states.datum else ""
+        yield key_line("crs", open_value(f"its EPSG code; the file states {states.crs}{datum}"))
     else:
         datum = f"; the file states the datum {quoted(states.datum)}" if states.datum else ""
         yield key_line("crs", open_value(_CRS + datum))
@@ -174,12 +178,20 @@ def _place(states: FileStatement, position: np.ndarray, counts: str) -> Iterator
 
 
 def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:
-    """Orientations that are the result of an adjustment are no observations of the next one."""
+    """What the results of another adjustment are not: observations of the next one, and free of its model."""
     exposures = [content for _, content in inputs if content.kind == "exposures"]
-    if not exposures or not all(content.format in ADJUSTED for content in exposures):
+    cameras = [content for _, content in inputs if content.kind == "camera"]
+    adjusted = bool(exposures) and all(content.format in ADJUSTED for content in exposures)
+    without = bool(cameras) and all(content.format in WITHOUT_REFRACTION for content in cameras)
+    if not adjusted and not without:
         return
     yield ""
     yield "[adjustment]"
+    if without:
+        yield comment("That program knows no refraction: it is in the focal length and distortion it found.")
+        yield key_line("refraction", "none")
+    if not adjusted:
+        return
     control = any(content.kind == "control" for _, content in inputs)
     yield comment("The orientations are the result of an adjustment: approximate values, no observations.")
     yield key_line("observe", ["control"] if control else [])
