@@ -15,7 +15,6 @@ from flows.stories.block_preparation import (
     import_control,
     import_exposures,
     import_image_points,
-    prepare_block,
 )
 from tasks.errors import AerocalError, InputError
 from tasks.files.json_text import JSON
@@ -83,20 +82,6 @@ class Examination:
     findings: list[Finding] = field(default_factory=list)
     mistakes: list[ListedMistake] = field(default_factory=list)
     refusal: AerocalError | None = None
-
-
-def examine_project(project: Project, store: Store) -> tuple[Finding, ...]:
-    """Read the deliveries and find approximate values; what is there, and what looks wrong.
-
-    Raises
-    ------
-    InputError
-        At the first mistake that a run would stop at.
-    """
-    return tuple(
-        _finding(name, outputs)
-        for name, outputs in zip(_NAMES, prepare_block(project, store).stages, strict=True)
-    )
 
 
 def _finding(name: str, outputs: Outputs) -> Finding:

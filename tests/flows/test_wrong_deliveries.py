@@ -281,6 +281,32 @@ def test_every_mistake_is_named_with_its_remedy(
         assert sum(words in one for one in said) == 1, said
 
 
+MENDED = (
+    "micrometres and gon",
+    "omega-phi-kappa declared phi",
+    "columns of image points",
+    "exposures in feet",
+    "heights of control in feet",
+    "map coordinates in feet",
+    "zone of the exposures",
+    "antenna",
+)
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_the_lines_of_the_list_mend_the_delivery(
+    blocks: Mapping[str, Path], tmp_path: Path, name: str
+) -> None:
+    """Put into the project file they leave nothing to be found."""
+    block, wrong, _ = WRONG[name]
+    lines = [one.declare for one in listed(blocks[block], tmp_path / "delivery", *wrong)]
+    store = Store.of(tmp_path / "mended")
+    store.begin_run()
+    found = examine_everything(load_project(tmp_path / "delivery" / "project.toml", lines), store)
+    assert found.refusal is None
+    assert found.mistakes == []
+
+
 CLEAN: Mapping[str, tuple[str, ...]] = {
     "uce-high": ("points.count=300", OMEGA),
     "uce-high south": ("points.count=300", OMEGA, "seed=5",
