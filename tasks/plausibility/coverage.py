@@ -30,7 +30,7 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
         yield Mistake(
             f"{len(alone):,} images have no points in common with the other {int(sizes.iloc[0]):,}: "
             f"{_named(alone)}.",
-            (f"the block falls into {len(sizes)} parts",),
+            (f"the block falls into {len(sizes)} parts, {_without_control(groups, measured, control)}",),
             "Measure tie points between them and the others, or leave them out.",
         )
     surveyed = control["point"]
@@ -42,6 +42,13 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
             (),
             "Measure them, or check that both files name them alike.",
         )
+
+
+def _without_control(groups: pd.Series, measured: pd.DataFrame, control: pd.DataFrame) -> str:
+    """How many parts of the block see no surveyed point, in words."""
+    surveyed = measured["image"][measured["point"].isin(control["point"])].unique()
+    count = groups.nunique() - groups.loc[surveyed].nunique()
+    return f"{count} of them without control"
 
 
 def _groups(measured: pd.DataFrame, images: pd.Index) -> pd.Series:

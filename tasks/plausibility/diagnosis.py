@@ -69,11 +69,10 @@ class TieMisses:
     def of_images(self, delivered: Delivered) -> Floats:
         """(n,) median of each image, px."""
         length, several = self._lengths(delivered)
-        image = delivered.rays.image
-        count = len(delivered.given.image)
-        return np.array(
-            [np.median(own) if len(own := length[several & (image == i)]) else 0.0 for i in range(count)]
-        )
+        image, length = delivered.rays.image[several], length[several]
+        order = np.argsort(image, kind="stable")
+        own = np.split(length[order], np.searchsorted(image[order], np.arange(1, len(delivered.given.image))))
+        return np.array([np.median(one) if len(one) else 0.0 for one in own])
 
     def residuals(self, delivered: Delivered) -> Floats:
         """(rays, 2) px, NaN where the rays of a point do not intersect."""
@@ -182,15 +181,19 @@ def _px(value: float) -> str:
 
 def _smaller(sample: Delivered) -> Delivered:
     """Fewer points, those with most rays."""
-    rays = sample.rays
-    points = int(rays.point.max()) + 1
-    count = np.bincount(rays.point, minlength=points)
-    chosen = np.zeros(points, dtype=bool)
+    count = np.bincount(sample.rays.point, minlength=_points(sample))
+    chosen = np.zeros(len(count), dtype=bool)
     chosen[np.argsort(-count, kind="stable")[:_POINTS]] = True
+    return _with_points(sample, chosen)
+
+
+def _with_points(delivered: Delivered, chosen: Bools) -> Delivered:
+    """The rays of the chosen points (m,), renumbered."""
+    rays = delivered.rays
     number = np.cumsum(chosen) - 1
     kept = chosen[rays.point]
     return replace(
-        sample,
+        delivered,
         rays=replace(
             rays,
             image=rays.image[kept],
@@ -211,15 +214,19 @@ def exchanged_images(delivered: Delivered, misses: TieMisses, limits: TieLimits)
         suspects = [
             int(i) for i in np.argsort(-medians, kind="stable")[:_SUSPECTS] if medians[i] > limits.wrong_px
         ]
+        if len(suspects) < 2:
+            break
+        # Only the points that they see tell whether they are exchanged.
+        seen = np.zeros(_points(delivered), dtype=bool)
+        seen[delivered.rays.point[np.isin(delivered.rays.image, suspects)]] = True
+        near = _with_points(delivered, seen)
         trials = []
         for i, j in combinations(suspects, 2):
             order = np.arange(len(names))
             order[[i, j]] = j, i
-            other = replace(delivered, given=with_orientations_of(delivered.given, order))
-            after = misses.of_images(other)
+            other = with_orientations_of(delivered.given, order)
+            after = misses.of_images(replace(near, given=other))
             trials.append((float(max(after[i], after[j])), i, j, other))
-        if not trials:
-            break
         left, i, j, other = min(trials, key=lambda trial: trial[0])
         if left > limits.suspicious_px or left * _MARGIN > min(medians[i], medians[j]):
             break
@@ -233,5 +240,5 @@ def exchanged_images(delivered: Delivered, misses: TieMisses, limits: TieLimits)
                 f"Exchange the names {names[i]} and {names[j]} in the file of the exposures.",
             )
         )
-        delivered = other
+        delivered = replace(delivered, given=other)
     return found

@@ -65,16 +65,17 @@ def diagnose(
     in_pixels = {source.file.name: source.format for source in points_sources if source.unit == "px"}
     origins = {name: camera.pixel_origin for name, camera in camera_settings.items()}
     mistakes += other_pixel_origins(in_pixels, origins)
+    declared = _Declared(sources, control_sources, frozenset(free))
     try:
-        given, frame, _ = oriented_images(delivered, read_table(cameras), measured, map_frame)
+        oriented = oriented_images(delivered, read_table(cameras), measured, map_frame)
     except InputError:
         # Orientations are to be found from the image points: there is nothing given to doubt.
-        pass
-    else:
-        declared = _Declared(sources, control_sources, frozenset(free))
-        block = _block(given, frame, measured)
-        reduced = delivered.set_index("image").loc[list(given.image), "position"] == "projection_centre"
+        oriented = None
+    if oriented is not None:
+        given, frame, _ = oriented
+        reduced = delivered.set_index("image")["position"].reindex(given.image) == "projection_centre"
         positions = DeclaredPositions(reduced.to_numpy(bool), declared.free)
+        block = _block(given, frame, measured)
         found, block = _by_ties(block, declared, positions, checks)
         mistakes = [*found, *_by_control(block, declared, control, map_frame, checks), *mistakes]
     figures: dict[str, JSON] = {"mistakes": [cast(JSON, asdict(mistake)) for mistake in mistakes]}
@@ -124,6 +125,8 @@ def _by_ties(
 ) -> tuple[list[Mistake], _Block]:
     """Mistakes that the rays of tie points show, and the block without them."""
     delivered = block.delivered
+    if not block.points:
+        return [], block
     given = delivered.given
     limits = tie_limits(given, checks, _height(block))
     if "boresight" in declared.free:
@@ -148,7 +151,7 @@ def _by_control(
     block: _Block, declared: _Declared, control: pd.DataFrame, map_frame: MapFrame, checks: ChecksSettings
 ) -> list[Mistake]:
     """Mistakes that the surveyed points show, with those corrected that the tie points show."""
-    if len(control) == 0:
+    if len(control) == 0 or not block.points:
         return []
     survey = Survey(
         control,

@@ -143,3 +143,14 @@ def test_a_second_orientation_of_the_same_images_is_left_to_a_person(tmp_path: P
     assert len(tomllib.loads(text)["inputs"]["exposures"]) == 1
     assert "keep one of the two" in text
     assert '# file = "later.csv"' in text
+
+
+def test_names_of_files_cannot_add_lines_to_the_project_file(tmp_path: Path) -> None:
+    folder = tmp_path / "delivery"
+    folder.mkdir()
+    name = 'a "b"\n[adjustment]\nmax_iterations = 1 #.csv'
+    (folder / name).write_text("image,point,x,y\nA1,P1,1.5,2.5\nA2,P1,-1.5,2.5\n")
+    begin_project(folder)
+    content = tomllib.loads((folder / "project.toml").read_text(encoding="utf-8"))
+    assert content["inputs"]["image_points"][0]["file"] == name
+    assert "adjustment" not in content
