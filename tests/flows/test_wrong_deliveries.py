@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from _pytest.mark import ParameterSet
 
 from flows.stories.examination import ListedMistake, examine_everything
 from tasks.settings.load import load_project
@@ -269,7 +270,19 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+#: One of each kind, by default; all of them are a slow test.
+QUICK = (
+    "micrometres", "phi-omega-kappa", "columns of image points", "exposures swapped in a map",
+    "exposures in feet", "zone of the exposures", "antenna", "time offset", "control mixed up",
+    "images mixed up", "gon and undulation", "y down and radians",
+)  # fmt: skip
+
+
+def some_by_default(names: Iterable[str], quick: Sequence[str]) -> list[ParameterSet]:
+    return [pytest.param(name, marks=[] if name in quick else [pytest.mark.slow]) for name in names]
+
+
+@pytest.mark.parametrize("name", some_by_default(WRONG, QUICK))
 def test_every_mistake_is_named_with_its_remedy(
     blocks: Mapping[str, Path], tmp_path: Path, name: str
 ) -> None:
@@ -293,7 +306,7 @@ MENDED = (
 )
 
 
-@pytest.mark.parametrize("name", MENDED)
+@pytest.mark.parametrize("name", some_by_default(MENDED, ("micrometres and gon", "zone of the exposures")))
 def test_the_lines_of_the_list_mend_the_delivery(
     blocks: Mapping[str, Path], tmp_path: Path, name: str
 ) -> None:
@@ -324,9 +337,7 @@ CLEAN: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "preset", [pytest.param(name, marks=[pytest.mark.slow] if k > 3 else []) for k, name in enumerate(CLEAN)]
-)
+@pytest.mark.parametrize("preset", some_by_default(CLEAN, ("uce-high south", "dmc-burn-in")))
 def test_a_clean_delivery_has_no_mistake(tmp_path: Path, preset: str) -> None:
     """Ten presets in both kinds of angles, in local frames and four map projections, with angles in gon."""
     block = simulated(tmp_path / "block", *CLEAN[preset], preset=preset.split()[0])
