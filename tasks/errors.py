@@ -46,6 +46,8 @@ class InputError(AerocalError):
     file : the file it stands in, None if it is not about one file.
     line : 1-based line of that file.
     entity : the image, point, camera or key concerned.
+    declare : ``key = value`` in the table of the input that is read, with which it could be read; only where
+        what was found leaves one such value.
     """
 
     what: str
@@ -53,6 +55,7 @@ class InputError(AerocalError):
     file: Path | None = None
     line: int | None = None
     entity: str | None = None
+    declare: str | None = None
 
     def __str__(self) -> str:
         place = ""

@@ -15,7 +15,11 @@ def doctor(
 ) -> None:
     """Read and check a project: what is there, and what looks wrong.
 
-    All files are read and approximate values computed: wrong units, swapped axes, unknown images are found.
+    All mistakes are listed at once, each with what was measured under every hypothesis and the line of the
+    project file that mends it: units, order and reference of angles, turned or mirrored images, swapped axes,
+    feet, heights, zones, antenna, time offset, mixed names, images and points that take no part. What would
+    stop a run is corrected in memory or set aside, and the rest is looked at behind it.
+
     Nothing is published; with --out the finished stages are kept there for the run that follows.
 
     [bold]Example[/bold]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import cast
 
 from rich.console import Console
 from rich.table import Table
@@ -13,7 +15,7 @@ from rich.text import Text
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
 from flows.runs.project_run import RunRequest
-from flows.stories.examination import Finding, examine_project
+from flows.stories.examination import Examination, ListedMistake, examine_everything
 from tasks.files.json_text import JSON, json_text
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store
@@ -34,26 +36,38 @@ def examine(
         store = request.store() if out is not None else Store.of(Path(temporary))
         with run_lock(store.folder.parent):
             store.begin_run()
-            findings = examine_project(project, store)
+            found = examine_everything(project, store)
     if as_json:
-        print(json_text({finding.subject: _as_json(finding) for finding in findings}, indent=2))
+        print(json_text(_as_json(found), indent=2))
     else:
-        _show(findings)
+        _show(found)
+    if found.refusal is not None:
+        raise found.refusal
     return DONE
 
 
-def _as_json(finding: Finding) -> JSON:
-    return {"figures": finding.figures, "problems": finding.problems}
+def _as_json(found: Examination) -> JSON:
+    stages: dict[str, JSON] = {
+        finding.subject: {"figures": finding.figures, "problems": finding.problems}
+        for finding in found.findings
+    }
+    return {**stages, "mistakes": [cast(JSON, asdict(mistake)) for mistake in found.mistakes]}
 
 
-def _show(findings: Sequence[Finding]) -> None:
+def _show(found: Examination) -> None:
     console = Console()
-    problems = [sentence for finding in findings for sentence in finding.problems]
-    word = "nothing looks wrong" if not problems else f"{len(problems)} remark(s)"
-    console.print(Text(f"\nThe project can be read: {word}.", style="bold"))
+    problems = [sentence for finding in found.findings for sentence in finding.problems]
+    if found.refusal is None:
+        word = "nothing looks wrong" if not (problems or found.mistakes) else f"{len(problems)} remark(s)"
+        console.print(Text(f"\nThe project can be read: {word}.", style="bold"))
+    if found.mistakes:
+        count = len(found.mistakes)
+        console.print(Text(f"\n{count} mistake{'s' if count > 1 else ''} found:", style="bold"))
+    for number, mistake in enumerate(found.mistakes, start=1):
+        _show_mistake(console, number, mistake)
     for sentence in problems:
         console.print(Text(f"• {sentence}", style="yellow"))
-    for finding in findings:
+    for finding in found.findings:
         table = Table(
             title=finding.subject, title_justify="left", title_style="bold", show_header=False, box=None
         )
@@ -61,6 +75,17 @@ def _show(findings: Sequence[Finding]) -> None:
             table.add_row(name, value)
         if table.row_count:
             console.print(table)
+
+
+def _show_mistake(console: Console, number: int, mistake: ListedMistake) -> None:
+    """What, the evidence under each hypothesis, the remedy and its line in the project file."""
+    console.print(Text(f"{number}. {mistake.what}", style="yellow"))
+    for line in mistake.evidence:
+        console.print(Text(f"     {line}"))
+    if mistake.remedy:
+        console.print(Text(f"   → {mistake.remedy}"))
+    if mistake.declare:
+        console.print(Text(f"     {mistake.declare}", style="bold"), soft_wrap=True)
 
 
 def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]:

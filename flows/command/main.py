@@ -15,6 +15,7 @@ from flows.command.export import export
 from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
+from flows.command.init import init
 from flows.command.notify import notify
 from flows.command.plan import plan
 from flows.command.registry import registry
@@ -29,7 +30,8 @@ _ABOUT = (
     "Aerial triangulation and calibration of large-format aerial cameras.\n\n"
     "A project is one TOML file that says which files were delivered, what they mean (units, coordinate "
     "systems, angles) and what the result must keep.\n\n"
-    "Start with [bold]aerocal doctor PROJECT.toml[/bold]: it reads and checks, and adjusts nothing. Then "
+    "Start with [bold]aerocal init FOLDER[/bold]: it says what the files are and begins the project file. "
+    "[bold]aerocal doctor PROJECT.toml[/bold] reads and checks, and adjusts nothing. Then "
     "[bold]aerocal run PROJECT.toml[/bold]: tables and figures appear in results/ beside the project."
 )
 
@@ -50,6 +52,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.command()(init)
 app.command()(run)
 app.command()(adjust)
 app.command()(calibrate)

@@ -1,17 +1,37 @@
-"""Examine a project: read and check it, compute approximate values, adjust nothing."""
+"""Examine a project: read and check it, compute approximate values, adjust nothing.
+
+What a run would stop at is one mistake; the doctor goes on behind it wherever the rest can be judged.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
-from flows.stories.block_preparation import prepare_block
+from flows.runs.stage import stage
+from flows.stories.block_preparation import (
+    approximate_block,
+    import_control,
+    import_exposures,
+    import_image_points,
+)
+from tasks.errors import AerocalError, InputError
 from tasks.files.json_text import JSON
+from tasks.settings.declared_line import input_table, with_declared
 from tasks.settings.project import Project
+from tasks.stages import diagnosis
 from tasks.store.notes import read_notes
-from tasks.store.store import Store
+from tasks.store.store import Outputs, Store
 
 _NAMES = ("exposures and cameras", "control", "image points", "approximate values")
+# Mistakes of the import that are corrected one after the other.
+_MOST_CORRECTED = 8
+# A part of the points with one ray, above which it is no matter of single mismatches any more.
+_SINGLE_RAYS = 0.05
+T = TypeVar("T")
+
+diagnose = stage(diagnosis.diagnose)
 
 
 @dataclass(frozen=True)
@@ -30,8 +50,184 @@ class Finding:
     problems: tuple[str, ...]
 
 
-def examine_project(project: Project, store: Store) -> tuple[Finding, ...]:
-    """Read the deliveries and find approximate values; what is there, and what looks wrong."""
-    block = prepare_block(project, store)
-    notes = [read_notes(outputs["notes"]) for outputs in block.stages]
-    return tuple(Finding(name, note.figures, note.problems) for name, note in zip(_NAMES, notes, strict=True))
+@dataclass(frozen=True)
+class ListedMistake:
+    """One line of the doctor's list.
+
+    Attributes
+    ----------
+    what : what it looks like.
+    evidence : what was measured under each hypothesis.
+    remedy : what to do.
+    declare : the line of the project file; empty: the files must be mended.
+    """
+
+    what: str
+    evidence: tuple[str, ...]
+    remedy: str
+    declare: str
+
+
+@dataclass
+class Examination:
+    """All that was found.
+
+    Attributes
+    ----------
+    findings : of the stages that could be carried out.
+    mistakes : the list.
+    refusal : what a run of the project as it stands would stop at.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    mistakes: list[ListedMistake] = field(default_factory=list)
+    refusal: AerocalError | None = None
+
+
+def _finding(name: str, outputs: Outputs) -> Finding:
+    note = read_notes(outputs["notes"])
+    return Finding(name, note.figures, note.problems)
+
+
+def examine_everything(project: Project, store: Store) -> Examination:
+    """The list of all mistakes of a delivery, as far as they can be judged behind one another."""
+    found = Examination()
+    imported = _imported(project, store, found)
+    if imported is None:
+        return found
+    project, exposures, control, points = imported
+    for name, outputs in zip(_NAMES, (exposures, control, points), strict=False):
+        found.findings.append(_finding(name, outputs))
+    corrected = bool(found.mistakes)
+    found.mistakes += _single_rays(points)
+    misaligned = "boresight" in project.adjustment.free
+    outcome = _attempt(
+        lambda: approximate_block(
+            store,
+            exposures=exposures["exposures"],
+            cameras=exposures["cameras"],
+            image_points=points["image_points"],
+            control_points=control["control_points"],
+            distances=control["distances"],
+            project=project.project,
+            checks=project.checks,
+            misaligned=misaligned,
+        )
+    )
+    looked = diagnose(
+        store,
+        exposures=exposures["exposures"],
+        cameras=exposures["cameras"],
+        image_points=points["image_points"],
+        control_points=control["control_points"],
+        project=project.project,
+        checks=project.checks,
+        sources=project.inputs.exposures,
+        points_sources=project.inputs.image_points,
+        control_sources=project.inputs.control,
+        camera_settings=project.cameras,
+        free=tuple(project.adjustment.free),
+    )
+    diagnosed = _listed(looked)
+    found.mistakes += diagnosed
+    if isinstance(outcome, AerocalError):
+        explained = any(mistake.evidence for mistake in diagnosed)
+        if not corrected:
+            found.refusal = outcome
+        if not explained:
+            found.mistakes.append(_of_error(outcome))
+    else:
+        found.findings.append(_finding(_NAMES[3], outcome))
+    return found
+
+
+def _listed(outputs: Outputs) -> list[ListedMistake]:
+    figures = read_notes(outputs["notes"]).figures
+    entries = cast(Sequence[Mapping[str, JSON]], figures["mistakes"])
+    return [
+        ListedMistake(
+            str(entry["what"]),
+            tuple(map(str, cast(Sequence[JSON], entry["evidence"]))),
+            str(entry["remedy"]),
+            str(entry["declare"]),
+        )
+        for entry in entries
+    ]
+
+
+def _single_rays(points: Outputs) -> list[ListedMistake]:
+    """Object points with one ray, where they are so many that names may differ between files."""
+    note = read_notes(points["notes"])
+    counts = cast(Mapping[str, int], note.figures["counts"])
+    single, all_points = counts["single_ray_points"], counts["object_points"] + counts["single_ray_points"]
+    if single <= _SINGLE_RAYS * all_points:
+        return []
+    what = next(text for text in note.problems if "measured in one image only" in text)
+    share = f"{100.0 * single / all_points:.1f} % of {all_points:,} object points"
+    return [ListedMistake(what, (share,), "Check that all files name a point alike, or leave them out.", "")]
+
+
+def _imported(
+    project: Project, store: Store, found: Examination
+) -> tuple[Project, Outputs, Outputs, Outputs] | None:
+    """The three imports, with what stops them corrected or set aside; None if the rest says nothing."""
+    for _ in range(_MOST_CORRECTED):
+        outputs = _attempt(lambda project=project: _import(project, store))  # type: ignore[misc]
+        if not isinstance(outputs, AerocalError):
+            return (project, *outputs)
+        found.refusal = found.refusal or outputs
+        mistake, rest = _going_on(project, outputs)
+        found.mistakes.append(mistake)
+        if rest is None:
+            return None
+        project = rest
+    return None
+
+
+def _import(project: Project, store: Store) -> tuple[Outputs, Outputs, Outputs]:
+    inputs = project.inputs
+    exposures = import_exposures(
+        store, sources=inputs.exposures, cameras=project.cameras, project=project.project
+    )
+    control = import_control(
+        store, sources=inputs.control, project=project.project, distances=inputs.distances
+    )
+    points = import_image_points(
+        store,
+        sources=inputs.image_points,
+        exposures=exposures["exposures"],
+        cameras=exposures["cameras"],
+        control_points=control["control_points"],
+        outside_format_share=project.checks.outside_format_share,
+        orient_without_exposure=inputs.orient_without_exposure,
+    )
+    return exposures, control, points
+
+
+def _going_on(project: Project, error: AerocalError) -> tuple[ListedMistake, Project | None]:
+    """The mistake that an error is, and the project with which the rest can be judged."""
+    if not isinstance(error, InputError):
+        return _of_error(error), None
+    table = input_table(project, error.file)
+    if table is None:
+        return _of_error(error), None
+    if error.declare is not None:
+        line = f"{table.name}.{error.declare}"
+        return _of_error(error, line), with_declared(project, table, error.declare)
+    # Without the file there may be enough to judge the others by.
+    return _of_error(error), table.without(project)
+
+
+def _of_error(error: AerocalError, declare: str = "") -> ListedMistake:
+    if not isinstance(error, InputError):
+        return ListedMistake(str(error), (), "", declare)
+    place = "" if error.file is None else f"{error.file.name}{f':{error.line}' if error.line else ''}: "
+    entity = f"{error.entity}: " if error.entity else ""
+    return ListedMistake(f"{place}{entity}{error.what}", (), error.remedy, declare)
+
+
+def _attempt(action: Callable[[], T]) -> T | AerocalError:
+    try:
+        return action()
+    except AerocalError as error:
+        return error

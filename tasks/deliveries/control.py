@@ -16,6 +16,7 @@ from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.deliveries.exposures import turned_sigmas
 from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import refuse_other_statement
+from tasks.deliveries.length_units import control_in_metres
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
 from tasks.errors import InputError
@@ -81,6 +82,7 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     records = read_control(source.format, source.file, source.layout)
     places = Places.of_files([source.file], [records.line])
     frame = MapFrame.of(source.crs, source.heights)
+    records = control_in_metres(records, source, frame)
     refuse_other_statement(records.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     # Zero is no slip here: the point is fixed.

@@ -7,7 +7,7 @@ rotation δ = E · dα in the camera frame: Σ' = E'⁻¹ E Σ Eᵀ E'⁻ᵀ, of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,7 @@ def refuse_impossible_angles(records: ExposureRecords, declared: Angles, places:
             f"The header of the file states its angles in {stated}, the project file in {declared.unit}.",
             f'Declare angles.unit = "{stated}".',
             file=records.file,
+            declare=f'angles.unit = "{stated}"',
         )
     largest = np.nan_to_num(np.abs(records.angles)).max(axis=1)
     beyond = largest > _FULL_TURN[declared.unit] * _SLACK
@@ -74,13 +75,14 @@ def refuse_impossible_angles(records: ExposureRecords, declared: Angles, places:
     remedy = "Check the columns of the file."
     if fitting is not None:
         remedy = f'The values fit {fitting}: declare angles.unit = "{fitting}" if that is what they are.'
-    raise places.error(
+    error = places.error(
         row,
         f"The angle {largest[row]:.6g} is beyond a full turn of {_FULL_TURN[declared.unit]:.4g} "
         f"{declared.unit} ({int(beyond.sum())} rows).",
         remedy,
         str(records.image[row]),
     )
+    raise replace(error, declare=None if fitting is None else f'angles.unit = "{fitting}"')
 
 
 def body_rates(records: ExposureRecords, declared: Angles) -> Floats:

@@ -28,6 +28,7 @@ from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import refuse_other_statement
 from tasks.deliveries.gnss_solutions import with_declared_solutions
 from tasks.deliveries.image_names import with_image_names
+from tasks.deliveries.length_units import exposures_in_metres
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.deliveries.trajectory import exposures_of_trajectory
@@ -117,6 +118,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     frame = MapFrame.of(source.crs, source.heights)
     if source.angles.reference == "grid":
         refuse_distorted_angles(frame)
+    records = exposures_in_metres(records, source, frame)
     refuse_other_statement(source.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)

@@ -11,6 +11,7 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
+from tasks.files.toml_text import toml_value
 from tasks.formats.records import FileStatement
 from tasks.settings.coordinates import ELLIPSOIDAL, LOCAL
 from tasks.settings.inputs import ControlInput, ExposuresInput
@@ -54,12 +55,14 @@ def refuse_other_statement(
                 f"The file states {key} {stated}, the project file declares {declared}.",
                 f'Declare {key} = "{stated}". {_MISLABELLED}',
                 file=file,
+                declare=f'{key} = "{stated}"' if stated != "geoid" else None,
             )
     if states.crs is not None and (states.crs == LOCAL) != frame.is_local:
         raise InputError(
             f'The file states the CRS "{states.crs}", the project file declares "{frame.name}".',
             f'Declare crs = "{states.crs}" for this input. {_MISLABELLED}',
             file=file,
+            declare=f'crs = "{states.crs}"',
         )
     if frame.is_local:
         return
@@ -120,6 +123,7 @@ def _refuse_other_projection(file: Path, stated: MapFrame, declared: MapFrame, p
         "another projection.",
         f'Declare crs = "{name}" for this input. {_MISLABELLED}',
         file=file,
+        declare=f"crs = {toml_value(name)}",
     )
 
 

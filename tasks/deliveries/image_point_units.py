@@ -7,8 +7,9 @@ whatever the reason.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,8 @@ _TINY = 0.01
 _MANY = 50
 # So large a part of them in one quarter speaks against a unit.
 _MOST = 0.9
+_EXCHANGED = 'columns = { x = "y", y = "x" }'
+_LINE = re.compile(f'unit = "[a-z-]+"|{re.escape(_EXCHANGED)}')
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,14 +204,15 @@ def _outside(
     if count > outside_share * rows:
         x, y = records.xy[row]
         allowed = f", {100 * outside_share:g} % are allowed" if outside_share > 0.0 else ""
+        hint = _hint(points, unit, extent.outside_share)
         raise InputError(
             f"The image point ({x:.10g}, {y:.10g}) {unit} in image '{records.image[row]}' lies outside "
             f"the image ({of_all} do{allowed}).",
-            _hint(points, unit, extent.outside_share)
-            or "Check the camera, its size and the unit; delete points that are mistakes.",
+            hint or "Check the camera, its size and the unit; delete points that are mistakes.",
             file=records.file,
             line=int(records.line[row]),
             entity=str(records.point[row]),
+            declare=_declared(hint),
         )
     return (
         f"{records.file.name}: {of_all} lie outside their image and are left out; the first is "
@@ -219,12 +223,14 @@ def _outside(
 def _unlikely_unit(records: ImagePointRecords, unit: Unit, points: _Measured, extent: _Extent) -> str | None:
     """Raise if all points lie about the centre of the image; a sentence if all lie in one quarter."""
     if extent.count > 1 and max(extent.most.max(), -extent.least.min()) < _TINY:
+        hint = _hint(points, unit, extent.outside_share)
         raise InputError(
             f"All {extent.count:,} image points lie within {100 * _TINY:g} % of the image about its centre.",
-            _hint(points, unit, extent.outside_share) or "Check the unit.",
+            hint or "Check the unit.",
             file=records.file,
             line=int(records.line[0]),
             entity=str(records.point[0]),
+            declare=_declared(hint),
         )
     one_quarter = (extent.least > 0.0) | (extent.most < 0.0)
     if extent.count >= _MANY and one_quarter.all():
@@ -234,6 +240,12 @@ def _unlikely_unit(records: ImagePointRecords, unit: Unit, points: _Measured, ex
             f"{hint or 'Check the unit and the origin of the coordinates.'}"
         )
     return None
+
+
+def _declared(hint: str) -> str | None:
+    """The line of the project file in a hint."""
+    found = _LINE.search(hint)
+    return None if found is None else found[0]
 
 
 def _hint(points: _Measured, declared: Unit, outside_share: float) -> str:
@@ -248,4 +260,9 @@ def _hint(points: _Measured, declared: Unit, outside_share: float) -> str:
             what = "they would fit" if share == 0.0 else f"{100 * (1.0 - share):.3g} % of them would fit"
             best = f'In {_NAMES[unit]} {what}: declare unit = "{unit}" if that is it.'
             least = share
+    if best:
+        return best
+    exchanged = _Extent.of(replace(points, xy=points.xy[:, ::-1]), declared)
+    if exchanged.count == len(points.xy) and exchanged.is_spread:
+        return f"x and y look swapped: {_EXCHANGED} reads the one as the other."
     return best

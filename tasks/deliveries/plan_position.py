@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tasks.coordinates.crs import MapFrame
 from tasks.deliveries.source_rows import Places
+
+_FOOT = 0.3048
 
 
 def refuse_outside_area(
@@ -28,14 +31,20 @@ def refuse_outside_area(
     first = int(outside[0])
     x, y = position[first, :2]
     swapped = frame.inside_area_of_use(position[outside][:, [1, 0, 2]]).all()
+    feet = frame.is_projected and frame.inside_area_of_use(position[rows] * _FOOT).all()
     count = f" ({len(outside)} of {len(rows)} rows)" if len(rows) > 1 else ""
     what = (
         f"The position x = {x:.12g}, y = {y:.12g} of this {kind} is outside the area of {frame.name}{count}."
     )
     remedy = "Check the CRS declared for this file, and the units."
+    declare = None
     if swapped:
         remedy = "x and y look swapped: x is east and y is north in every input. Exchange the two columns."
-    raise places.error(first, what, remedy, str(names[first]))
+        declare = 'columns = { x = "y", y = "x" }'
+    elif feet:
+        remedy = 'Taken as feet they lie inside: declare length_unit = "ft" (or "us-ft") if they are.'
+        declare = 'length_unit = "ft"'
+    raise replace(places.error(first, what, remedy, str(names[first])), declare=declare)
 
 
 def refuse_without_image(

@@ -135,17 +135,23 @@ def refuse_other_separator(
     )
 
 
+def alike(wanted: Iterable[str], fields: Sequence[str]) -> dict[str, str]:
+    """Our names of columns → the headings of a file that look like them; no heading stands for two."""
+    plain = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(fields)}
+    found: dict[str, str] = {}
+    for name in wanted:
+        heading = next((plain[a] for a in _ALIASES.get(name, ()) if a in plain), None)
+        if heading is not None and heading not in found.values():
+            found[name] = heading
+    return found
+
+
 def declaration(missing: Iterable[str], fields: Sequence[str], layout: TableLayout) -> str:
     """The line of the project file that would declare missing columns; empty if nothing looks like them."""
     if not layout.header:
         return " The file has no headings: declare the columns by number, e.g. columns = { x = 2 }."
     missing = list(missing)
-    plain = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(fields)}
-    found: dict[str, str] = {}
-    for name in missing:
-        heading = next((plain[a] for a in _ALIASES.get(name, ()) if a in plain), None)
-        if heading is not None and heading not in found.values():
-            found[name] = heading
+    found = alike(missing, fields)
     text = ""
     if found:
         every = {**{name: str(heading) for name, heading in layout.columns.items()}, **found}

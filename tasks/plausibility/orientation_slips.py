@@ -31,12 +31,14 @@ class Slip:
     corrected : the input as it should have been read: orientations, image points, the order of the
         angles, and a turn (3, 3) of the camera to be applied last.
     kind : slips of one kind are different ways to have made the same one; need not be told from each other.
+    declare : key and value of the project file that would mend it, below `inputs`; empty: the file must be.
     """
 
     looks_like: str
     remedy: str
     corrected: Callable[[GivenOrientations, ImagePoints], Reading]
     kind: str = ""
+    declare: str = ""
 
 
 _SAME = np.eye(3)
@@ -59,6 +61,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
             "The columns x and y of the image points look swapped",
             "Swap the two columns, or their names in the header.",
             lambda g, r: (g, replace(r, xy=r.xy[:, ::-1].copy()), "omega-phi-kappa", _SAME),
+            declare='image_points.columns = { x = "y", y = "x" }',
         ),
         Slip(
             "The rotations look transposed (camera from ground instead of ground from camera)",
@@ -86,6 +89,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
                 "The angles look like the other order of ω and φ",
                 'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
                 lambda g, r: (g, r, "phi-omega-kappa", _SAME),
+                declare='exposures.angles.order = "phi-omega-kappa"',
             )
         )
         slips.append(
@@ -93,6 +97,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
                 "The angles look as if they were counted from true north",
                 'Declare angles.reference = "true-north" for the exposures.',
                 lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
+                declare='exposures.angles.reference = "true-north"',
             )
         )
         slips.append(
@@ -100,6 +105,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
                 "The angles look as if they were counted from grid north",
                 'Declare angles.reference = "grid" for the exposures.',
                 lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
+                declare='exposures.angles.reference = "grid"',
             )
         )
     return slips
@@ -163,6 +169,7 @@ def _angles(looks_like: str, remedy: str, factor: float) -> Slip:
         looks_like,
         remedy,
         lambda g, r: (replace(g, angles=g.angles * factor), r, "omega-phi-kappa", _SAME),
+        declare=f"exposures.{remedy.removeprefix('Declare ').removesuffix(' for the exposures.')}",
     )
 
 

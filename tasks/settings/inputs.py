@@ -31,6 +31,10 @@ from tasks.settings.trajectory import EventsInput, SolutionName, SolutionUse, Tr
 IMAGE_POINT_SIGMA_PX = 0.3
 
 
+#: Units of lengths on the ground.
+LengthUnit: TypeAlias = Literal["m", "ft", "us-ft"]
+
+
 def _listed(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in names[1:])
 
@@ -95,7 +99,20 @@ class DeliveredFlight(Settings):
     )
 
 
-class ExposuresInput(PlacedSettings, TableSettings):
+class LengthSettings(Settings):
+    """Unit of the coordinates of an input that are not in metres."""
+
+    length_unit: LengthUnit = Field(
+        default="m",
+        description="Unit of x, y, z and their standard deviations in the file: `m`, `ft` (0.3048 m) or "
+        "`us-ft` (1200/3937 m). Longitude and latitude stay degrees.",
+    )
+    height_unit: LengthUnit | None = Field(
+        default=None, description="Unit of z and its standard deviation, if it is not `length_unit`."
+    )
+
+
+class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
     file: InputPath = Field(description="The file.")
@@ -185,7 +202,7 @@ class ExposuresInput(PlacedSettings, TableSettings):
         return tuple(name for name in ("camera", "strip") if getattr(self, name) is not None)
 
 
-class ControlInput(PlacedSettings, TableSettings):
+class ControlInput(PlacedSettings, LengthSettings, TableSettings):
     """One file of control and check points."""
 
     file: InputPath = Field(description="The file.")

@@ -22,6 +22,7 @@ from tasks.files.delivered_file import is_there, read_delivered
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, trouble_in_tables, visible
 from tasks.settings.base import PathContext, Settings
+from tasks.settings.declare import refuse_open_values
 from tasks.settings.key_lines import line_nested_deeper, line_of_key
 
 Table = dict[str, Any]
@@ -100,8 +101,10 @@ class SettingsFile:
         Raises
         ------
         InputError
-            With the file, the line and the key: an unknown or missing key, a value that cannot be.
+            With the file, the line and the key: an unknown or missing key, a value that cannot be, or that is
+            still to be declared.
         """
+        refuse_open_values(self.content, self.text, self.path)
         try:
             return self.kind.model.model_validate(self.content, context=context)
         except ValidationError as error:

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 
 from adjust.simulate.block import SimulatedBlock
+from tasks.files.toml_text import TomlValue, toml_text
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.simulation import Simulation
 from tasks.simulation.simulated_sbet import trajectory_files
 from tasks.simulation.simulation_input import simulated_map_frame
-from tasks.simulation.toml_text import TomlValue, toml_text
 
 
 def project_text(simulation: Simulation, block: SimulatedBlock) -> str:

@@ -20,9 +20,9 @@ from adjust.simulate.block import SimulatedBlock
 from adjust.simulate.system import certified_interior
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
+from tasks.files.toml_text import TomlValue, toml_text
 from tasks.quantities import reported_unit
 from tasks.settings.simulation import Simulation
-from tasks.simulation.toml_text import TomlValue, toml_text
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import Column, TableSchema
 

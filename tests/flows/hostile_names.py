@@ -6,9 +6,9 @@ import csv
 from collections.abc import Callable
 from pathlib import Path
 
+from tasks.files.toml_text import toml_text
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
-from tasks.simulation.toml_text import toml_text
 
 #: What each name begins with; every one that HTML, SVG, CSS, typst, a template or a database could take up.
 PAYLOADS = (

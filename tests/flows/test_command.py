@@ -138,6 +138,7 @@ def test_the_doctor_reads_and_publishes_nothing(block: Path) -> None:
         "image points",
         "control",
         "approximate values",
+        "mistakes",
     }
 
 

@@ -16,8 +16,7 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
-from flows.stories.examination import examine_project
-from tasks.errors import InputError
+from flows.stories.examination import examine_everything
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
@@ -61,11 +60,11 @@ def examined(project: Path, out: Path, *overrides: str) -> str:
     """All that ``aerocal doctor`` has to say, the message of a refusal included."""
     store = Store.of(out)
     store.begin_run()
-    try:
-        findings = examine_project(load_project(project / "project.toml", overrides), store)
-    except InputError as error:
-        return str(error)
-    return "\n".join(problem for finding in findings for problem in finding.problems)
+    found = examine_everything(load_project(project / "project.toml", overrides), store)
+    if found.refusal is not None:
+        return str(found.refusal)
+    problems = [problem for finding in found.findings for problem in finding.problems]
+    return "\n".join([*problems, *(mistake.what for mistake in found.mistakes)])
 
 
 @pytest.fixture(scope="module", params=[HEADINGS, OMEGA_PHI_KAPPA], ids=["heading", "omega"])

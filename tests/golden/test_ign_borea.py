@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.stories.examination import examine_project
+from flows.stories.examination import examine_everything
 from tasks.settings.load import load_project
 from tasks.store.store import Store
 
@@ -24,7 +24,7 @@ def reprojection(test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def run(*overrides: str) -> list[float]:
         store = Store.of(tmp_path / "out")
         store.begin_run()
-        approximate = examine_project(load_project(PROJECT, overrides), store)[-1]
+        approximate = examine_everything(load_project(PROJECT, overrides), store).findings[-1]
         return approximate.figures["given_orientations"]["control_reprojection_rms_px"]
 
     return run

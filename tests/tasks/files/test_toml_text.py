@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tasks.simulation.toml_text import TomlValue, toml_text
+from tasks.files.toml_text import TomlValue, toml_text
 
 SCALARS = st.one_of(
     st.text(st.characters(codec="utf-8"), max_size=12),

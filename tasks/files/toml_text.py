@@ -27,10 +27,10 @@ def _table(path: tuple[str, ...], table: Mapping[str, TomlValue]) -> Iterator[st
     """Lines of a table without its header: plain values first, then the tables in it."""
     for key, value in table.items():
         if not _is_table(value) and not _is_tables(value):
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{toml_key(key)} = {toml_value(value)}"
     for key, value in table.items():
         inner = (*path, key)
-        name = ".".join(map(_key, inner))
+        name = ".".join(map(toml_key, inner))
         if isinstance(value, Mapping):
             # A table of tables needs no header of its own.
             if not value or not all(isinstance(item, Mapping) for item in value.values()):
@@ -57,7 +57,8 @@ def _is_tables(value: TomlValue) -> bool:
     )
 
 
-def _key(key: str) -> str:
+def toml_key(key: str) -> str:
+    """A key, in quotes where it needs them."""
     plain = key and all(
         character.isascii() and (character.isalnum() or character in "-_") for character in key
     )
@@ -69,7 +70,8 @@ def _text(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _value(value: TomlValue) -> str:
+def toml_value(value: TomlValue) -> str:
+    """A value in one line; a table stands in braces."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -77,7 +79,7 @@ def _value(value: TomlValue) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, Sequence):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items()) + " }"
     raise TypeError(f"{type(value).__name__} has no place in TOML")

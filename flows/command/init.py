@@ -1,0 +1,30 @@
+"""``aerocal init``: begin a project with a folder of delivered files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the delivered files.")],
+) -> None:
+    """Look at a folder of delivered files and begin its project file.
+
+    Says what each file is, by its content. FOLDER/project.toml names the files and holds what they say
+    themselves; what a person has to declare (units, coordinate systems, heights, angles) stands there as
+    DECLARE, and aerocal run refuses the project until that is done. A project file is never overwritten.
+
+    [bold]Example[/bold]
+
+      aerocal init delivery && $EDITOR delivery/project.toml && aerocal doctor delivery/project.toml
+
+    [bold]Exit codes[/bold]  0 written · 2 no delivery, or a project file is there already
+    """
+    from flows.command.initiation import initiate
+
+    end_with(lambda: initiate(folder))

@@ -1,0 +1,92 @@
+"""Images and points that take no part, or hang on the others by nothing: by what the tables say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from tasks.formats.meanings import IMAGE_POINT_MEANINGS
+from tasks.plausibility.mistake import Mistake
+
+_MOST_NAMES = 8
+
+
+def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataFrame) -> Iterator[Mistake]:
+    """Images without image points or points in common with others, control that is not measured."""
+    images = pd.Index(measured["image"].unique())
+    without = exposures["image"][~exposures["image"].isin(images)]
+    if len(without):
+        yield Mistake(
+            f"{len(without):,} of {len(exposures):,} exposures have no image points: {_named(without)}.",
+            (),
+            "Deliver their image points, or leave the exposures out.",
+        )
+    groups = _groups(measured, images)
+    sizes = groups.value_counts()
+    alone = groups.index[groups != sizes.index[0]]
+    if len(alone):
+        yield Mistake(
+            f"{len(alone):,} images have no points in common with the other {int(sizes.iloc[0]):,}: "
+            f"{_named(alone)}.",
+            (f"the block falls into {len(sizes)} parts, {_without_control(groups, measured, control)}",),
+            "Measure tie points between them and the others, or leave them out.",
+        )
+    surveyed = control["point"]
+    lost = surveyed[~surveyed.isin(measured["point"])]
+    if len(lost):
+        yield Mistake(
+            f"{len(lost):,} of {len(surveyed):,} control and check points are measured in no image: "
+            f"{_named(lost)}.",
+            (),
+            "Measure them, or check that both files name them alike.",
+        )
+
+
+def _without_control(groups: pd.Series, measured: pd.DataFrame, control: pd.DataFrame) -> str:
+    """How many parts of the block see no surveyed point, in words."""
+    surveyed = measured["image"][measured["point"].isin(control["point"])].unique()
+    count = groups.nunique() - groups.loc[surveyed].nunique()
+    return f"{count} of them without control"
+
+
+def _groups(measured: pd.DataFrame, images: pd.Index) -> pd.Series:
+    """Number of the connected part of the block that each image is in."""
+    # Loaded late: the command line starts without it.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    image = images.get_indexer(pd.Index(measured["image"]))
+    point, points = pd.factorize(measured["point"])
+    size = len(images) + len(points)
+    links = coo_array((np.ones(len(image)), (image, len(images) + point)), shape=(size, size))
+    return pd.Series(connected_components(links, directed=False)[1][: len(images)], index=images)
+
+
+def _named(names: pd.Series | pd.Index) -> str:
+    listed = ", ".join(map(str, names[:_MOST_NAMES]))
+    return f"{listed}, …" if len(names) > _MOST_NAMES else listed
+
+
+def other_pixel_origins(formats: Mapping[str, str], origins: Mapping[str, str]) -> Iterator[Mistake]:
+    """Cameras whose first pixel is declared otherwise than the files count.
+
+    Parameters
+    ----------
+    formats : file names of image points in pixels → their format.
+    origins : names of cameras → `pixel_origin` as declared.
+    """
+    for file, name in formats.items():
+        meaning = IMAGE_POINT_MEANINGS.get(name)
+        if meaning is None or meaning.origin is None:
+            continue
+        for camera, declared in origins.items():
+            if declared != meaning.origin:
+                yield Mistake(
+                    f"{file} counts pixels from the {meaning.origin} of the first one, and pixel_origin of "
+                    f"{camera} is {declared}: all image points are half a pixel off in both directions.",
+                    (f"format {name}: {meaning.origin}", f"project file: {declared}"),
+                    f'Declare pixel_origin = "{meaning.origin}" for the camera.',
+                    f'cameras.{camera}.pixel_origin = "{meaning.origin}"',
+                )

@@ -1,0 +1,23 @@
+"""A mistake of a delivery: what it looks like, what speaks for it, and how it is mended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake.
+
+    Attributes
+    ----------
+    what : what it looks like, a sentence.
+    evidence : what was measured under each hypothesis, the best first.
+    remedy : what to do, a sentence.
+    declare : the line of the project file, ``a.b.c = value`` from its top; empty: the files must be mended.
+    """
+
+    what: str
+    evidence: tuple[str, ...]
+    remedy: str
+    declare: str = ""
