@@ -42,6 +42,7 @@ from tasks.tables.schemas.parameters import (
 )
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
+from tasks.tables.schemas.trust_map import TRUST_MAP_CELLS
 from tasks.tables.schemas.two_step import (
     ORIENTATION_DIFFERENCE_MEANS,
     ORIENTATION_DIFFERENCES,
@@ -79,6 +80,7 @@ SCHEMAS: dict[str, TableSchema] = {
         SWEEP,
         RESIDUAL_GRID,
         RESIDUAL_AUTOCORRELATION,
+        TRUST_MAP_CELLS,
         DIRECT_GEOREFERENCING,
         DIRECT_GEOREFERENCING_MODELS,
         Y_PARALLAXES,
@@ -118,6 +120,7 @@ __all__ = [
     "STEREO_MODELS",
     "STRIP_ERRORS",
     "SWEEP",
+    "TRUST_MAP_CELLS",
     "Y_PARALLAXES",
     "Column",
     "ColumnType",
