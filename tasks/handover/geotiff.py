@@ -157,6 +157,8 @@ def _crs_entries(frame: MapFrame) -> tuple[_Entry, ...]:
             add_text(key + 1, f"ESRI PE String = {frame.crs.to_wkt(WktVersion.WKT1_ESRI)}")
         else:
             add_text(1026, _plain(frame.crs.name))
+    if frame.is_local or not frame.crs.is_geographic:
+        keys.append((3076, 0, 1, 9001))  # metres
     directory = [1, 1, 0, len(keys)] + [number for key in sorted(keys) for number in key]
     return (_Entry.of(34735, _SHORT, directory), _Entry.text(34737, texts))
 
