@@ -34,8 +34,8 @@ from adjust.solve.helmert_blocking import HelmertBlocking
 from adjust.solve.lanes import in_any_order
 from adjust.solve.normal_equations import reduced_normals
 from adjust.solve.system import Observations, System
-from adjust.trust_map import accuracy_kernel
-from adjust.trust_map.cells import GroundCells, Sight, sight_of
+from adjust.trust_map import accuracy_kernel, pairs_kernel
+from adjust.trust_map.cells import GroundCells, Sight
 
 # Rays whose equations are in memory at once: some fifty megabytes.
 _RAYS_AT_ONCE = 200_000
@@ -116,7 +116,7 @@ def joint_solution(
     given = System.of(block, Observations(rays, tuple(others)), options.threads, options.free_network)
     pattern, n = given.pattern, len(block.images)
     keys = np.unique(
-        accuracy_kernel.missing_pairs(sight.start, sight.image, pattern.row_start, pattern.column, n)
+        pairs_kernel.missing_pairs(sight.start, sight.image, pattern.row_start, pattern.column, n)
     )
     extended = pattern.with_pairs(*np.divmod(keys, n))
     system = given
@@ -136,7 +136,8 @@ def cell_accuracy(
 ) -> CellAccuracy:
     """Accuracy of every cell, in blocks of whole rows of the grid."""
     m = len(cells.x_in_local)
-    found = CellAccuracy(sight.rays, *(np.full((m, 3), np.nan) for _ in range(4)), np.full(m, -1))
+    sigma, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(4))
+    found = CellAccuracy(sight.rays, sigma, of_pair, relative, external, np.full(m, -1))
     with threadpool_limits(limits=1):
         cofactor = solution.cofactor()
 
@@ -177,25 +178,23 @@ def _fill(
     state = replace(solution.state, object_point=cells.x_in_local[first:last])
     rays = new_rays(solution.system.observations.image_points, state, image, cell, measurement.sigma)
     equations = rays.linearize(state)
-    terms = {term.block: term.jacobian / measurement.sigma for term in equations.terms}
-    of_exposure = terms[EXTERIOR_ORIENTATION]
+    terms = {term.block: term.jacobian for term in equations.terms}
     of_system = np.concatenate(
         [terms[name] for name in (INTERIOR_ORIENTATION, ADDITIONAL_PARAMETERS) if name in terms], axis=2
     )
     of_known = np.zeros((len(image), 2, 0))
     if considered is not None:
-        whitened = considered.of_residuals(
-            replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
-        )
-        of_known = np.ascontiguousarray(whitened / measurement.sigma)
+        of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
+        of_known = considered.of_residuals(of_rest)
     neighbour = cells.neighbour[first:last]
     chosen = slice(first, last)
     accuracy_kernel.cell_accuracies(
         start,
         np.where(neighbour >= 0, neighbour - first, -1),
+        cells.local_from_axes[first:last],
         image,
-        of_exposure,
-        np.ascontiguousarray(terms[OBJECT_POINT] @ cells.local_from_axes[first:last][cell]),
+        terms[EXTERIOR_ORIENTATION],
+        terms[OBJECT_POINT],
         of_system,
         of_known,
         _columns(solution.system, rays),
@@ -205,6 +204,7 @@ def _fill(
         cofactor.border,
         cofactor.corner,
         measurement.sigma0**2,
+        measurement.sigma**2,
         NON_CENTRALITY,
         UNCONTROLLED,
         found.sigma[chosen],
@@ -238,4 +238,6 @@ def _columns(system: System, rays: ImagePoints) -> Ints:
     of_image = columns[INTERIOR_ORIENTATION][rays.camera_of_image]
     if rays.self_calibration is None:
         return of_image
-    return np.concatenate([of_image, columns[ADDITIONAL_PARAMETERS][rays.self_calibration.entity_of_image]], 1)
+    return np.concatenate(
+        [of_image, columns[ADDITIONAL_PARAMETERS][rays.self_calibration.entity_of_image]], 1
+    )

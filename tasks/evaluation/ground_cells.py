@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import cKDTree
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.trust_map.cells import GroundCells
@@ -53,7 +54,7 @@ class MapGrid:
         columns, rows = (int(count) for count in last - first)
         if columns * rows > MOST_CELLS:
             raise InputError(
-                f"A trust map with cells of {cell:g} m has {columns * rows:,} cells; {MOST_CELLS:,} are possible.",
+                f"A trust map of {columns * rows:,} cells of {cell:g} m; {MOST_CELLS:,} cells are possible.",
                 "Give a larger trust_map.cell_m.",
             )
         return cls(float(first[0] * cell), float(last[1] * cell), cell, rows, columns)
@@ -97,6 +98,26 @@ class MapCells:
             np.where(next_one, np.arange(len(row)) + 1, -1),
         )
 
+    def spread(self, most: int) -> Ints:
+        """At most so many of the cells, in every k-th row and column; never none."""
+        row, column = np.divmod(self.number, self.grid.columns)
+        step = 1
+        while True:
+            chosen = np.flatnonzero((row % step == step // 2) & (column % step == step // 2))
+            if len(chosen) <= most:
+                return chosen.astype(np.int64) if len(chosen) else np.zeros(1, dtype=np.int64)
+            step += 1
+
+    def interpolated(self, chosen: Ints, values: Floats) -> Floats:
+        """Values (m, d) of all cells from those (k, d) of some: linear between them, beyond them the nearest."""
+        middle = self.x_in_map[chosen, :2].mean(axis=0)
+        given, wanted = self.x_in_map[chosen, :2] - middle, self.x_in_map[:, :2] - middle
+        found = np.asarray(values[cKDTree(given).query(wanted)[1]], np.float64)
+        if len(chosen) < 3 or np.linalg.matrix_rank(given, tol=self.grid.cell) < 2:
+            return found
+        between = LinearNDInterpolator(given, values)(wanted)
+        return np.where(np.isfinite(between), between, found)
+
     def only(self, chosen: Bools) -> MapCells:
         """Some of the cells (m,)."""
         return MapCells(self.grid, self.number[chosen], self.x_in_map[chosen])
@@ -119,7 +140,7 @@ def map_cells(adjusted: AdjustedBlock, cell: float | None) -> MapCells | None:
 
 
 def _thinned(points: Floats) -> Floats:
-    """Means (k, 3) of the points (n, 3) in the cells of a coarse grid: dense points say no more of heights."""
+    """Means (k, 3) of the points (n, 3) in the cells of a coarse grid."""
     low, extent = points[:, :2].min(axis=0), float(np.ptp(points[:, :2], axis=0).max())
     index = np.floor((points[:, :2] - low) / max(extent, 1e-9) * _POINTS_ALONG).astype(np.int64)
     _, place, count = np.unique(

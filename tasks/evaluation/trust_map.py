@@ -12,6 +12,7 @@ from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.trust_map.accuracy import CellAccuracy, NewMeasurement, cell_accuracy, joint_solution
+from adjust.trust_map.block_errors import block_errors
 from adjust.trust_map.cells import Sight, sight_of
 from tasks.evaluation.ground_cells import MapCells, map_cells
 from tasks.evaluation.result_tables import AdjustedBlock, xyz_columns
@@ -23,6 +24,8 @@ from tasks.tables.parquet import write_row_groups
 
 _XYZ = ("x", "y", "z")
 _PIECE = 50_000
+# Cells for which effects of errors in the block are solved for; they change slowly over the ground.
+_SOLVED_FOR = 300
 
 
 def write_trust_map(
@@ -32,7 +35,7 @@ def write_trust_map(
 
     Returns
     -------
-    grid : what the cells belong to; None where there is no map: nothing is written then, because object points
+    grid : what the cells belong to; None where there is no map and nothing is written, because object points
         span no area, or a free network leaves the datum open.
     """
     free = adjusted.result.free_network
@@ -51,7 +54,9 @@ def write_trust_map(
     solution = joint_solution(adjusted.block, result, sight, options)
     measurement = NewMeasurement(sigma, adjusted.sigma0)
     accuracy = cell_accuracy(solution, ground, sight, measurement, result.cofactor.considered)
-    _write(folder, adjusted, cells, accuracy)
+    chosen = cells.spread(_SOLVED_FOR)
+    errors = block_errors(solution, result, ground, sight, chosen)
+    _write(folder, adjusted, cells, accuracy, cells.interpolated(chosen, errors))
     grid = cells.grid
     return TrustMapGrid(
         west_m=grid.west,
@@ -91,18 +96,21 @@ def _seen(cells: MapCells, sight: Sight) -> tuple[MapCells, Sight]:
     return cells.only(kept), Sight(start, sight.image[np.repeat(kept, rays)])
 
 
-def _write(folder: Path, adjusted: AdjustedBlock, cells: MapCells, accuracy: CellAccuracy) -> None:
-    pieces = [np.arange(first, min(first + _PIECE, len(cells.number))) for first in range(0, len(cells.number), _PIECE)]
+def _write(
+    folder: Path, adjusted: AdjustedBlock, cells: MapCells, accuracy: CellAccuracy, errors: Floats
+) -> None:
+    m = len(cells.number)
+    pieces = [np.arange(first, min(first + _PIECE, m)) for first in range(0, m, _PIECE)]
     write_row_groups(
         folder / "trust_map_cells.parquet",
         schemas.TRUST_MAP_CELLS,
-        (_columns(cells, accuracy, piece) for piece in pieces),
+        (_columns(cells, accuracy, errors, piece) for piece in pieces),
         adjusted.map_frame,
         box_around(cells.x_in_map),
     )
 
 
-def _columns(cells: MapCells, accuracy: CellAccuracy, piece: Ints) -> Mapping[str, Any]:
+def _columns(cells: MapCells, accuracy: CellAccuracy, errors: Floats, piece: Ints) -> Mapping[str, Any]:
     row, column = np.divmod(cells.number[piece], cells.grid.columns)
 
     def of(pattern: str, values: Floats) -> dict[str, Floats]:
@@ -117,5 +125,6 @@ def _columns(cells: MapCells, accuracy: CellAccuracy, piece: Ints) -> Mapping[st
         **of("pair_sigma_{}_m", accuracy.sigma_of_pair),
         **of("relative_sigma_{}_m", accuracy.sigma_relative),
         **of("external_{}_m", accuracy.external),
+        **of("block_error_{}_m", errors),
         "uncontrolled": np.maximum(accuracy.uncontrolled[piece], 0),
     }

@@ -401,7 +401,7 @@ class RegisteredCalibrationFigure(Figure):
 
 
 class TrustMapGrid(Figure):
-    """The grid of a trust map and how its points are measured; ``added_pairs`` see a cell, but no common point."""
+    """The grid of a trust map, and σ of its rays; ``added_pairs`` see a cell, but no common point."""
 
     west_m: float
     north_m: float
@@ -421,7 +421,9 @@ class TrustMapFigure(Figure):
     median_sigma_m, sigma_m : of a point measured in all images, median and at the share; x, y, z.
     pair_sigma_m : at the share, measured in the best pair.
     relative_sigma_m : median of the differences from the next cell.
-    external_m : at the share, largest error that an undetected gross error causes; x, y, z.
+    external_m : at the share, largest error that an undetected gross error causes, in the new image
+        coordinates or in the block; x, y, z.
+    block_error_m : at the share, the same of errors in the block alone.
     uncontrolled : part of the cells in which an image coordinate has no control.
     """
 
@@ -435,6 +437,7 @@ class TrustMapFigure(Figure):
     pair_sigma_m: Values
     relative_sigma_m: Values
     external_m: Values
+    block_error_m: Values
     uncontrolled: float
 
 

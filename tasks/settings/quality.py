@@ -90,17 +90,18 @@ class Gates(Settings):
     y_parallax_max_um: Gate | None = Field(default=None, description="Largest of these y-parallaxes, µm.")
     trust_map_plan_m: Gate | None = Field(
         default=None,
-        description="The larger σ of east and north of a new point, m, that `trust_map.share` of the area does "
-        "not exceed, e.g. `{ max = 0.03 }`.",
+        description="The larger σ of east and north of a new point, m, that `trust_map.share` of the "
+        "area does not exceed, e.g. `{ max = 0.03 }`.",
     )
     trust_map_height_m: Gate | None = Field(
         default=None,
-        description="The same of the σ of the height; `{ max = 0.05 }`: 95 % of the area is better than 5 cm.",
+        description="The same of the σ of the height; with `{ max = 0.05 }`, 95 % of the area must be better "
+        "than 5 cm.",
     )
     trust_map_external_m: Gate | None = Field(
         default=None,
-        description="The same of the largest coordinate error that an undetected gross error can cause; areas "
-        "in which nothing limits it count as failed.",
+        description="The same of the largest coordinate error that an undetected gross error can cause; "
+        "areas in which nothing limits it count as failed.",
     )
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
-from tasks.handover.geotiff import Grids, GridPlace, write_geotiff
+from tasks.handover.geotiff import GridPlace, Grids, write_geotiff
 from tasks.results.figures import TrustMapFigure, TrustMapGrid, figures_of
 from tasks.settings.project import ProjectSettings
 from tasks.settings.trust_map import TrustMapSettings
@@ -72,7 +72,8 @@ def _bands(table: pd.DataFrame, grid: TrustMapGrid) -> Mapping[str, Grids]:
 def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> TrustMapFigure:
     """The figures of a map from its cells."""
     uncontrolled = table["uncontrolled"].to_numpy(np.int64) > 0
-    external = np.where(uncontrolled[:, None], np.inf, _columns(table, "external_{}_m"))
+    of_rays, of_block = (_columns(table, pattern) for pattern in ("external_{}_m", "block_error_{}_m"))
+    external = np.where(uncontrolled[:, None], np.inf, np.fmax(of_rays, of_block))
     return TrustMapFigure(
         cells=len(table),
         cell_m=grid.cell_m,
@@ -84,6 +85,7 @@ def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> T
         pair_sigma_m=_at(_columns(table, "pair_sigma_{}_m"), share),
         relative_sigma_m=_at(_known(_columns(table, "relative_sigma_{}_m")), 0.5),
         external_m=_at(external, share),
+        block_error_m=_at(of_block, share),
         uncontrolled=float(uncontrolled.mean()),
     )
 

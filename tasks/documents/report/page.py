@@ -32,6 +32,7 @@ from tasks.documents.report import (
     surveyed_points,
     suspicious,
     system_parameters,
+    trust_map,
     two_step,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
@@ -104,6 +105,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         surveyed_points.distance_table(material),
         orientation_precision.orientation_table(material),
         point_precision.point_table(material),
+        trust_map.trust_map_table(material),
         system_parameters.parameter_table(material),
         system_parameters.registered_table(material),
         self_calibration.offered_table(material),
@@ -150,6 +152,8 @@ def _plots(material: Material) -> list[Plot]:
         "residual-correlation": residual_correlation.correlation_plot(material),
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
+        "trust-map": trust_map.trust_map_plot(material),
+        "trust-histogram": trust_map.trust_map_histogram(material),
         "strip-differences": strip_differences.strip_plot(material.strip_means),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]

@@ -28,10 +28,18 @@ TRUST_MAP_CELLS = TableSchema(
         ),
         *_of(
             "external_{}_m",
-            "largest error of {} that an undetected gross error in one of the new image coordinates causes, those "
-            "without control left out",
+            "largest error of {} that an undetected gross error in one of the new image coordinates causes, "
+            "those without control left out",
         ),
-        count("uncontrolled", "number of new image coordinates with control below 0.1: no residual shows an error"),
+        *_of(
+            "block_error_{}_m",
+            "largest error of {} that an undetected gross error in a position, attitude or control point of the "
+            "block causes; interpolated between some hundred cells",
+        ),
+        count(
+            "uncontrolled",
+            "number of new image coordinates with control below 0.1: no residual shows an error",
+        ),
     ),
     ("row", "column"),
     XYZ_M,
