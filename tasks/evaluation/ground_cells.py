@@ -109,7 +109,7 @@ class MapCells:
             step += 1
 
     def interpolated(self, chosen: Ints, values: Floats) -> Floats:
-        """Values (m, d) of all cells from those (k, d) of some: linear between them, beyond them the nearest."""
+        """Values (m, d) of all cells from those (k, d) of some: linear between them, else the nearest."""
         middle = self.x_in_map[chosen, :2].mean(axis=0)
         given, wanted = self.x_in_map[chosen, :2] - middle, self.x_in_map[:, :2] - middle
         found = np.asarray(values[cKDTree(given).query(wanted)[1]], np.float64)

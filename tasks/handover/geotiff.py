@@ -136,7 +136,10 @@ def _place_entries(place: GridPlace) -> tuple[_Entry, ...]:
 
 
 def _crs_entries(frame: MapFrame) -> tuple[_Entry, ...]:
-    """GeoTIFF's keys: an EPSG code, or the definition as the text that GDAL and Esri read."""
+    """GeoTIFF's keys: an EPSG code, or the definition as a text in Esri's form.
+
+    GDAL 3.10 shows the text, but takes the system for a local one.
+    """
     texts = ""
     keys: list[tuple[int, int, int, int]] = [(1025, 0, 1, 1)]  # a value stands for an area
 

@@ -33,8 +33,8 @@ TRUST_MAP_CELLS = TableSchema(
         ),
         *_of(
             "block_error_{}_m",
-            "largest error of {} that an undetected gross error in a position, attitude or control point of the "
-            "block causes; interpolated between some hundred cells",
+            "largest error of {} that an undetected gross error in a position, attitude or control point of "
+            "the block causes; interpolated between some hundred cells",
         ),
         count(
             "uncontrolled",
