@@ -26,8 +26,14 @@ _TOGETHER = 8
 
 
 @dataclass(frozen=True, eq=False)
-class _Mixed:
-    """C of k points: (r, 6, 3) of every ray with its image and point (0 … k − 1), (k, g, 3) of the border."""
+class MixedParts:
+    """C of k points: (r, 6, 3) of every ray with its image and point (0 … k − 1), (k, g, 3) of the border.
+
+    Attributes
+    ----------
+    of_rays, image, point : with the exposures, ray by ray.
+    of_border : with the system parameters and joins.
+    """
 
     of_rays: Floats
     image: Ints
@@ -54,7 +60,7 @@ def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
     k, n = len(points), system.layout.images
     half = np.linalg.inv(solution.normals.point_factor[points])
     own = np.swapaxes(half, 1, 2) @ half
-    mixed = _mixed(system, solution, points)
+    mixed = mixed_parts(system, solution, points)
     joint = np.zeros((k, 3, k, 3))
     for first in range(0, k, _TOGETHER):
         chosen = np.arange(first, min(first + _TOGETHER, k))
@@ -74,7 +80,7 @@ def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
     return joint
 
 
-def _mixed(system: System, solution: Solution, points: Ints) -> _Mixed:
+def mixed_parts(system: System, solution: Solution, points: Ints) -> MixedParts:
     """Mixed parts of the normal equations, from the rays of these points alone."""
     rays, g = system.observations.image_points, system.border
     place = np.full(system.layout.points, -1, dtype=np.int64)
@@ -97,4 +103,4 @@ def _mixed(system: System, solution: Solution, points: Ints) -> _Mixed:
     for k, j in enumerate(points):
         own = slice(start[j], start[j + 1])
         np.add.at(border[k], column[own], vector[own])
-    return _Mixed(np.swapaxes(of_exposure, 1, 2) @ of_point, part.image, point, border)
+    return MixedParts(np.swapaxes(of_exposure, 1, 2) @ of_point, part.image, point, border)

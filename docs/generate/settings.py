@@ -39,6 +39,7 @@ from tasks.settings.self_calibration import SelfCalibrationSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings
 from tasks.settings.trajectory import EventsInput, TrajectoryInput
+from tasks.settings.trust_map import TrustMapSettings
 
 _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("project file", Project, "The top level."),
@@ -88,8 +89,14 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         'Usually a text: `"cameras"`, `"adjustment"` or a result folder; it is short for these keys.',
     ),
     ("[checks]", ChecksSettings, ""),
+    (
+        "[trust_map]",
+        TrustMapSettings,
+        "The table alone, even empty, switches it on ([what it shows](theory/trust-map.md)). A change of "
+        "cells or σ adjusts the block again.",
+    ),
     ("[gates]", Gates, "Only the given gates are tested."),
-    ("gates.sigma0, gates of y-parallaxes", Gate, ""),
+    ("gates.sigma0, gates of y-parallaxes and of the trust map", Gate, ""),
     ("the other gates", AxisGate, ""),
     (
         "[certificate]",

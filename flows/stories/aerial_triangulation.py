@@ -8,11 +8,13 @@ from tasks.documents.report.provenance import delivered_names
 from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
-from tasks.stages import bundle_adjustment_stage, report
+from tasks.settings.trust_map import TrustMapSettings
+from tasks.stages import bundle_adjustment_stage, report, trust_map
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store
 
 adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
+draw_trust_map = stage(trust_map.draw_trust_map)
 write_report = stage(report.write_report)
 publish = stage(publishing.publish)
 
@@ -20,7 +22,8 @@ publish = stage(publishing.publish)
 def aerial_triangulation(project: Project, store: Store) -> Summary:
     """Read the deliveries, find approximate values, adjust the bundle, report and publish the result."""
     block = prepare_block(project, store)
-    stages = (*block.stages, adjusted_block(project, store, block))
+    adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
+    stages = (*block.stages, adjusted, *trust_map_of(project, store, adjusted))
     return publish(store, project, (*stages, report_of(project, store, stages)))
 
 
@@ -29,12 +32,14 @@ def adjusted_block(
     store: Store,
     block: PreparedBlock,
     calibrated: tuple[Artifact, Artifact] | None = None,
+    trust_map: TrustMapSettings | None = None,
 ) -> Outputs:
     """Adjust the bundle of a prepared block.
 
     Parameters
     ----------
     calibrated : parameters and correlations its cameras come from, as the first of two steps.
+    trust_map : how the accuracy of new points is mapped; None: not at all.
     """
     return adjust_bundle(
         store,
@@ -49,6 +54,22 @@ def adjusted_block(
         project=project.project,
         adjustment=project.adjustment,
         calibrated=calibrated,
+        trust_map=trust_map,
+    )
+
+
+def trust_map_of(project: Project, store: Store, adjusted: Outputs) -> tuple[Outputs, ...]:
+    """The trust map of an adjusted block as a raster, if the project wants one and there is one."""
+    if project.trust_map is None or "trust_map_cells" not in adjusted:
+        return ()
+    return (
+        draw_trust_map(
+            store,
+            cells=adjusted["trust_map_cells"],
+            notes=adjusted["notes"],
+            project=project.project,
+            settings=project.trust_map,
+        ),
     )
 
 

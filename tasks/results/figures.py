@@ -400,6 +400,47 @@ class RegisteredCalibrationFigure(Figure):
     contradicted: bool
 
 
+class TrustMapGrid(Figure):
+    """The grid of a trust map, and σ of its rays; ``added_pairs`` see a cell, but no common point."""
+
+    west_m: float
+    north_m: float
+    cell_m: float
+    rows: int
+    columns: int
+    sigma_image_um: float
+    added_pairs: int
+
+
+class TrustMapFigure(Figure):
+    """A trust map: values that ``share`` of its cells do not exceed; null where nothing limits them.
+
+    Attributes
+    ----------
+    cells : that at least two images see, of ``cell_m`` each.
+    median_sigma_m, sigma_m : of a point measured in all images, median and at the share; x, y, z.
+    pair_sigma_m : at the share, measured in the best pair.
+    relative_sigma_m : median of the differences from the next cell.
+    external_m : at the share, largest error that an undetected gross error causes, in the new image
+        coordinates or in the block; x, y, z.
+    block_error_m : at the share, the same of errors in the block alone.
+    uncontrolled : part of the cells in which an image coordinate has no control.
+    """
+
+    cells: int
+    cell_m: float
+    share: float
+    sigma_image_um: float
+    median_rays: float
+    median_sigma_m: Values
+    sigma_m: Values
+    pair_sigma_m: Values
+    relative_sigma_m: Values
+    external_m: Values
+    block_error_m: Values
+    uncontrolled: float
+
+
 class AdjustmentFigures(Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
@@ -423,6 +464,8 @@ class AdjustmentFigures(Figure):
     two_step: tuple[TwoStepFigure, ...] = ()
     two_step_calibration: TwoStepVerdictFigure | None = None
     registered_calibrations: tuple[RegisteredCalibrationFigure, ...] = ()
+    trust_map: TrustMapFigure | None = None
+    trust_map_grid: TrustMapGrid | None = None
     frame: str = ""
 
 

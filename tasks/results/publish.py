@@ -43,6 +43,7 @@ PUBLISHED = (
     "distance_residuals",
     "residual_grid",
     "residual_autocorrelation",
+    "trust_map_cells",
     "direct_georeferencing",
     "direct_georeferencing_models",
     "y_parallaxes",
@@ -68,6 +69,7 @@ OF_SWEEPS = ("sweep",)
 DOCUMENTS = (
     "report",
     "map",
+    "trust_map",
     "georeferencing_check",
     "georeferencing_map",
     "certificate.html",

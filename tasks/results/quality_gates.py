@@ -106,7 +106,7 @@ def _figure(name: str, figures: Mapping[str, JSON]) -> JSON:
 
 def _results(name: str, gate: Gate | AxisGate, figure: JSON) -> Iterator[GateResult]:
     if isinstance(gate, Gate):
-        value, unit = _number(figure), "um" if name.endswith("_um") else "1"
+        value, unit = _number(figure), next((unit for unit in ("um", "m") if name.endswith(f"_{unit}")), "1")
         if gate.max is not None:
             yield _tested(name, value, gate.max, unit, "max")
         if gate.min is not None:

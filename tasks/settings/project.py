@@ -17,8 +17,9 @@ from tasks.settings.certificate import CertificateSettings
 from tasks.settings.coordinates import Heights, PlacedSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import Inputs
-from tasks.settings.quality import ChecksSettings, Gates
+from tasks.settings.quality import TRUST_MAP_GATES, ChecksSettings, Gates
 from tasks.settings.sweep import SweepSettings
+from tasks.settings.trust_map import TrustMapSettings
 
 
 class ProjectSettings(PlacedSettings):
@@ -80,6 +81,9 @@ class Project(Settings):
     gates: Gates = Field(
         default_factory=Gates, description="Quality gates: limits that the results must meet."
     )
+    trust_map: TrustMapSettings | None = Field(
+        default=None, description="The trust map: accuracy of new points over the ground; default: none."
+    )
     certificate: CertificateSettings = Field(
         default_factory=CertificateSettings,
         description="Laboratory and signatories; affects no number, and a change repeats only the "
@@ -105,6 +109,13 @@ class Project(Settings):
         wrong = self.certificate.trouble_with(self.cameras, self.project.flown)
         if wrong is not None:
             raise trouble(*wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _gates_have_their_map(self) -> Project:
+        wanted = [name for name in TRUST_MAP_GATES if getattr(self.gates, name) is not None]
+        if wanted and self.trust_map is None:
+            raise trouble(f"The gate {wanted[0]} needs a trust map.", "Add the table [trust_map].")
         return self
 
     @model_validator(mode="after")

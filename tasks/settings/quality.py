@@ -11,6 +11,8 @@ from tasks.settings.coordinates import Finite, Positive, PositiveTriple
 
 #: Image points outside the format are left out up to this part of a file: mismatches, not another camera.
 OUTSIDE_FORMAT_SHARE = 0.001
+#: The gates whose figures a trust map gives.
+TRUST_MAP_GATES = ("trust_map_plan_m", "trust_map_height_m", "trust_map_external_m")
 
 
 class ChecksSettings(Settings):
@@ -86,6 +88,21 @@ class Gates(Settings):
         default=None, description="RMS of the y-parallaxes of all stereo models, µm, e.g. `{ max = 8.0 }`."
     )
     y_parallax_max_um: Gate | None = Field(default=None, description="Largest of these y-parallaxes, µm.")
+    trust_map_plan_m: Gate | None = Field(
+        default=None,
+        description="The larger σ of east and north of a new point, m, that `trust_map.share` of the "
+        "area does not exceed, e.g. `{ max = 0.03 }`.",
+    )
+    trust_map_height_m: Gate | None = Field(
+        default=None,
+        description="The same of the σ of the height; with `{ max = 0.05 }`, 95 % of the area must be better "
+        "than 5 cm.",
+    )
+    trust_map_external_m: Gate | None = Field(
+        default=None,
+        description="The same of the largest coordinate error that an undetected gross error can cause; "
+        "areas in which nothing limits it count as failed.",
+    )
 
     @model_validator(mode="after")
     def _not_empty(self) -> Gates:

@@ -61,12 +61,14 @@ from tasks.evaluation.self_calibration_tables import (
 )
 from tasks.evaluation.strip_error_table import write_strip_errors
 from tasks.evaluation.surveyed_differences import write_control_residuals
+from tasks.evaluation.trust_map import trust_map_problems, write_trust_map
 from tasks.evaluation.variance_figures import with_estimated_sigmas
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
 from tasks.plausibility.lever_arm import lever_arm_suspicions, suspicions_without_rejection
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
+from tasks.settings.trust_map import TrustMapSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.parquet import read_table
@@ -93,6 +95,7 @@ def write_adjusted_bundle(
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     calibrated: tuple[Artifact, Artifact] | None,
+    trust_map: TrustMapSettings | None,
 ) -> None:
     """Adjust the block and write its tables; see `tasks.stages.bundle_adjustment_stage`."""
     delivered = DeliveredTables(
@@ -107,7 +110,10 @@ def write_adjusted_bundle(
     )
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment)
-    write_notes(folder, _written(folder, prepared, estimated, adjustment))
+    notes = _written(folder, prepared, estimated, adjustment)
+    if trust_map is not None:
+        notes = _with_trust_map(folder, notes, estimated.adjusted, trust_map, adjustment)
+    write_notes(folder, notes)
     if calibrated is not None:
         parameters, correlations = (read_table(table) for table in calibrated)
         options = _options(adjustment)
@@ -212,6 +218,19 @@ def _written(
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
     }
     return Notes(said, figures, slips)
+
+
+def _with_trust_map(
+    folder: Path,
+    notes: Notes,
+    adjusted: AdjustedBlock,
+    trust_map: TrustMapSettings,
+    settings: AdjustmentSettings,
+) -> Notes:
+    """Write the cells of the trust map; returns the notes with its grid."""
+    grid = write_trust_map(folder, adjusted, trust_map, _options(settings))
+    figures = {**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
+    return replace(notes, problems=(*notes.problems, *trust_map_problems(grid)), figures=figures)
 
 
 def _examined_model(

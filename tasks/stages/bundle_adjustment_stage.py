@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
+from tasks.settings.trust_map import TrustMapSettings
 from tasks.store.artifact import Artifact
 from tasks.store.store import stored
 
@@ -25,6 +26,7 @@ def adjust_bundle(
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     calibrated: tuple[Artifact, Artifact] | None = None,
+    trust_map: TrustMapSettings | None = None,
 ) -> None:
     """Adjust the block and write orientations, points, residuals, parameters and their quality.
 
@@ -32,6 +34,7 @@ def adjust_bundle(
     ----------
     calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
         the first of two steps: then ``strip_errors.parquet`` is written, too.
+    trust_map : how to evaluate the accuracy over the ground, as ``trust_map_cells.parquet``; None: not at all.
 
     Raises
     ------
@@ -54,4 +57,5 @@ def adjust_bundle(
         project=project,
         adjustment=adjustment,
         calibrated=calibrated,
+        trust_map=trust_map,
     )

@@ -13,6 +13,9 @@ _GATE_WORDS = {
     "y_parallax_rms_um": "RMS of the y-parallaxes",
     "y_parallax_max_um": "largest y-parallax",
     "registered_calibration": "agreement with the calibration of the registry",
+    "trust_map_plan_m": "σ in plan of new points on the area",
+    "trust_map_height_m": "σ in height of new points on the area",
+    "trust_map_external_m": "undetected error of new points on the area",
     "missed_limits_of_calibration": "missed limits of a calibration flight",
 }
 

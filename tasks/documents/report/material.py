@@ -42,6 +42,7 @@ class Material:
         check_points, distance_residuals, model_alternatives, residual_grid, residual_autocorrelation : the
         tables of these names.
     self_calibration : the additional parameters that were offered; empty without any.
+    trust_map : trust_map_cells; empty without a trust map.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
     exposures, trajectories : the tables of these names; empty if no exposures come from a trajectory.
     """
@@ -67,6 +68,7 @@ class Material:
     strip_means: pd.DataFrame = field(default_factory=pd.DataFrame)
     exposures: pd.DataFrame = field(default_factory=pd.DataFrame)
     trajectories: pd.DataFrame = field(default_factory=pd.DataFrame)
+    trust_map: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @cached_property
     def figures(self) -> AdjustmentFigures:
@@ -175,15 +177,19 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     }
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
-    offered, means = (tables.get(name) for name in ("self_calibration", "orientation_difference_means"))
+    optional = ("self_calibration", "orientation_difference_means", "trust_map_cells")
+    offered, means, trusted = (
+        pd.DataFrame() if (table := tables.get(name)) is None else read_table(table) for name in optional
+    )
     camera_table = read_table(tables["cameras"])
     return Material(
         project=project,
         summary=summary_of([read_notes(outputs["notes"]) for outputs in stages], project.gates, {}),
         cameras=frame_cameras(camera_table),
         camera_table=camera_table,
-        self_calibration=pd.DataFrame() if offered is None else read_table(offered),
-        strip_means=pd.DataFrame() if means is None else read_table(means),
+        self_calibration=offered,
+        strip_means=means,
+        trust_map=trusted,
         exposures=read_table(tables["exposures"]) if "trajectories" in tables else pd.DataFrame(),
         trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
         **read,

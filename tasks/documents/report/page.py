@@ -33,6 +33,7 @@ from tasks.documents.report import (
     suspicious,
     system_parameters,
     trajectories,
+    trust_map,
     two_step,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
@@ -105,6 +106,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         surveyed_points.distance_table(material),
         orientation_precision.orientation_table(material),
         point_precision.point_table(material),
+        trust_map.trust_map_table(material),
         system_parameters.parameter_table(material),
         system_parameters.registered_table(material),
         self_calibration.offered_table(material),
@@ -152,6 +154,8 @@ def _plots(material: Material) -> list[Plot]:
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
         "trajectory": trajectories.trajectory_map(material.trajectories, material.exposures),
+        "trust-map": trust_map.trust_map_plot(material),
+        "trust-histogram": trust_map.trust_map_histogram(material),
         "strip-differences": strip_differences.strip_plot(material.strip_means),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]

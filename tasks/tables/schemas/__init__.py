@@ -43,6 +43,7 @@ from tasks.tables.schemas.parameters import (
 )
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
+from tasks.tables.schemas.trust_map import TRUST_MAP_CELLS
 from tasks.tables.schemas.two_step import (
     ORIENTATION_DIFFERENCE_MEANS,
     ORIENTATION_DIFFERENCES,
@@ -81,6 +82,7 @@ SCHEMAS: dict[str, TableSchema] = {
         SWEEP,
         RESIDUAL_GRID,
         RESIDUAL_AUTOCORRELATION,
+        TRUST_MAP_CELLS,
         DIRECT_GEOREFERENCING,
         DIRECT_GEOREFERENCING_MODELS,
         Y_PARALLAXES,
@@ -121,6 +123,7 @@ __all__ = [
     "STRIP_ERRORS",
     "SWEEP",
     "TRAJECTORIES",
+    "TRUST_MAP_CELLS",
     "Y_PARALLAXES",
     "Column",
     "ColumnType",

@@ -1,0 +1,243 @@
+"""Accuracy of newly measured ground points, from the joint covariance of all images that see them.
+
+    M = Σ A_XᵀA_X,    F = −M⁻¹ Σ A_XᵀA_z,    C_X = M⁻¹ + σ0² F Q_zz Fᵀ
+
+with the whitened rays of the new point and z, the orientations of its images and the system parameters. Q_zz
+needs the block of every pair of images that see a cell. Most of them have common object points, so that the
+selected inverse of the adjustment holds them. The others are put into its pattern, empty, and
+factorisation and selected inverse are made once more: nothing is taken as zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from adjust.arrays import Floats, Ints
+from adjust.block import Block
+from adjust.observations.image_point import ImagePoints
+from adjust.options import AdjustmentOptions
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    State,
+)
+from adjust.quality.considered_errors import ConsideredErrors
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.result import AdjustmentResult
+from adjust.solve.factorization import Factorization, ReducedCofactor, factorize
+from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.lanes import in_any_order
+from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.system import Observations, System
+from adjust.trust_map import accuracy_kernel, pairs_kernel
+from adjust.trust_map.cells import GroundCells, Sight
+
+# Rays whose equations are in memory at once: some fifty megabytes.
+_RAYS_AT_ONCE = 200_000
+# The distortion of an image point is found in so many steps; each leaves a thousandth of it at most.
+_STEPS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class NewMeasurement:
+    """How a new ground point is measured.
+
+    Attributes
+    ----------
+    sigma : of an image coordinate, metres.
+    sigma0 : factor of the σ that come from the adjustment.
+    """
+
+    sigma: float
+    sigma0: float
+
+
+@dataclass(frozen=True, eq=False)
+class CellAccuracy:
+    """Accuracy of a point in each of m cells, along the axes of the cells, metres; NaN where there is none.
+
+    Attributes
+    ----------
+    rays : (m,) number of images that see the cell.
+    sigma : (m, 3) measured in all of them.
+    sigma_of_pair : (m, 3) measured in the two of them that give the smallest σ of the height.
+    sigma_relative : (m, 3) of the difference from the next cell of the row, measured in their common images.
+    external : (m, 3) largest effect of an undetected gross error in one of the rays.
+    uncontrolled : (m,) number of image coordinates whose gross errors show in no residual; −1 where there
+        is no point.
+    """
+
+    rays: Ints
+    sigma: Floats
+    sigma_of_pair: Floats
+    sigma_relative: Floats
+    external: Floats
+    uncontrolled: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class JointSolution:
+    """The normal equations of an adjusted block on the pattern of all pairs that see a cell, factorised.
+
+    Attributes
+    ----------
+    system : with the observations that took part.
+    state : adjusted values.
+    factorization : of the reduced normal equations.
+    added_pairs : number of pairs of images that see a cell without a common object point.
+    """
+
+    system: System
+    state: State
+    factorization: Factorization
+    added_pairs: int
+
+    def cofactor(self) -> ReducedCofactor:
+        """Cofactors of all pairs, with the columns of system parameters alone."""
+        found, g = self.factorization.cofactor(), self.system.layout.border
+        return replace(
+            found,
+            border=np.ascontiguousarray(found.border[:, :, :g]),
+            corner=np.ascontiguousarray(found.corner[:g, :g]),
+        )
+
+
+def joint_solution(
+    block: Block, result: AdjustmentResult, sight: Sight, options: AdjustmentOptions
+) -> JointSolution:
+    """The adjusted block with every pair of images that see a common cell in its pattern."""
+    rays, *others = (group.taking_part for group in result.groups)
+    assert isinstance(rays, ImagePoints)  # the first group of every result
+    given = System.of(block, Observations(rays, tuple(others)), options.threads, options.free_network)
+    pattern, n = given.pattern, len(block.images)
+    keys = np.unique(
+        pairs_kernel.missing_pairs(sight.start, sight.image, pattern.row_start, pattern.column, n)
+    )
+    extended = pattern.with_pairs(*np.divmod(keys, n))
+    system = given
+    if extended is not pattern:
+        system = replace(given, blocking=HelmertBlocking.of(extended, block.projection_centre))
+    with threadpool_limits(limits=1):
+        factorization = factorize(reduced_normals(system, result.state), options.threads)
+    return JointSolution(system, result.state, factorization, len(keys))
+
+
+def cell_accuracy(
+    solution: JointSolution,
+    cells: GroundCells,
+    sight: Sight,
+    measurement: NewMeasurement,
+    considered: ConsideredErrors | None = None,
+) -> CellAccuracy:
+    """Accuracy of every cell, in blocks of whole rows of the grid."""
+    m = len(cells.x_in_local)
+    sigma, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(4))
+    found = CellAccuracy(sight.rays, sigma, of_pair, relative, external, np.full(m, -1))
+    with threadpool_limits(limits=1):
+        cofactor = solution.cofactor()
+
+        def work(part: tuple[int, int]) -> None:
+            _fill(found, part, solution, cofactor, cells, sight, measurement, considered)
+
+        in_any_order(work, _parts(cells, sight), solution.system.threads)
+    return found
+
+
+def _parts(cells: GroundCells, sight: Sight) -> list[tuple[int, int]]:
+    """Ranges of cells that end where a row of neighbours ends, with about as many rays each."""
+    ends = np.flatnonzero(cells.neighbour < 0) + 1
+    parts, first = list[tuple[int, int]](), 0
+    while first < len(cells.neighbour):
+        wanted = np.searchsorted(sight.start, sight.start[first] + _RAYS_AT_ONCE)
+        last = int(ends[min(int(np.searchsorted(ends, max(wanted, first + 1))), len(ends) - 1)])
+        parts.append((first, last))
+        first = last
+    return parts
+
+
+def _fill(
+    found: CellAccuracy,
+    part: tuple[int, int],
+    solution: JointSolution,
+    cofactor: ReducedCofactor,
+    cells: GroundCells,
+    sight: Sight,
+    measurement: NewMeasurement,
+    considered: ConsideredErrors | None,
+) -> None:
+    """Fill in the cells of one part."""
+    first, last = part
+    start = sight.start[first : last + 1] - sight.start[first]
+    image = sight.image[sight.start[first] : sight.start[last]]
+    cell = np.repeat(np.arange(last - first), np.diff(start))
+    state = replace(solution.state, object_point=cells.x_in_local[first:last])
+    rays = new_rays(solution.system.observations.image_points, state, image, cell, measurement.sigma)
+    equations = rays.linearize(state)
+    terms = {term.block: term.jacobian for term in equations.terms}
+    of_system = np.concatenate(
+        [terms[name] for name in (INTERIOR_ORIENTATION, ADDITIONAL_PARAMETERS) if name in terms], axis=2
+    )
+    of_known = np.zeros((len(image), 2, 0))
+    if considered is not None:
+        of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
+        of_known = considered.of_residuals(of_rest)
+    neighbour = cells.neighbour[first:last]
+    chosen = slice(first, last)
+    accuracy_kernel.cell_accuracies(
+        start,
+        np.where(neighbour >= 0, neighbour - first, -1),
+        cells.local_from_axes[first:last],
+        image,
+        terms[EXTERIOR_ORIENTATION],
+        terms[OBJECT_POINT],
+        of_system,
+        of_known,
+        _columns(solution.system, rays),
+        cofactor.pattern.row_start,
+        cofactor.pattern.column,
+        cofactor.blocks,
+        cofactor.border,
+        cofactor.corner,
+        measurement.sigma0**2,
+        measurement.sigma**2,
+        NON_CENTRALITY,
+        UNCONTROLLED,
+        found.sigma[chosen],
+        found.sigma_of_pair[chosen],
+        found.sigma_relative[chosen],
+        found.external[chosen],
+        found.uncontrolled[chosen],
+    )
+
+
+def new_rays(measured: ImagePoints, state: State, image: Ints, point: Ints, sigma: float) -> ImagePoints:
+    """Image points (r,) at which the object points of a state appear, as if they had been measured."""
+    r = len(image)
+    rays = replace(
+        measured,
+        image=image,
+        point=point,
+        xy=np.zeros((r, 2)),
+        sigma=np.full((r, 2), sigma),
+        active=np.ones(r, dtype=bool),
+        offset=None,
+    )
+    for _ in range(1 if measured.self_calibration is None else _STEPS):
+        rays = replace(rays, xy=rays.xy - rays.misclosure(state))
+    return rays
+
+
+def _columns(system: System, rays: ImagePoints) -> Ints:
+    """Column of the border of c, x0, y0 and all additional parameters of each image, (n, w); −1: held."""
+    columns = system.layout.columns
+    of_image = columns[INTERIOR_ORIENTATION][rays.camera_of_image]
+    if rays.self_calibration is None:
+        return of_image
+    return np.concatenate(
+        [of_image, columns[ADDITIONAL_PARAMETERS][rays.self_calibration.entity_of_image]], 1
+    )

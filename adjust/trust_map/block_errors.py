@@ -1,0 +1,150 @@
+"""What undetected gross errors in the observations of a block do to new points.
+
+A point X̂ = F z + … of orientations and system parameters z moves with an error ∇ of an observation by
+
+    ∇X = F Q Aᵀ P e_i ∇,
+
+with ∇ the smallest error that its test finds. One solution of the normal equations for each coordinate of
+a point, y = Q Fᵀ (the adjoint), gives this for all observations at once. Object points follow their
+exposures: y_p = −N_p⁻¹ Cᵀ y.
+
+Counted are positions, attitudes, control points and observed parameters with enough control: their effects
+change slowly over the ground, so that some hundred points are enough. Not counted are the image points of
+the block, whose effects are local, distances, and what is uncontrolled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from adjust.arrays import Floats, Ints
+from adjust.observations.base import Linearization, ObservationGroup
+from adjust.observations.distance import Distances
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
+from adjust.quality.joint_cofactor import MixedParts, mixed_parts
+from adjust.result import AdjustmentResult, ObservationStatus
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.whitening import add_border_columns
+from adjust.trust_map.accuracy import JointSolution, new_rays
+from adjust.trust_map.cells import GroundCells, Sight
+
+# Points that are solved for together.
+_TOGETHER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """A group of observations at the solution.
+
+    Attributes
+    ----------
+    group : those that took part.
+    equations : not whitened.
+    detectable : (n, m) smallest errors that are found; zero where nothing is counted.
+    """
+
+    group: ObservationGroup
+    equations: Linearization
+    detectable: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Adjoint:
+    """Solutions y for d coordinates: (n, 6, d), (g, d), and (m, 3, d) of surveyed points."""
+
+    of_exposures: Floats
+    of_border: Floats
+    of_points: Floats
+
+
+def block_errors(
+    solution: JointSolution, result: AdjustmentResult, cells: GroundCells, sight: Sight, chosen: Ints
+) -> Floats:
+    """Largest effects (k, 3) of an undetected error in the block on points in some cells (k,), metres.
+
+    Along the axes of the cells; the cells are seen by at least two images.
+    """
+    system = solution.system
+    solved = Solution(solution.state, solution.factorization.normals, solution.factorization, ())
+    groups = _groups(solution, result)
+    touched = [term.index for item in groups for term in item.equations.terms if term.block == OBJECT_POINT]
+    points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touched]))
+    points = points[(points >= 0) & system.active_point[np.maximum(points, 0)]]
+    found = np.zeros((len(chosen), 3))
+    with threadpool_limits(limits=1):
+        mixed = mixed_parts(system, solved, points)
+        for first in range(0, len(chosen), _TOGETHER):
+            part = chosen[first : first + _TOGETHER]
+            adjoint = _adjoint(solution, cells, sight, part, points, mixed)
+            for item in groups:
+                effect = np.abs(_effects(solution, item, adjoint)).max(axis=(0, 1), initial=0.0)
+                found[first : first + len(part)] = np.maximum(
+                    found[first : first + len(part)], effect.reshape(-1, 3)
+                )
+    return found
+
+
+def _groups(solution: JointSolution, result: AdjustmentResult) -> list[_Group]:
+    groups = []
+    for group, tested in zip(solution.system.observations.others, result.groups[1:], strict=True):
+        if isinstance(group, Distances):
+            continue
+        counted = tested.status == ObservationStatus.USED
+        equations = group.linearize(solution.state)
+        groups.append(_Group(group, equations, np.where(counted, np.nan_to_num(tested.detectable), 0.0)))
+    return groups
+
+
+def _adjoint(
+    solution: JointSolution, cells: GroundCells, sight: Sight, part: Ints, points: Ints, mixed: MixedParts
+) -> _Adjoint:
+    """Y = Q Fᵀ for the coordinates of some cells (d,)."""
+    system, d = solution.system, len(part)
+    rays = [np.arange(sight.start[j], sight.start[j + 1]) for j in part]
+    cell = np.repeat(np.arange(d), [len(own) for own in rays])
+    image = sight.image[np.concatenate(rays)]
+    state = replace(solution.state, object_point=cells.x_in_local[part])
+    equations = new_rays(system.observations.image_points, state, image, cell, 1.0).linearize(state)
+    of = {term.block: term for term in equations.terms}
+    of_point = of.pop(OBJECT_POINT).jacobian @ cells.local_from_axes[part][cell]
+    normal = np.zeros((d, 3, 3))
+    np.add.at(normal, cell, np.swapaxes(of_point, 1, 2) @ of_point)
+    gain = np.linalg.inv(normal)[cell] @ np.swapaxes(of_point, 1, 2)
+    of_exposures = np.zeros((system.layout.images, d, 3, 6))
+    np.add.at(of_exposures, (image, cell), -gain @ of.pop(EXTERIOR_ORIENTATION).jacobian)
+    of_border = np.zeros((d, 3, system.border))
+    for term in of.values():
+        own = np.zeros((len(image), 3, system.border))
+        add_border_columns(own, system.layout.columns[term.block][term.index], -gain @ term.jacobian)
+        np.add.at(of_border, cell, own)
+    x, border = solution.factorization.factor.solve(
+        np.ascontiguousarray(of_exposures.reshape(-1, 3 * d, 6).swapaxes(1, 2)),
+        np.ascontiguousarray(of_border.reshape(3 * d, -1).T),
+    )
+    pulled = np.swapaxes(mixed.of_border, 1, 2) @ border
+    np.add.at(pulled, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.image])
+    half = np.linalg.inv(solution.factorization.normals.point_factor[points])
+    of_points = np.zeros((system.layout.points, 3, 3 * d))
+    of_points[points] = -(np.swapaxes(half, 1, 2) @ half) @ pulled
+    return _Adjoint(x, border, of_points)
+
+
+def _effects(solution: JointSolution, item: _Group, adjoint: _Adjoint) -> Floats:
+    """Effects (n, m, d) of the smallest errors that are found in every component of every observation."""
+    columns = solution.system.layout.columns
+    n, m = item.equations.misclosure.shape
+    rows = np.zeros((n, m, adjoint.of_border.shape[1]))
+    for term in item.equations.terms:
+        if term.block == EXTERIOR_ORIENTATION:
+            rows += term.jacobian @ adjoint.of_exposures[term.index]
+        elif term.block == OBJECT_POINT:
+            rows += term.jacobian @ adjoint.of_points[term.index]
+        else:
+            of_border = np.zeros((n, m, len(adjoint.of_border)))
+            add_border_columns(of_border, columns[term.block][term.index], term.jacobian)
+            rows += of_border @ adjoint.of_border
+    weighted = [item.group.stochastic.weighted(rows[:, :, k]) for k in range(rows.shape[2])]
+    return np.asarray(np.stack(weighted, axis=2) * item.detectable[:, :, None])

@@ -1,0 +1,61 @@
+"""Ground cells and the images that see them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.block import Block
+from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.simulate.visibility import ImageGeometry, visible_rays
+
+
+@dataclass(frozen=True, eq=False)
+class GroundCells:
+    """m points of the ground, each standing for a cell of a grid, row after row.
+
+    Attributes
+    ----------
+    x_in_local : (m, 3) metres, local frame.
+    local_from_axes : (m, 3, 3) the axes in which accuracies are wanted, the third one up.
+    neighbour : (m,) index of the next cell of the same row, −1 where there is none.
+    """
+
+    x_in_local: Floats
+    local_from_axes: Floats
+    neighbour: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Which images see which cells, cell after cell, images ascending.
+
+    Attributes
+    ----------
+    start : (m + 1,) where the rays of each cell begin.
+    image : (r,) index of the image.
+    """
+
+    start: Ints
+    image: Ints
+
+    @property
+    def rays(self) -> Ints:
+        """(m,) number of images that see each cell."""
+        return np.diff(self.start)
+
+
+def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
+    """The images in whose format each cell lies.
+
+    Formats are taken without distortion, and nothing on the ground hides anything.
+    """
+    interior = state.system[INTERIOR_ORIENTATION][block.camera_of_image]
+    half_format = np.array([camera.half_format for camera in block.cameras])[block.camera_of_image]
+    images = ImageGeometry(state.projection_centre, state.local_from_camera, interior, half_format)
+    image, cell = visible_rays(images, cells.x_in_local)
+    order = np.argsort(cell, kind="stable")  # images stay ascending
+    start = np.searchsorted(cell[order], np.arange(len(cells.x_in_local) + 1)).astype(np.int64)
+    return Sight(start, image[order])

@@ -1,0 +1,61 @@
+"""Pairs of images that see a point, and the small matrices of its rays, compiled."""
+
+import numpy as np
+
+from adjust.compiled import kernel, small_kernel
+from adjust.solve.covisibility_kernel import find_block
+
+
+@kernel
+def missing_pairs(start, image, row_start, column, images):
+    """Keys row · images + column of pairs of images that see a cell and have no block; with repetitions."""
+    found = np.empty(0, np.int64)
+    for fill in range(2):
+        count = 0
+        for j in range(start.shape[0] - 1):
+            for a in range(start[j], start[j + 1]):
+                for b in range(a + 1, start[j + 1]):
+                    if find_block(row_start, column, image[a], image[b]) < 0:
+                        if fill == 1:
+                            found[count] = image[a] * images + image[b]
+                        count += 1
+        if fill == 0:
+            found = np.empty(count, np.int64)
+    return found
+
+
+@small_kernel
+def invert(matrix, inverse):
+    """Inverse of a symmetric 3 × 3 matrix by its adjugate; false where it is singular to rounding."""
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * i00 + b * i01 + c * i02
+    if not determinant > 1e-13 * a * d * f:
+        return False
+    factor = 1.0 / determinant
+    inverse[0, 0] = i00 * factor
+    inverse[0, 1] = inverse[1, 0] = i01 * factor
+    inverse[0, 2] = inverse[2, 0] = i02 * factor
+    inverse[1, 1] = (a * f - c * c) * factor
+    inverse[1, 2] = inverse[2, 1] = (b * c - a * e) * factor
+    inverse[2, 2] = (a * d - b * b) * factor
+    return True
+
+
+@small_kernel
+def along_row(blocks, block, row, values, i, r):
+    """Product of a row of a block (6, 6) and values[i, r] (6,); written out, so that nothing is stored."""
+    return (
+        (blocks[block, row, 0] * values[i, r, 0] + blocks[block, row, 1] * values[i, r, 1])
+        + (blocks[block, row, 2] * values[i, r, 2] + blocks[block, row, 3] * values[i, r, 3])
+        + (blocks[block, row, 4] * values[i, r, 4] + blocks[block, row, 5] * values[i, r, 5])
+    )
+
+
+@kernel
+def find_positions(first, last, image, row_start, column, position):
+    """Position (k, k) of the block of every pair a ≤ b of the rays first … last − 1; images ascend."""
+    for a in range(first, last):
+        for b in range(a, last):
+            position[a - first, b - first] = find_block(row_start, column, image[a], image[b])

@@ -1,0 +1,133 @@
+"""The trust map: how accurately new points can be measured over the ground, drawn and counted."""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+
+from adjust.arrays import Floats
+from tasks.document_kit import axes, markup, palette
+from tasks.document_kit.axes import Scale
+from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.map_plot import MapPlot
+from tasks.document_kit.raster import Raster, cells
+from tasks.document_kit.table import Column, Row, Table, components, numbers, text_column
+from tasks.documents.report.material import Material
+from tasks.documents.report.point_precision import height_classes
+from tasks.results.figures import TrustMapGrid
+
+_CELLS = 100
+_BINS = 50
+_BAR = "#b5d6e5"
+_AXES = ("x", "y", "z")
+_HEADINGS = ("east", "north", "height")
+#: Rows of the table: pattern of the columns, words.
+_ROWS = (
+    ("sigma_{}_m", "σ, measured in all images"),
+    ("pair_sigma_{}_m", "σ, measured in the best pair"),
+    ("relative_sigma_{}_m", "σ relative to the next cell"),
+    ("external_{}_m", "undetected error of a new image coordinate"),
+    ("block_error_{}_m", "undetected error in the block"),
+)
+
+
+def trust_map_table(material: Material) -> Table:
+    """Median, value at the share of the area, and largest value of everything the map shows."""
+    table, figure = material.trust_map, material.figures.trust_map
+    share = 0.95 if figure is None else figure.share
+    rows = []
+    for pattern, words in _ROWS:
+        names = [pattern.format(axis) for axis in _AXES]
+        if table.empty or not set(names) <= set(table):
+            continue
+        values = table[names].to_numpy(np.float64)
+        values = values[np.isfinite(values).all(axis=1)]
+        if len(values):
+            rows.append(_row(pattern, words, values, share))
+    columns = (
+        text_column("quantity", "quantity"),
+        Column("cells", "cells"),
+        *components("median_{}_m", [f"median {h}" for h in _HEADINGS], "m", _AXES),
+        *components("share_{}_m", [f"{share:.0%} of cells {h}" for h in _HEADINGS], "m", _AXES),
+        *components("max_{}_m", [f"largest {h}" for h in _HEADINGS], "m", _AXES),
+    )
+    return Table("trust-map", "Accuracy and reliability of new points over the ground", columns, tuple(rows))
+
+
+def _row(pattern: str, words: str, values: Floats, share: float) -> Row:
+    place = max(int(np.ceil(share * len(values))) - 1, 0)
+    cells_of = (np.median(values, axis=0), np.sort(values, axis=0)[place], values.max(axis=0))
+    shown = [number for row in cells_of for number in numbers(row, 3)]
+    return Row(pattern.removesuffix("_{}_m"), (words, *numbers((float(len(values)),), 0), *shown))
+
+
+def trust_map_plot(material: Material) -> Markup | None:
+    """Cells coloured by the σ of the height of a new point; None without a map."""
+    table, grid = material.trust_map, material.figures.trust_map_grid
+    if table.empty or grid is None:
+        return None
+    x, y, sigma = (table[name].to_numpy(np.float64) for name in ("x_m", "y_m", "sigma_z_m"))
+    raster = _raster(grid)
+    median = raster.median(x, y, sigma)
+    classes = height_classes(median[np.isfinite(median)])
+    colours = palette.sequence(len(classes.words))
+    plot = MapPlot.over(x, y)
+    entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
+    legend, bottom = swatches(
+        plot.x.start, plot.bottom + 6, "σ height of a new point [m]", entries, axes.WIDTH - plot.x.start - 10
+    )
+    drawn = cells(raster, plot, classes.of(median), colours, [f"{words} m" for words in classes.words])
+    return markup.svg(
+        axes.WIDTH, bottom + 6, "Map of the standard deviation of new heights", plot.axes(), drawn, legend
+    )
+
+
+def _raster(grid: TrustMapGrid) -> Raster:
+    """Whole cells of the map together, so that none is left out between two."""
+    together = -(-max(grid.rows, grid.columns) // _CELLS)
+    size, rows, columns = together * grid.cell_m, -(-grid.rows // together), -(-grid.columns // together)
+    return Raster(grid.west_m, grid.north_m - rows * size, size, rows, columns)
+
+
+def trust_map_histogram(material: Material) -> Markup | None:
+    """Part of the area by the σ of the height, with the limit of its gate; None without a map."""
+    table, figure = material.trust_map, material.figures.trust_map
+    if table.empty or figure is None:
+        return None
+    sigma = table["sigma_z_m"].to_numpy(np.float64)
+    sigma = sigma[np.isfinite(sigma)]
+    upper = 1.05 * float(np.quantile(sigma, 0.995))
+    counts, edges = np.histogram(np.minimum(sigma, upper), bins=_BINS, range=(0.0, upper))
+    parts = 100.0 * counts / len(sigma)
+    top, bottom, left, right = 10.0, 250.0, 78.0, axes.WIDTH - 12.0
+    x, y = Scale(0.0, upper, left, right), Scale(0.0, 1.06 * float(parts.max()), bottom, top)
+    bars = "".join(
+        f"M{markup.number(x.at(edge))},{markup.number(bottom)}V{markup.number(y.at(part))}"
+        f"H{markup.number(x.at(following) - 1)}V{markup.number(bottom)}z"
+        for edge, following, part in zip(edges[:-1], edges[1:], parts, strict=True)
+        if part > 0
+    )
+    entries = [Swatch(_BAR, f"{len(sigma):,} cells")]
+    lines = []
+    gate = material.project.gates.trust_map_height_m
+    limits = {f"{figure.share:.0%} of the area": (figure.sigma_m[2], palette.INK)}
+    limits["limit of the gate"] = (None if gate is None else gate.max, palette.ACCENT)
+    for words, (value, colour) in limits.items():
+        if value is not None and value <= upper:
+            entries.append(Swatch(colour, f"{words}: {value:.3f} m"))
+            ends = np.full(2, x.at(value)), np.array([bottom, top])
+            lines.append(
+                markup.element("path", {"class": "curve", "stroke": colour, "d": markup.path_of(*ends)})
+            )
+    legend, end = swatches(left, bottom + 48, "new points", entries, right - left)
+    return markup.svg(
+        axes.WIDTH,
+        end + 4,
+        "Histogram of the standard deviation of new heights",
+        axes.horizontal_axis(x, top, bottom, "σ height [m] (last bar: everything beyond)", about=8),
+        axes.vertical_axis(y, left, right, "part of the area [%]"),
+        markup.element("path", {"fill": _BAR, "d": bars}),
+        *lines,
+        axes.frame(left, top, right, bottom),
+        legend,
+    )

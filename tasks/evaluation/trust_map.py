@@ -1,0 +1,130 @@
+"""The trust map of an adjusted block: its cells as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.observations.image_point import ImagePoints
+from adjust.options import AdjustmentOptions
+from adjust.trust_map.accuracy import CellAccuracy, NewMeasurement, cell_accuracy, joint_solution
+from adjust.trust_map.block_errors import block_errors
+from adjust.trust_map.cells import Sight, sight_of
+from tasks.evaluation.ground_cells import MapCells, map_cells
+from tasks.evaluation.result_tables import AdjustedBlock, xyz_columns
+from tasks.results.figures import TrustMapGrid
+from tasks.settings.trust_map import TrustMapSettings
+from tasks.tables import schemas
+from tasks.tables.geometry import box_around
+from tasks.tables.parquet import write_row_groups
+
+_XYZ = ("x", "y", "z")
+_PIECE = 50_000
+# Cells for which effects of errors in the block are solved for; they change slowly over the ground.
+_SOLVED_FOR = 300
+
+
+def write_trust_map(
+    folder: Path, adjusted: AdjustedBlock, settings: TrustMapSettings, options: AdjustmentOptions
+) -> TrustMapGrid | None:
+    """trust_map_cells.parquet: accuracy and reliability of a new point in every cell that two images see.
+
+    Returns
+    -------
+    grid : what the cells belong to; None where there is no map and nothing is written, because object points
+        span no area, or a free network leaves the datum open.
+    """
+    free = adjusted.result.free_network
+    if free is not None and free.defect:
+        return None
+    cells = map_cells(adjusted, settings.cell_m)
+    if cells is None:
+        return None
+    result = adjusted.result
+    sight = sight_of(adjusted.block, result.state, cells.ground(adjusted))
+    cells, sight = _seen(cells, sight)
+    if not len(cells.number):
+        return None
+    ground = cells.ground(adjusted)
+    sigma = new_sigma(adjusted, settings)
+    solution = joint_solution(adjusted.block, result, sight, options)
+    measurement = NewMeasurement(sigma, adjusted.sigma0)
+    accuracy = cell_accuracy(solution, ground, sight, measurement, result.cofactor.considered)
+    chosen = cells.spread(_SOLVED_FOR)
+    errors = block_errors(solution, result, ground, sight, chosen)
+    _write(folder, adjusted, cells, accuracy, cells.interpolated(chosen, errors))
+    grid = cells.grid
+    return TrustMapGrid(
+        west_m=grid.west,
+        north_m=grid.north,
+        cell_m=grid.cell,
+        rows=grid.rows,
+        columns=grid.columns,
+        sigma_image_um=1e6 * sigma,
+        added_pairs=solution.added_pairs,
+    )
+
+
+def trust_map_problems(grid: TrustMapGrid | None) -> tuple[str, ...]:
+    """A sentence where a map was wanted and there is none."""
+    if grid is not None:
+        return ()
+    return (
+        "There is no trust map: the object points span no area that two images see, or a free network leaves "
+        "the datum open.",
+    )
+
+
+def new_sigma(adjusted: AdjustedBlock, settings: TrustMapSettings) -> float:
+    """σ of an image coordinate of a new point, m: as set, or that of the block's own, times σ0."""
+    if settings.sigma_image_um is not None:
+        return 1e-6 * settings.sigma_image_um
+    rays = adjusted.result.groups[0].group
+    assert isinstance(rays, ImagePoints)  # the first group of every result
+    return float(np.median(adjusted.result.groups[0].sigma)) * adjusted.sigma0
+
+
+def _seen(cells: MapCells, sight: Sight) -> tuple[MapCells, Sight]:
+    """The cells that at least two images see."""
+    rays = sight.rays
+    kept = rays >= 2
+    start = np.concatenate([[0], np.cumsum(rays[kept])]).astype(np.int64)
+    return cells.only(kept), Sight(start, sight.image[np.repeat(kept, rays)])
+
+
+def _write(
+    folder: Path, adjusted: AdjustedBlock, cells: MapCells, accuracy: CellAccuracy, errors: Floats
+) -> None:
+    m = len(cells.number)
+    pieces = [np.arange(first, min(first + _PIECE, m)) for first in range(0, m, _PIECE)]
+    write_row_groups(
+        folder / "trust_map_cells.parquet",
+        schemas.TRUST_MAP_CELLS,
+        (_columns(cells, accuracy, errors, piece) for piece in pieces),
+        adjusted.map_frame,
+        box_around(cells.x_in_map),
+    )
+
+
+def _columns(cells: MapCells, accuracy: CellAccuracy, errors: Floats, piece: Ints) -> Mapping[str, Any]:
+    row, column = np.divmod(cells.number[piece], cells.grid.columns)
+
+    def of(pattern: str, values: Floats) -> dict[str, Floats]:
+        return xyz_columns(pattern, _XYZ, values[piece])
+
+    return {
+        "row": row,
+        "column": column,
+        **xyz_columns("{}_m", _XYZ, cells.x_in_map[piece]),
+        "rays": accuracy.rays[piece],
+        **of("sigma_{}_m", accuracy.sigma),
+        **of("pair_sigma_{}_m", accuracy.sigma_of_pair),
+        **of("relative_sigma_{}_m", accuracy.sigma_relative),
+        **of("external_{}_m", accuracy.external),
+        **of("block_error_{}_m", errors),
+        "uncontrolled": np.maximum(accuracy.uncontrolled[piece], 0),
+    }

@@ -1,0 +1,30 @@
+"""Settings of the trust map: how accurately a new point can be measured anywhere in the block."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from tasks.settings.base import Settings
+from tasks.settings.coordinates import Positive, Real
+
+
+class TrustMapSettings(Settings):
+    """Accuracy and reliability of newly measured points, cell by cell; the table alone switches it on."""
+
+    cell_m: Positive | None = Field(
+        default=None,
+        description="Side of the cells, m. Default: a hundredth of the longer side of the block, rounded "
+        "down to 1, 2 or 5 times a power of ten.",
+    )
+    sigma_image_um: Positive | None = Field(
+        default=None,
+        description="Standard deviation of an image coordinate of a new point, µm. Default: the median of "
+        "the block's own image points, times σ0.",
+    )
+    share: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
+        default=0.95,
+        description="Fraction of the area on which the gates `trust_map_…` must hold; with 0.95, the worst "
+        "5 % may exceed them.",
+    )

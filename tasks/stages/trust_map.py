@@ -1,0 +1,107 @@
+"""The trust map as a stage: ``trust_map.tif`` and its figures, which the gates test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adjust.arrays import Floats
+from tasks.coordinates.crs import MapFrame
+from tasks.handover.geotiff import GridPlace, Grids, write_geotiff
+from tasks.results.figures import TrustMapFigure, TrustMapGrid, figures_of
+from tasks.settings.project import ProjectSettings
+from tasks.settings.trust_map import TrustMapSettings
+from tasks.store.artifact import Artifact
+from tasks.store.notes import Notes, read_notes, write_notes
+from tasks.store.store import stored
+from tasks.tables.parquet import read_table
+from tasks.tables.schemas import TRUST_MAP_CELLS
+
+_XYZ = ("x", "y", "z")
+#: Columns of the table that are no values of a cell.
+_PLACES = ("row", "column", "x_m", "y_m", "z_m")
+
+
+@stored("trust_map")
+def draw_trust_map(
+    folder: Path, *, cells: Artifact, notes: Artifact, project: ProjectSettings, settings: TrustMapSettings
+) -> None:
+    """Write trust_map.tif: a band for every column of trust_map_cells.parquet.
+
+    Parameters
+    ----------
+    cells, notes : of the adjustment.
+    """
+    table, grid = read_table(cells), figures_of(read_notes(notes).figures).trust_map_grid
+    assert grid is not None  # written together with the cells
+    write_geotiff(
+        folder / "trust_map.tif",
+        _bands(table, grid),
+        GridPlace(grid.west_m, grid.north_m, grid.cell_m),
+        MapFrame.of(project.crs, project.heights),
+        TRUST_MAP_CELLS.meaning,
+    )
+    figure = trust_map_figure(table, grid, settings.share)
+    plan = [value for value in figure.sigma_m[:2] if value is not None]
+    external = figure.external_m
+    largest = None if None in external else max(value for value in external if value is not None)
+    figures = {
+        "trust_map": figure.to_json(),
+        "trust_map_plan_m": max(plan, default=None),
+        "trust_map_height_m": figure.sigma_m[2],
+        "trust_map_external_m": largest,
+    }
+    write_notes(folder, Notes((), figures))
+
+
+def _bands(table: pd.DataFrame, grid: TrustMapGrid) -> Mapping[str, Grids]:
+    """One grid (rows, columns) for each value, by the column's name; NaN where there is no cell."""
+    place = table["row"].to_numpy(np.int64) * grid.columns + table["column"].to_numpy(np.int64)
+    bands = {}
+    for column in TRUST_MAP_CELLS.columns:
+        if column.name not in _PLACES:
+            values = np.full(grid.rows * grid.columns, np.nan, np.float32)
+            values[place] = table[column.name].to_numpy(np.float32)
+            bands[column.name] = values.reshape(grid.rows, grid.columns)
+    return bands
+
+
+def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> TrustMapFigure:
+    """The figures of a map from its cells."""
+    uncontrolled = table["uncontrolled"].to_numpy(np.int64) > 0
+    of_rays, of_block = (_columns(table, pattern) for pattern in ("external_{}_m", "block_error_{}_m"))
+    external = np.where(uncontrolled[:, None], np.inf, np.fmax(of_rays, of_block))
+    return TrustMapFigure(
+        cells=len(table),
+        cell_m=grid.cell_m,
+        share=share,
+        sigma_image_um=grid.sigma_image_um,
+        median_rays=float(table["rays"].median()),
+        median_sigma_m=_at(_columns(table, "sigma_{}_m"), 0.5),
+        sigma_m=_at(_columns(table, "sigma_{}_m"), share),
+        pair_sigma_m=_at(_columns(table, "pair_sigma_{}_m"), share),
+        relative_sigma_m=_at(_known(_columns(table, "relative_sigma_{}_m")), 0.5),
+        external_m=_at(external, share),
+        block_error_m=_at(of_block, share),
+        uncontrolled=float(uncontrolled.mean()),
+    )
+
+
+def _columns(table: pd.DataFrame, pattern: str) -> Floats:
+    return table[[pattern.format(axis) for axis in _XYZ]].to_numpy(np.float64)
+
+
+def _known(values: Floats) -> Floats:
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def _at(values: Floats, share: float) -> tuple[float | None, ...]:
+    """What a share of the values (n, 3) does not exceed, for each of the three; unknown ones are worst."""
+    if not len(values):
+        return (None, None, None)
+    ascending = np.sort(np.where(np.isfinite(values), values, np.inf), axis=0)
+    found = ascending[max(int(np.ceil(share * len(values))) - 1, 0)]
+    return tuple(float(value) if np.isfinite(value) else None for value in found)

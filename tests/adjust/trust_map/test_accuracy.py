@@ -1,0 +1,246 @@
+"""The accuracy of new points against dense matrices, and what shortcuts would say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.arrays import Floats, Ints
+from adjust.options import AdjustmentOptions
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    BORESIGHT,
+    EXTERIOR_ORIENTATION,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    OBJECT_POINT,
+    ConsideredParameters,
+    ParameterPlace,
+)
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.result import AdjustmentResult
+from adjust.solve.design_matrix import design_matrix, full_normals
+from adjust.solve.system import Observations, System
+from adjust.trust_map.accuracy import (
+    CellAccuracy,
+    JointSolution,
+    NewMeasurement,
+    cell_accuracy,
+    joint_solution,
+    new_rays,
+)
+from adjust.trust_map.cells import GroundCells, Sight, sight_of
+from tests.adjust.scenes import Scene, two_strips
+from tests.adjust.trust_map.grids import cells_over
+
+MEASURED = NewMeasurement(3e-6, 1.3)
+FREE = {
+    BORESIGHT: True,
+    LEVER_ARM: [[True, True, False]],
+    INTERIOR_ORIENTATION: [[True, False, True]],
+    ADDITIONAL_PARAMETERS: True,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """An adjusted block, cells on it, and their accuracy."""
+
+    scene: Scene
+    result: AdjustmentResult
+    cells: GroundCells
+    sight: Sight
+    solution: JointSolution
+    accuracy: CellAccuracy
+
+    @classmethod
+    def of(cls, scene: Scene) -> Mapped:
+        options = AdjustmentOptions()
+        result = adjust_block(scene.block, scene.observations, options)
+        cells = cells_over(scene.truth.object_point, 9, 7)
+        sight = sight_of(scene.block, result.state, cells)
+        solution = joint_solution(scene.block, result, sight, options)
+        accuracy = cell_accuracy(solution, cells, sight, MEASURED, result.cofactor.considered)
+        return cls(scene, result, cells, sight, solution, accuracy)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """Covariance of all orientations and system parameters in full, and the derivatives of new rays."""
+
+    mapped: Mapped
+    covariance: Floats
+
+    @classmethod
+    def of(cls, mapped: Mapped) -> Dense:
+        system = System.of(mapped.scene.block, mapped.scene.observations)
+        normal, _ = full_normals(design_matrix(system, mapped.result.state))
+        size = 6 * len(mapped.scene.block.images) + system.layout.border
+        covariance = MEASURED.sigma0**2 * np.linalg.inv(normal)[:size, :size]
+        return cls(mapped, covariance)
+
+    def derivatives(self, cell: int, images: Ints) -> tuple[Floats, Floats]:
+        """Whitened derivatives (2 k, 3) by the point and (2 k, u) by everything else, of k images."""
+        mapped, block = self.mapped, self.mapped.scene.block
+        state = replace(mapped.result.state, object_point=mapped.cells.x_in_local[[cell]])
+        given = mapped.scene.observations.image_points
+        rays = new_rays(given, state, images, np.zeros(len(images), dtype=np.int64), MEASURED.sigma)
+        assert np.abs(rays.misclosure(state)).max() < 1e-10
+        n, of_rest = len(block.images), np.zeros((len(images), 2, len(self.covariance)))
+        of_point = np.zeros((len(images), 2, 3))
+        for term in rays.linearize(state).terms:
+            if term.block == OBJECT_POINT:
+                of_point = term.jacobian / MEASURED.sigma
+                continue
+            for k, (entity, jacobian) in enumerate(zip(term.index, term.jacobian, strict=True)):
+                if term.block == EXTERIOR_ORIENTATION:
+                    of_rest[k][:, 6 * entity : 6 * entity + 6] += jacobian / MEASURED.sigma
+                    continue
+                for component, column in enumerate(block.layout.columns[term.block][entity]):
+                    if column >= 0:
+                        of_rest[k][:, 6 * n + column] += jacobian[:, component] / MEASURED.sigma
+        return of_point.reshape(-1, 3), of_rest.reshape(-1, len(self.covariance))
+
+    def covariance_of(self, cell: int, images: Ints) -> Floats:
+        """C of a point measured in some images."""
+        of_point, of_rest = self.derivatives(cell, images)
+        inverse = np.linalg.inv(of_point.T @ of_point)
+        moved = inverse @ of_point.T @ of_rest
+        return np.asarray(inverse + moved @ self.covariance @ moved.T)
+
+
+@pytest.fixture(scope="module")
+def dense() -> Dense:
+    return Dense.of(Mapped.of(two_strips(free=FREE, additional=True, forward=True, distances=4)))
+
+
+def images_of(mapped: Mapped, cell: int) -> Ints:
+    return mapped.sight.image[mapped.sight.start[cell] : mapped.sight.start[cell + 1]]
+
+
+def sigmas(covariance: Floats) -> Floats:
+    return np.sqrt(np.diagonal(covariance))
+
+
+def seen(mapped: Mapped, least: int = 2) -> Ints:
+    return np.flatnonzero(mapped.sight.rays >= least)
+
+
+def test_all_rays_have_the_joint_covariance_of_their_images(dense: Dense) -> None:
+    mapped = dense.mapped
+    for cell in seen(mapped):
+        expected = sigmas(dense.covariance_of(cell, images_of(mapped, cell)))
+        np.testing.assert_allclose(mapped.accuracy.sigma[cell], expected, rtol=1e-6)
+    assert np.isnan(mapped.accuracy.sigma[mapped.sight.rays < 2]).all()
+    assert len(seen(mapped, 3)) > 10
+
+
+def test_the_best_pair_has_the_smallest_sigma_in_height(dense: Dense) -> None:
+    mapped = dense.mapped
+    for cell in seen(mapped, 3)[::3]:
+        pairs = [np.array(pair) for pair in combinations(images_of(mapped, cell), 2)]
+        every = np.array([sigmas(dense.covariance_of(cell, pair)) for pair in pairs])
+        best = every[np.argmin(every[:, 2])]
+        np.testing.assert_allclose(mapped.accuracy.sigma_of_pair[cell], best, rtol=1e-6)
+
+
+def test_neighbours_are_more_accurate_to_each_other_with_their_common_errors_left_out(dense: Dense) -> None:
+    mapped = dense.mapped
+    compared = 0
+    for cell in seen(mapped):
+        other = mapped.cells.neighbour[cell]
+        common = np.intersect1d(images_of(mapped, cell), images_of(mapped, other) if other >= 0 else [])
+        if len(common) < 2:
+            assert np.isnan(mapped.accuracy.sigma_relative[cell]).all()
+            continue
+        covariance, moved = np.zeros((3, 3)), []
+        for place in (cell, other):
+            of_point, of_rest = dense.derivatives(place, common)
+            inverse = np.linalg.inv(of_point.T @ of_point)
+            covariance += inverse
+            moved.append(inverse @ of_point.T @ of_rest)
+        difference = moved[0] - moved[1]
+        covariance += difference @ dense.covariance @ difference.T
+        np.testing.assert_allclose(mapped.accuracy.sigma_relative[cell], sigmas(covariance), rtol=1e-6)
+        compared += 1
+    assert compared > 20
+
+
+def test_an_undetected_error_of_a_ray_moves_the_point_as_its_own_rays_allow(dense: Dense) -> None:
+    mapped = dense.mapped
+    for cell in seen(mapped, 3)[::2]:
+        of_point, of_rest = dense.derivatives(cell, images_of(mapped, cell))
+        gain = np.linalg.inv(of_point.T @ of_point) @ of_point.T
+        residual = np.eye(len(of_point)) - of_point @ gain
+        covariance = residual @ (np.eye(len(of_point)) + of_rest @ dense.covariance @ of_rest.T) @ residual
+        control = np.diagonal(residual)
+        kept = control >= UNCONTROLLED
+        error = NON_CENTRALITY * sigmas(covariance)[kept] / control[kept]
+        expected = np.max(np.abs(gain[:, kept]) * error, axis=1)
+        np.testing.assert_allclose(mapped.accuracy.external[cell], expected, rtol=1e-6)
+        assert mapped.accuracy.uncontrolled[cell] == np.count_nonzero(~kept)
+
+
+def test_two_rays_leave_one_coordinate_of_each_uncontrolled(dense: Dense) -> None:
+    mapped = dense.mapped
+    two = np.flatnonzero(mapped.sight.rays == 2)
+    assert (mapped.accuracy.uncontrolled[two] >= 2).all()
+
+
+def test_pairs_without_a_common_object_point_are_not_taken_as_uncorrelated() -> None:
+    scene = two_strips(free={BORESIGHT: True}, noise_seed=3)
+    rays = scene.observations.image_points
+    # Tie points are measured along the strips only: no pair of the two strips has a common one.
+    upper = rays.image >= 5
+    more = np.zeros(len(scene.block.points), dtype=bool)
+    more[: len(more) // 2] = True
+    kept = rays.only(np.flatnonzero(upper == more[rays.point]))
+    apart = replace(scene, observations=Observations(kept, scene.observations.others))
+    dense = Dense.of(Mapped.of(apart))
+    mapped = dense.mapped
+    assert mapped.solution.added_pairs > 0
+    for cell in seen(mapped, 4):
+        expected = sigmas(dense.covariance_of(cell, images_of(mapped, cell)))
+        np.testing.assert_allclose(mapped.accuracy.sigma[cell], expected, rtol=1e-6)
+
+
+def test_without_covariances_between_images_sigmas_would_be_wrong_by_half() -> None:
+    dense = Dense.of(Mapped.of(two_strips(strips=3, images_per_strip=7, noise_seed=3, gnss=False, ins=False)))
+    mapped, n = dense.mapped, len(dense.mapped.scene.block.images)
+    alone = np.kron(np.eye(n), np.ones((6, 6))) * dense.covariance[: 6 * n, : 6 * n]
+    shortcut = Dense(mapped, alone)
+    cells = seen(mapped, 3)
+    ratio = np.array(
+        [sigmas(shortcut.covariance_of(c, images_of(mapped, c))) / mapped.accuracy.sigma[c] for c in cells]
+    )
+    assert ratio.min() < 0.5
+    assert ratio.max() > 2.0
+
+
+def test_considered_parameters_widen_every_sigma_and_no_relative_one_much() -> None:
+    scene = two_strips(noise_seed=3)
+    place = ParameterPlace(INTERIOR_ORIENTATION, 0, 0)
+    plain = Mapped.of(scene)
+    block = replace(scene.block, considered=ConsideredParameters((place,), np.array([[(40e-6) ** 2]])))
+    considered = Mapped.of(replace(scene, block=block))
+    cells = seen(plain)
+    added = considered.accuracy.sigma[cells] ** 2 - plain.accuracy.sigma[cells] ** 2
+    # What the focal length adds is what the adjusted block and the new point answer to it, on paper:
+    errors = considered.result.cofactor.considered
+    assert errors is not None
+    for cell, found in zip(cells[::4], added[::4], strict=True):
+        images = images_of(considered, cell)
+        of_point, of_rest = Dense.of(considered).derivatives(cell, images)
+        state = replace(considered.result.state, object_point=considered.cells.x_in_local[[cell]])
+        rays = new_rays(
+            scene.observations.image_points, state, images, np.zeros(len(images), dtype=np.int64), 1.0
+        )
+        direct = next(t for t in rays.linearize(state).terms if t.block == INTERIOR_ORIENTATION)
+        of_known = of_rest @ errors.of_unknowns.of_exposures.reshape(-1, 1)
+        of_known = of_known[:, 0] + direct.jacobian[:, :, 0].ravel() / MEASURED.sigma * 40e-6
+        moved = np.linalg.solve(of_point.T @ of_point, of_point.T @ of_known)
+        np.testing.assert_allclose(found, moved**2, rtol=1e-5, atol=1e-12)

@@ -1,0 +1,94 @@
+"""The trust map of a run: table, raster, figures, gates and report say the same."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.conftest import write_block
+
+CELL_M = 50.0
+SETTINGS = f"""
+trust_map_plan_m = {{ max = 1.0 }}
+trust_map_height_m = {{ max = 0.001 }}
+[trust_map]
+cell_m = {CELL_M}
+"""
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
+    project = write_block(tmp_path_factory.mktemp("trusted") / "block")
+    project.write_text(project.read_text() + SETTINGS)
+    found = carry_out(aerial_triangulation, RunRequest(project))
+    assert found.error is None, found.error
+    return found
+
+
+@pytest.fixture(scope="module")
+def table(outcome: RunOutcome) -> pd.DataFrame:
+    return pd.read_parquet(outcome.directory / "trust_map_cells.parquet")
+
+
+def test_every_cell_that_two_images_see_has_its_accuracy(table: pd.DataFrame) -> None:
+    assert len(table) > 200
+    assert (table["rays"] >= 2).all()
+    sigma = table[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy()
+    pair = table[["pair_sigma_x_m", "pair_sigma_y_m", "pair_sigma_z_m"]].to_numpy()
+    assert np.isfinite(sigma).all()
+    two = (table["rays"] == 2).to_numpy()
+    np.testing.assert_allclose(sigma[two], pair[two], rtol=1e-9)
+    assert np.median(pair[~two, 2] / sigma[~two, 2]) > 1.05
+    # σ of 0.3 px of 5 µm from 1000 m with c = 50 mm: 3 cm on the ground, some 9 cm in height.
+    assert 0.01 < np.median(sigma[:, 0]) < 0.05
+    assert 0.03 < np.median(sigma[:, 2]) < 0.15
+    assert (table["block_error_z_m"] > 0.0).all()
+
+
+def test_cells_lie_in_a_grid_whose_neighbours_are_one_cell_apart(table: pd.DataFrame) -> None:
+    assert table["x_m"].diff()[table["row"].diff() == 0].min() == pytest.approx(CELL_M)
+    step = table.groupby("row")["y_m"].first().diff().dropna()
+    np.testing.assert_allclose(step, -CELL_M)
+
+
+def test_summary_and_gates_have_the_share_of_the_area(outcome: RunOutcome, table: pd.DataFrame) -> None:
+    summary = json.loads((outcome.directory / "summary.json").read_text())
+    worst = np.sort(table["sigma_z_m"])[int(np.ceil(0.95 * len(table))) - 1]
+    assert summary["trust_map_height_m"] == pytest.approx(worst)
+    assert summary["trust_map"]["cells"] == len(table)
+    gates = {gate["name"]: gate for gate in summary["gates"]}
+    assert gates["trust_map_plan_m"]["passed"]
+    assert not gates["trust_map_height_m"]["passed"]
+    assert gates["trust_map_height_m"]["unit"] == "m"
+    assert summary["status"] == "gate_failed"
+
+
+def test_the_report_draws_the_map_and_its_histogram(outcome: RunOutcome) -> None:
+    page = (outcome.directory / "report.html").read_text()
+    for text in ('id="trust"', 'id="figure-trust-map"', 'id="figure-trust-histogram"', 'id="trust-map"'):
+        assert text in page
+    assert "limit of the gate: 0.001 m" in page
+
+
+def test_the_raster_has_a_band_for_every_value(outcome: RunOutcome, table: pd.DataFrame) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    with rasterio.open(outcome.directory / "trust_map.tif") as raster:
+        band = raster.read(raster.descriptions.index("sigma_z_m") + 1)
+        column, row = ~raster.transform @ (table["x_m"].to_numpy(), table["y_m"].to_numpy())
+    np.testing.assert_allclose(row, table["row"] + 0.5)
+    np.testing.assert_allclose(column, table["column"] + 0.5)
+    np.testing.assert_allclose(band[table["row"], table["column"]], table["sigma_z_m"], rtol=1e-6)
+    assert np.isfinite(band).sum() == len(table)
+
+
+def test_a_gate_without_its_map_is_an_error(block: Path) -> None:
+    block.write_text(block.read_text() + "trust_map_height_m = { max = 0.05 }\n")
+    outcome = carry_out(aerial_triangulation, RunRequest(block))
+    assert outcome.error is not None
+    assert "trust_map_height_m needs a trust map" in str(outcome.error)

@@ -1,0 +1,54 @@
+"""The grid of a trust map, its choice of cells, and interpolation between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tasks.errors import InputError
+from tasks.evaluation.ground_cells import MapCells, MapGrid
+
+
+def cells(rows: int, columns: int) -> MapCells:
+    grid = MapGrid(100.0, 900.0, 10.0, rows, columns)
+    return MapCells(
+        grid, np.arange(rows * columns), np.column_stack([grid.middles, np.zeros(rows * columns)])
+    )
+
+
+@pytest.mark.parametrize(("extent", "cell"), [(10_000.0, 100.0), (7_300.0, 50.0), (480.0, 2.0), (0.3, 0.002)])
+def test_cells_are_round_and_a_hundredth_of_the_block_or_less(extent: float, cell: float) -> None:
+    grid = MapGrid.over(np.array([[0.0, 0.0], [extent, 0.4 * extent]]), None)
+    assert grid.cell == pytest.approx(cell)
+
+
+def test_the_grid_covers_all_points_with_corners_at_multiples_of_the_cell() -> None:
+    points = np.array([[1003.0, 52.0, 7.0], [1101.0, 149.9, 8.0]])
+    grid = MapGrid.over(points, 25.0)
+    assert (grid.west, grid.north, grid.columns, grid.rows) == (1000.0, 150.0, 5, 4)
+    np.testing.assert_allclose(grid.middles[[0, -1]], [[1012.5, 137.5], [1112.5, 62.5]])
+
+
+def test_too_many_cells_are_refused_before_they_are_made() -> None:
+    with pytest.raises(InputError, match="cells are possible"):
+        MapGrid.over(np.array([[0.0, 0.0], [1e6, 1e6]]), 0.01)
+
+
+@pytest.mark.parametrize("most", [1, 10, 300])
+def test_chosen_cells_are_spread_and_not_too_many(most: int) -> None:
+    chosen = cells(40, 60).spread(most)
+    assert 1 <= len(chosen) <= max(most, 1)
+    assert most < 10 or np.ptp(chosen // 60) > 10
+
+
+def test_a_plane_is_interpolated_exactly_between_the_chosen_cells() -> None:
+    of = cells(21, 31)
+    plane = of.x_in_map[:, :1] * 0.3 - of.x_in_map[:, 1:2] * 0.1 + 5.0
+    chosen = of.spread(30)
+    found = of.interpolated(chosen, plane[chosen])
+    inside = (
+        (of.x_in_map[:, :2] > of.x_in_map[chosen, :2].min(axis=0))
+        & (of.x_in_map[:, :2] < of.x_in_map[chosen, :2].max(axis=0))
+    ).all(axis=1)
+    np.testing.assert_allclose(found[inside], plane[inside], rtol=1e-9, atol=1e-9)
+    assert np.isfinite(found).all()
