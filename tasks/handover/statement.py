@@ -9,7 +9,8 @@ import numpy as np
 from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Delivery, DeliveryFormat
 from tasks.handover.lens import LensModel
-from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX, World
+from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX
+from tasks.settings.deliver import World
 
 _WORLDS: dict[World, str] = {
     "local": "The program must take the coordinates as Cartesian, without any correction for the "
@@ -26,16 +27,26 @@ _WORLDS: dict[World, str] = {
     "(centre of the first pixel: 0, 0). Camera, distortion, refraction and the earth are contained; no "
     "switch is needed.",
 }
+_AS_DELIVERED = (
+    "Nothing of this block is adjusted: orientations are delivered or approximate ones, object points are "
+    "intersected from them, image points are as measured (refraction is not corrected), cameras as given."
+)
 _LEAST_DISTORTION_UM = 0.05
 # Below this a misfit is rounding.
 _LEAST_MISFIT_PX = 1e-4
 _WIDTH = 78
 
 
-def statement(delivery: Delivery, form: DeliveryFormat, project: str) -> str:
-    """The text."""
+def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjusted: bool = True) -> str:
+    """The text.
+
+    Parameters
+    ----------
+    adjusted : whether the block is adjusted, or as it was delivered.
+    """
     parts = [
         f"{project}: {len(delivery.names)} images, {form.name} ({form.meaning})",
+        *([] if adjusted else [_AS_DELIVERED]),
         _WORLDS[delivery.handed.world],
         _coordinates(delivery),
         *_about_refraction(delivery),

@@ -26,8 +26,9 @@ from tasks.formats.colmap import read_colmap_image_points
 from tasks.handover.export import export_results
 from tasks.handover.formats.patb import photo_numbers
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M, World
+from tasks.handover.receiver import EARTH_RADIUS_M
 from tasks.handover.results import Results, read_results
+from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.tasks.handover.test_read_back import WITH_THEIR_GROUND
