@@ -95,6 +95,10 @@ def image_points_of(
     )
 
 
+class NothingInFileError(InputError):
+    """A file of several kinds of things has none of this one."""
+
+
 def control_of(
     path: Path,
     point: Sequence[str],
@@ -195,7 +199,7 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
 
 def _refuse_none(path: Path, count: int, what: str) -> None:
     if count == 0:
-        raise InputError(
+        raise NothingInFileError(
             f"There is no {what} in the file.", "Check that it is the file and format that was meant.", path
         )
 

@@ -85,6 +85,7 @@ class DeliveryFormat:
     seen : whether files for it were checked against the software itself or real files of it.
     lens : terms of the distortion it takes (see ``lens``); none: it takes no distortion.
     points : whether it takes image points, object points, or surveyed points.
+    corrected : whether its image points are corrected by the camera's additional parameters.
     """
 
     name: str
@@ -95,6 +96,7 @@ class DeliveryFormat:
     seen: bool = False
     lens: tuple[str, ...] = ()
     points: bool = False
+    corrected: bool = False
 
     @property
     def worlds(self) -> tuple[World, ...]:

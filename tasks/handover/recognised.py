@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
+from tasks.formats.plain_records import NothingInFileError
 from tasks.formats.records import ExposureRecords, PixelCamera
 from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS
 from tasks.settings.coordinates import LOCAL
@@ -171,8 +172,7 @@ def _control(block: RecognisedBlock, place: Mapping[str, TomlValue]) -> dict[str
         return {}
     try:
         found = reader(block.exposures)
-    except InputError:
-        # Files without any are refused by the readers.
+    except NothingInFileError:
         return {}
     stated = found.states.crs
     own = place if stated is None or stated == place["crs"] else {"crs": stated, "heights": "ellipsoidal"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -170,7 +169,7 @@ def _camera_rows(folder: Path) -> list[dict[object, object]]:
     return [dict(row) for row in calibrated_cameras(given, adjusted).to_dict("records")]
 
 
-def calibrated_camera(row: Mapping[object, object]) -> CalibratedCamera:
+def calibrated_camera(row: dict[object, object]) -> CalibratedCamera:
     """A camera of a row of cameras.parquet."""
     known = from_json(str(row["additional_parameters"]))
     turn = int(str(row["calibration_axes_deg"]))
@@ -200,12 +199,12 @@ def _oriented(
     )
 
 
-def _ground(folder: Path, names: Sequence[str]) -> Floats:
+def _ground(folder: Path, names: list[str]) -> Floats:
     points = read_result_table(folder, schemas.OBJECT_POINTS)
     return ground_heights(points, read_result_table(folder, schemas.IMAGE_POINTS), names)
 
 
-def ground_heights(points: pd.DataFrame, measured: pd.DataFrame, names: Sequence[str]) -> Floats:
+def ground_heights(points: pd.DataFrame, measured: pd.DataFrame, names: list[str]) -> Floats:
     """Low, middle and high map height (n, 3) of the points in each image; of all where an image has none.
 
     Parameters

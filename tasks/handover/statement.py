@@ -50,7 +50,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjuste
         _WORLDS[delivery.handed.world],
         _coordinates(delivery),
         *_about_refraction(delivery),
-        *_about_lens(delivery),
+        *_about_lens(delivery, corrected=form.corrected),
         *_about_fit(delivery),
     ]
     if not form.seen:
@@ -87,7 +87,7 @@ def _about_refraction(delivery: Delivery) -> list[str]:
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
 
 
-def _about_lens(delivery: Delivery) -> list[str]:
+def _about_lens(delivery: Delivery, *, corrected: bool) -> list[str]:
     if delivery.handed.world == "rpc":
         return []
     if delivery.lenses.models:
@@ -103,10 +103,17 @@ def _about_lens(delivery: Delivery) -> list[str]:
         distortion = camera.largest_distortion * 1e6
         if distortion > _LEAST_DISTORTION_UM:
             text += (
-                f"; its additional parameters move image points by up to {distortion:.1f} µm and are NOT "
-                "contained: use corrected images or image coordinates"
+                f"; its additional parameters move image points by up to {distortion:.1f} µm and "
+                + ("are" if corrected else "are NOT")
+                + " contained"
+                + ("" if corrected else ": use corrected images or image coordinates")
             )
         found.append(f"{text}.")
+    if corrected:
+        found.append(
+            "Image points count from the principal point, and additional parameters are corrected in them: "
+            "the program must take a camera without distortion whose principal point is 0, 0."
+        )
     return found
 
 

@@ -95,5 +95,5 @@ def _block(tables: _Tables, project: ProjectSettings) -> Results:
     orientations = pd.DataFrame(
         {f"sigma_{name}": sigma[f"sigma_{name}"].to_numpy(np.float64) for name in _SIGMAS}
     )
-    ground = ground_heights(tables.approximate_points, tables.image_points, given.image)
+    ground = ground_heights(tables.approximate_points, tables.image_points, list(given.image))
     return Results(images, cameras, orientations, given.strip, ground, project.name, project.flown)

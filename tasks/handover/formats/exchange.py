@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tasks.handover.delivery import DeliveryFormat
+from tasks.handover.formats.bingo import write_bingo
 from tasks.handover.formats.blocks_exchange import write_blocks_exchange
 from tasks.handover.formats.colmap import write_colmap
+from tasks.handover.formats.openmvg import write_openmvg
 from tasks.handover.formats.opensfm import write_opensfm
 from tasks.handover.formats.opf import write_opf
+from tasks.handover.formats.patb import write_patb
 
 #: Brown's terms, and those with different focal lengths along columns and rows.
 LENS = ("k1", "k2", "k3", "p1", "p2")
@@ -48,12 +51,36 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "opf",
-            "OPF project (Pix4D): cameras, control and check points with their marks",
+            "OPF project (Pix4D): cameras, control and check points with their marks, tie points",
             write_opf,
-            "17 digits",
+            "17 digits; tie points float32: 1e-3 px",
             seen=True,
             lens=LENS,
             points=True,
+        ),
+        DeliveryFormat(
+            "openmvg",
+            "OpenMVG sfm_data.json: views, cameras, poses, points",
+            write_openmvg,
+            "17 digits",
+            lens=LENS,
+            points=True,
+        ),
+        DeliveryFormat(
+            "patb",
+            "PATB .ori, .im, .con: orientations, image points, control",
+            write_patb,
+            "1e-5 m, 1e-12 of a rotation; control 1e-4 m, image points 1e-4 µm",
+            points=True,
+            corrected=True,
+        ),
+        DeliveryFormat(
+            "bingo",
+            "BINGO image.dat, geoin.dat, itera.dat",
+            write_bingo,
+            "1e-4 m, 1e-7 gon; image points 1e-4 µm",
+            points=True,
+            corrected=True,
         ),
     )
 }

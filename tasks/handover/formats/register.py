@@ -18,7 +18,6 @@ from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
 from tasks.handover.formats.nerfstudio import write_nerfstudio
 from tasks.handover.formats.orbit import write_orbit
-from tasks.handover.formats.patb import write_patb
 from tasks.handover.formats.rpc import write_rpc
 from tasks.handover.formats.stac import write_stac
 
@@ -35,12 +34,6 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             write_eo_csv,
             _ANGLES,
             seen=True,
-        ),
-        DeliveryFormat(
-            "patb",
-            "PATB .ori: positions and rotation matrices in fixed columns",
-            write_patb,
-            "1e-5 m, 1e-12 of a rotation",
         ),
         DeliveryFormat("esri", "Frames and Cameras tables of ArcGIS", write_esri, _ANGLES, _CAMERA_TOO),
         DeliveryFormat("orbit", "Orbit 3DM: one line an image, for undistorted images", write_orbit, _ANGLES),
