@@ -15,7 +15,7 @@ from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.lens import lens_models
+from tasks.handover.lens import Lenses, lens_models
 from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
@@ -128,7 +128,7 @@ def write_block(
     form = wanted.form
     delivery = Delivery(block, hand_over(block, wanted.world, form.freed), wanted.angles)
     if form.lens:
-        delivery = replace(delivery, lenses=lens_models(block, form.lens))
+        delivery = replace(delivery, lenses=lenses_of(block, delivery.handed, form.lens))
     misfit = float(delivery.misfit_px.max(initial=0.0))
     if misfit >= REFUSED_PX and not wanted.force:
         raise _refusal(delivery, wanted, misfit)
@@ -140,6 +140,11 @@ def write_block(
     text = statement(delivery, form, project, adjusted=wanted.adjusted)
     _write(folder, {**files, STATEMENT: text})
     return Export(folder, tuple(files), text, misfit)
+
+
+def lenses_of(block: Results, handed: HandedOver, terms: tuple[str, ...]) -> Lenses:
+    """Cameras with these terms, for the orientations of a kind of program."""
+    return lens_models(block, terms, handed.pose if handed.refitted else None)
 
 
 def _refusal(delivery: Delivery, wanted: Wanted, misfit: float) -> DeliveryRefusedError:

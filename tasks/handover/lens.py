@@ -17,11 +17,14 @@ from adjust.camera.additional.conversion import fitted, refuse_folded
 from adjust.camera.additional.correction import measured_from_ideal
 from adjust.camera.additional.register import AdditionalParameters, additional_parameters
 from adjust.errors import AdditionalParametersError
+from adjust.handover.cartesian_map import Pose
 from tasks.errors import InputError
 from tasks.handover.results import CalibratedCamera, Results
 
 _SET = "brown-forward"
 _SIDE = 9
+# A radial term of some 1e-4: each round gains four digits.
+_ROUNDS = 5
 # Images of a camera whose refraction is averaged at most.
 _AVERAGED = 50
 
@@ -76,8 +79,13 @@ class Lenses:
         return [model.name for model in self.models]
 
 
-def lens_models(results: Results, terms: tuple[str, ...]) -> Lenses:
+def lens_models(results: Results, terms: tuple[str, ...], fitted_pose: Pose | None = None) -> Lenses:
     """Models with these of the terms k1, k2, k3, p1, p2, b1.
+
+    Parameters
+    ----------
+    fitted_pose : orientations that were fitted to the program's model, with a focal length and radial term of
+        each camera; these go into the models, and refraction is in the orientations. None: true ones.
 
     Raises
     ------
@@ -88,10 +96,17 @@ def lens_models(results: Results, terms: tuple[str, ...]) -> Lenses:
     for number, camera in enumerate(results.cameras):
         of_camera = np.flatnonzero(results.images.camera == number)
         try:
-            fit = _fit(results, camera, of_camera, terms)
+            if fitted_pose is None:
+                fit = _fit(results, camera, of_camera, terms)
+            else:
+                c, k1 = (float(of[of_camera[0]]) for of in (fitted_pose.focal_length, fitted_pose.radial))
+                fit = _fit_with_pose(camera, c, k1, terms)
         except AdditionalParametersError as error:
             raise InputError(error.what, error.remedy, entity=f"camera {camera.frame.name}") from error
         models.append(_in_pixels(camera, fit))
+        if fitted_pose is not None:
+            misfit[of_camera] = _misfit_with_pose(camera, c, k1, fit)
+            continue
         for image in of_camera:
             misfit[image] = _misfit(results, camera, int(image), fit)
     return Lenses(tuple(models), misfit)
@@ -112,12 +127,41 @@ def _fit(results: Results, camera: CalibratedCamera, of_camera: Ints, terms: tup
         columns = np.concatenate([np.stack([straight, straight * square], axis=-1), units], axis=-1)
         found = np.linalg.lstsq(columns.reshape(-1, 4), (ideal - straight).ravel(), rcond=None)[0]
         c, shift = c * (1.0 + found[0]), found[2:]
-    image_format = format_in_calibration_axes(frame.half_format, 0, None, float(c))
-    wanted = additional_parameters("+".join(f"{_SET}:{term}" for term in terms), image_format)
+    wanted = _wanted(camera, float(c), terms)
     values = np.zeros(len(terms))
     if len(camera.values) or results.images.refracted:
         values = fitted(wanted, xy - shift, straight * (c / frame.focal_length)).values
     return _Fitted(wanted, values, x0 + shift)
+
+
+def _fit_with_pose(camera: CalibratedCamera, c: float, k1: float, terms: tuple[str, ...]) -> _Fitted:
+    """The distortion from points of the program's own pinhole to measured ones."""
+    x0 = np.array(camera.frame.principal_point)
+    xy = refuse_folded(_with_format(camera), camera.values, x0)
+    wanted = _wanted(camera, c, terms)
+    return _Fitted(wanted, fitted(wanted, xy, _without_radial(camera.ideal(xy + x0), c, k1)).values, x0)
+
+
+def _misfit_with_pose(camera: CalibratedCamera, c: float, k1: float, fit: _Fitted) -> float:
+    """Largest difference of measured points over the format, pixels."""
+    steps = np.linspace(-1.0, 1.0, _SIDE)
+    xy = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * np.array(camera.frame.half_format)
+    straight = _without_radial(camera.ideal(xy), c, k1)
+    found, _ = measured_from_ideal(fit.parameters, fit.values, straight)
+    return float(np.linalg.norm(found + fit.principal_point - xy, axis=1).max() / camera.frame.pixel_size)
+
+
+def _without_radial(ideal: Floats, c: float, k1: float) -> Floats:
+    """Points (n, 2) of a pinhole of focal length c that its radial term k1 moves to the ideal ones."""
+    found = ideal
+    for _ in range(_ROUNDS):
+        found = ideal / (1.0 + k1 * (found**2).sum(axis=1, keepdims=True) / c**2)
+    return found
+
+
+def _wanted(camera: CalibratedCamera, c: float, terms: tuple[str, ...]) -> AdditionalParameters:
+    image_format = format_in_calibration_axes(camera.frame.half_format, 0, None, c)
+    return additional_parameters("+".join(f"{_SET}:{term}" for term in terms), image_format)
 
 
 def _with_format(camera: CalibratedCamera) -> AdditionalParameters:

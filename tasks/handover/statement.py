@@ -77,13 +77,13 @@ def _coordinates(delivery: Delivery) -> str:
 def _about_refraction(delivery: Delivery) -> list[str]:
     if not delivery.results.images.refracted or delivery.handed.world == "rpc":
         return []
+    if delivery.handed.refitted:
+        return ["Refraction of the standard atmosphere is contained in the orientations."]
     if delivery.lenses.models:
         return [
             "Refraction of the standard atmosphere, which the adjustment corrected, is contained in the "
             "cameras: switch such a correction OFF."
         ]
-    if delivery.handed.refitted:
-        return ["Refraction of the standard atmosphere is contained in the orientations."]
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
 
 

@@ -33,10 +33,12 @@ class Offer:
     ----------
     worlds : kinds of programs; the usual one first.
     dated : whether it cannot be without the date of the flight.
+    placed : whether it cannot be without a place on the earth.
     """
 
     worlds: tuple[World, ...]
     dated: bool = False
+    placed: bool = False
 
 
 #: Every format of `tasks.handover.formats.register`.
@@ -54,10 +56,15 @@ OFFERS: Mapping[str, Offer] = {
     "esri": Offer(_ANY),
     "orbit": Offer(_ANY),
     "metashape": Offer(("map", "local")),
-    "rpc": Offer(("rpc",)),
+    "rpc": Offer(("rpc",), placed=True),
     "geopackage": Offer(_MAP),
     "nerfstudio": Offer(_LOCAL),
     "stac": Offer(_MAP, dated=True),
+    "realityscan": Offer(("map", "local")),
+    "orthority": Offer(("map-cartesian",), placed=True),
+    "catalyst": Offer(_CURVED),
+    "geojson": Offer(_MAP, placed=True),
+    "kmz": Offer(_MAP, placed=True),
 }
 
 
@@ -114,9 +121,9 @@ class DeliverSettings(Settings):
         crs : of the results.
         flown : whether the date of the flight is stated.
         """
-        if crs == LOCAL and OFFERS[self.format].worlds == ("rpc",):
+        if crs == LOCAL and OFFERS[self.format].placed:
             return (
-                f"The format {self.format} needs latitude and longitude, and the project is local.",
+                f"The format {self.format} needs a place on the earth, and the project is local.",
                 'Give the project a CRS, or deliver another format, e.g. format = "blocks-exchange".',
             )
         if OFFERS[self.format].dated and not flown:

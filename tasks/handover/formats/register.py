@@ -9,15 +9,19 @@ from collections.abc import Mapping
 
 from adjust.handover.refit import Freed
 from tasks.handover.delivery import DeliveryFormat
+from tasks.handover.formats.catalyst import write_catalyst
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.esri import write_esri
-from tasks.handover.formats.exchange import EXCHANGE, LENS_OF_TWO_FOCAL_LENGTHS
+from tasks.handover.formats.exchange import EXCHANGE, LENS, LENS_OF_TWO_FOCAL_LENGTHS
 from tasks.handover.formats.geopackage import write_geopackage
 from tasks.handover.formats.inpho import write_inpho
 from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
 from tasks.handover.formats.nerfstudio import write_nerfstudio
+from tasks.handover.formats.on_earth import write_geojson, write_kmz
 from tasks.handover.formats.orbit import write_orbit
+from tasks.handover.formats.orthority import write_orthority
+from tasks.handover.formats.realityscan import write_realityscan
 from tasks.handover.formats.rpc import write_rpc
 from tasks.handover.formats.stac import write_stac
 
@@ -70,6 +74,38 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             write_stac,
             _MATRIX,
             seen=True,
+        ),
+        DeliveryFormat(
+            "realityscan",
+            "RealityScan (RealityCapture): CSV of registered images and XMP files",
+            write_realityscan,
+            "1e-4 m, 1e-7°; XMP 15 digits of a rotation",
+            lens=LENS,
+        ),
+        DeliveryFormat(
+            "orthority",
+            "Orthority: interior parameters (YAML), exterior parameters (GeoJSON)",
+            write_orthority,
+            "17 digits",
+            Freed(focal_length=True, radial=True),
+            lens=LENS,
+        ),
+        DeliveryFormat(
+            "catalyst", "Catalyst OrthoEngine: exterior orientations as text", write_catalyst, _ANGLES
+        ),
+        DeliveryFormat(
+            "geojson",
+            "GeoJSON in longitude and latitude: cameras, footprints, surveyed points",
+            write_geojson,
+            "1e-9°, 1e-4 m",
+            points=True,
+        ),
+        DeliveryFormat(
+            "kmz",
+            "KMZ for globes: cameras, footprints, surveyed points",
+            write_kmz,
+            "1e-8°, 1e-3 m",
+            points=True,
         ),
     )
 }

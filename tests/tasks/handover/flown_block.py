@@ -16,8 +16,9 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
 from tasks.handover.block_points import BlockPoints, SurveyedPoints
 from tasks.handover.delivery import Delivery
+from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.lens import Lenses, lens_models
+from tasks.handover.lens import Lenses
 from tasks.handover.receiver import hand_over
 from tasks.handover.results import CalibratedCamera, Results
 from tasks.handover.rigorous import OrientedImages
@@ -118,7 +119,6 @@ def points_of(results: Results) -> BlockPoints:
 def delivered(results: Results, points: BlockPoints, name: str) -> Delivery:
     """As `export_results` has it written."""
     form = REGISTER[name]
-    lenses = lens_models(results, form.lens) if form.lens else Lenses((), np.zeros(0))
-    return Delivery(
-        results, hand_over(results, form.world, form.freed), lenses=lenses, points=points
-    )  # fmt: skip
+    handed = hand_over(results, form.world, form.freed)
+    lenses = lenses_of(results, handed, form.lens) if form.lens else Lenses((), np.zeros(0))
+    return Delivery(results, handed, lenses=lenses, points=points)

@@ -31,6 +31,7 @@ FILES = {
     "colmap": (("images.txt", "cameras.txt", "images.txt"), "colmap"),
     "opensfm": (("reconstruction.json", "reconstruction.json", "tracks.csv"), "opensfm"),
     "blocks-exchange": (("block.xml", "block.xml", "block.xml"), "blocks-exchange"),
+    "openmvg": (("sfm_data.json", "sfm_data.json", "sfm_data.json"), "openmvg"),
 }
 CASES = [Flight(above, tilt) for above in (1000.0, 2000.0, 4000.0) for tilt in (0.0, 45.0)]
 
@@ -131,6 +132,7 @@ def test_image_points_are_read_as_they_were_measured(name, tmp_path):
     found = {
         "colmap": lambda xy: xy,
         "blocks-exchange": lambda xy: xy + 0.5,
+        "openmvg": lambda xy: xy,
         "opensfm": lambda xy: xy * [1.0, -1.0] * 26460 + [0.5 * 17004, 0.5 * 26460],
     }[name]
     images = np.array(records.image.to_pylist())
