@@ -13,7 +13,7 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
-from adjust.camera.additional.conversion import fitted, refuse_folded
+from adjust.camera.additional.conversion import Conversion, fitted, refuse_folded
 from adjust.camera.additional.correction import measured_from_ideal
 from adjust.camera.additional.register import AdditionalParameters, additional_parameters
 from adjust.errors import AdditionalParametersError
@@ -40,6 +40,8 @@ class LensModel:
     focal : (fx, fy).
     principal_point : (column, row).
     distortion : k1, k2, k3, p1, p2 of OpenCV; those a format does not have are 0.
+    misfit_um : largest difference over the format between these and ours, with refraction for ground at
+        middle height.
     """
 
     name: str
@@ -49,15 +51,17 @@ class LensModel:
     focal: tuple[float, float]
     principal_point: tuple[float, float]
     distortion: dict[str, float]
+    misfit_um: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """Forward parameters with their focal length and values, and the principal point (2,), metres."""
+    """Forward parameters with their focal length and values, the principal point (2,) and misfit, metres."""
 
     parameters: AdditionalParameters
     values: Floats
     principal_point: Floats
+    misfit: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,18 +132,22 @@ def _fit(results: Results, camera: CalibratedCamera, of_camera: Ints, terms: tup
         found = np.linalg.lstsq(columns.reshape(-1, 4), (ideal - straight).ravel(), rcond=None)[0]
         c, shift = c * (1.0 + found[0]), found[2:]
     wanted = _wanted(camera, float(c), terms)
-    values = np.zeros(len(terms))
-    if len(camera.values) or results.images.refracted:
-        values = fitted(wanted, xy - shift, straight * (c / frame.focal_length)).values
-    return _Fitted(wanted, values, x0 + shift)
+    if not len(camera.values) and not results.images.refracted:
+        return _Fitted(wanted, np.zeros(len(terms)), x0)
+    return _of_conversion(fitted(wanted, xy - shift, straight * (c / frame.focal_length)), x0 + shift)
 
 
 def _fit_with_pose(camera: CalibratedCamera, c: float, k1: float, terms: tuple[str, ...]) -> _Fitted:
     """The distortion from points of the program's own pinhole to measured ones."""
     x0 = np.array(camera.frame.principal_point)
     xy = refuse_folded(_with_format(camera), camera.values, x0)
-    wanted = _wanted(camera, c, terms)
-    return _Fitted(wanted, fitted(wanted, xy, _without_radial(camera.ideal(xy + x0), c, k1)).values, x0)
+    straight = _without_radial(camera.ideal(xy + x0), c, k1)
+    return _of_conversion(fitted(_wanted(camera, c, terms), xy, straight), x0)
+
+
+def _of_conversion(found: Conversion, principal_point: Floats) -> _Fitted:
+    largest = float(np.linalg.norm(found.misfit, axis=1).max())
+    return _Fitted(found.parameters, found.values, principal_point, largest)
 
 
 def _misfit_with_pose(camera: CalibratedCamera, c: float, k1: float, fit: _Fitted) -> float:
@@ -200,7 +208,8 @@ def _in_pixels(camera: CalibratedCamera, fit: _Fitted) -> LensModel:
     stretched = c * (1.0 + known.pop("b1", 0.0))
     lens = {name: known.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
     centre = (0.5 * frame.columns + x0, 0.5 * frame.rows - y0)
-    return LensModel(frame.name, frame.columns, frame.rows, pixel, (stretched, c), centre, lens)
+    size = (frame.columns, frame.rows, pixel)
+    return LensModel(frame.name, *size, (stretched, c), centre, lens, fit.misfit * 1e6)
 
 
 def seen_pixels(lenses: Lenses, camera: Ints, in_camera: Floats) -> Floats:

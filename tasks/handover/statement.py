@@ -6,6 +6,7 @@ import textwrap
 
 import numpy as np
 
+from adjust.camera.additional.conversion import NOTEWORTHY
 from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Delivery, DeliveryFormat
 from tasks.handover.lens import LensModel
@@ -124,7 +125,12 @@ def _about_model(model: LensModel) -> str:
     return (
         f"Camera {model.name}: focal length {fx:.4f}, {fy:.4f} pixels, principal point "
         f"{column:.4f}, {row:.4f} pixels from the corner of the first one; distortion from the ideal to the "
-        f"measured point: {lens or 'none'}."
+        f"measured point: {lens or 'none'}, fitted over the format to {model.misfit_um:.3f} µm."
+        + (
+            " That is more than 0.1 µm: compare corrected image points."
+            if model.misfit_um > NOTEWORTHY * 1e6
+            else ""
+        )
     )
 
 

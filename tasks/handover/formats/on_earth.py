@@ -102,7 +102,7 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
         turn = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), angles[k].round(7).tolist(), strict=True))
         found.append(("cameras", name, {**told, **turn}, places[k : k + 1]))
         if below[k]:
-            found.append(("footprints", name, told, on_earth(corners[k])[:: _turn(corners[k])]))
+            found.append(("footprints", name, told, _counter_clockwise(on_earth(corners[k]))))
     surveyed = delivery.points.surveyed
     known = np.flatnonzero(np.isfinite(surveyed.in_map).all(axis=1))
     for k in known:
@@ -112,7 +112,7 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
     return found
 
 
-def _turn(ring: Floats) -> int:
-    """1 for a ring that runs counter-clockwise, as outer rings must; −1 to turn it round."""
+def _counter_clockwise(ring: Floats) -> Floats:
+    """The ring as outer rings must run."""
     x, y = (ring[:, k] - ring[0, k] for k in (0, 1))
-    return 1 if float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) > 0.0 else -1
+    return ring if float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) > 0.0 else ring[::-1]

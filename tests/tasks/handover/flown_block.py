@@ -32,13 +32,17 @@ NAMES = ("1 a.tif", "0002.tif", "III_3", "4")
 
 @dataclass(frozen=True)
 class Flight:
-    """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion)."""
+    """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion).
+
+    `binned` pixels of the camera are one, so that an image of it can be made.
+    """
 
     above: float = 1000.0
     tilt_deg: float = 0.0
     refracted: bool = False
     corrections: bool = False
     longitude_deg: float = 9.3
+    binned: int = 1
 
 
 def flown(case: Flight) -> tuple[Results, BlockPoints]:
@@ -74,6 +78,7 @@ def camera(name: str, case: Flight) -> CalibratedCamera:
     columns, rows, pixel, c = (
         (17004, 26460, 4e-6, 0.0798) if case.tilt_deg == 0 else (14144, 10560, 3.76e-6, 0.123)
     )
+    columns, rows, pixel = columns // case.binned, rows // case.binned, pixel * case.binned
     frame = FrameCamera(name, columns, rows, pixel, c, (12e-6, -20e-6), "corner", 0)
     row: dict[object, object] = {
         "columns": columns, "rows": rows, "pixel_um": pixel * 1e6, "focal_length_mm": c * 1e3, "tiles": None,
