@@ -13,6 +13,8 @@ from flows.command.export_execution import show_export
 from flows.command.progress import show_progress
 from flows.runs.project_run import RunRequest
 from flows.stories.block_conversion import converted_block
+from tasks.handover.export import chosen_format, chosen_world
+from tasks.handover.formats.exchange import EXCHANGE
 from tasks.handover.recognised import project_text, recognised
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store
@@ -29,6 +31,7 @@ def convert_and_show(
     data: Path | None,
 ) -> int:
     """Convert and show the statement; wrong input leaves as an InputError."""
+    chosen_world(world, chosen_format(to, EXCHANGE))
     show_progress()
     folder = given.absolute().parent / to if out is None else out
     block = recognised(given)

@@ -53,9 +53,22 @@ class RecognisedBlock:
 
 
 def recognised(given: Path) -> RecognisedBlock | None:
-    """The block of another program in a file or folder; None: it is none that is recognised."""
+    """The block of another program in a file or folder; None: the file is none that is recognised.
+
+    Raises
+    ------
+    InputError
+        If it is a folder of no program that is recognised.
+    """
     if given.is_dir():
-        return _folder(given)
+        found = _folder(given)
+        if found is None:
+            raise InputError(
+                "The folder is no block of COLMAP or OpenSfM.",
+                "Name a project file, or pack a project of OPF into one zip file.",
+                file=given,
+            )
+        return found
     if not given.is_file():
         return None
     if zipfile.is_zipfile(given):

@@ -131,5 +131,7 @@ def test_convert_takes_a_project_file_and_a_block_of_another_program(
     assert len(records.image) == 12
     with pytest.raises(InputError, match="--pixel-um"):
         convert_and_show(given, "colmap", second, None, None, overrides=(), data=None)
+    with pytest.raises(InputError, match="no block of COLMAP or OpenSfM"):
+        convert_and_show(tmp_path, "colmap", second, None, 5.2, overrides=(), data=None)
     with pytest.raises(InputError, match="no format 'rpc'"):
         convert_and_show(given, "rpc", second, None, 5.2, overrides=(), data=None)
