@@ -31,7 +31,7 @@ from tasks.handover.results import Results, read_results
 from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
-from tests.tasks.handover.test_read_back import WITH_THEIR_GROUND
+from tests.tasks.handover.test_read_back import READ, WITH_THEIR_GROUND, WITHOUT_ORIENTATIONS
 
 SMALLER = (
     "project.crs=EPSG:25832",
@@ -292,4 +292,5 @@ def test_photos_are_numbered_only_where_names_are_no_numbers() -> None:
 
 
 def test_every_format_is_read_back_in_these_tests() -> None:
-    assert set(REGISTER) == {*READERS, "rpc", *WITH_THEIR_GROUND}
+    assert set(REGISTER) == {*READ, *WITHOUT_ORIENTATIONS, *WITH_THEIR_GROUND}
+    assert set(READERS) < set(READ)
