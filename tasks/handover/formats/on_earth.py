@@ -104,8 +104,7 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
         if below[k]:
             found.append(("footprints", name, told, _counter_clockwise(on_earth(corners[k]))))
     surveyed = delivery.points.surveyed
-    known = np.isfinite(surveyed.in_map).all(axis=1)
-    for k in (number for number, is_known in enumerate(known) if is_known):
+    for k in np.flatnonzero(np.isfinite(surveyed.in_map).all(axis=1)).tolist():
         role = "check" if surveyed.check[k] else "control"
         place = on_earth(surveyed.in_map[k : k + 1])
         found.append(("surveyed_points", surveyed.names[k], {"role": role}, place))

@@ -69,7 +69,7 @@ def test_pyopf_reads_the_project(tmp_path):
     place = np.column_stack([node.position, np.ones(len(node))]) @ turn.T
     ties = points.local[~points.is_surveyed]
     np.testing.assert_allclose(place[:, :3], ties, atol=1e-4)
-    seen = node.matches.image_points.pixel_coordinates
+    seen = node.matches.image_points.pixelCoordinates
     measured = (points.xy * [1.0, -1.0] + (0.034008, 0.05292)) / 4e-6
     np.testing.assert_allclose(seen, measured[~points.is_surveyed], atol=2e-3)
 
