@@ -22,6 +22,7 @@ from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, He
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
+from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
 from tasks.settings.inputs import (
     ControlInput,
@@ -105,6 +106,12 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ),
     ("[certificate.laboratory]", Laboratory, ""),
     ("[[certificate.signatories]]", Signatory, "One table for each signatory."),
+    (
+        "[[deliver]]",
+        DeliverSettings,
+        "One table for each delivery. A delivery that is refused, because the program would be wrong by a "
+        "pixel or more, counts as a failed gate.",
+    ),
     ("[sweep]", SweepSettings, ""),
     ("[sweep.blocks.NAME]", BlockSelection, ""),
     ("[sweep.control.NAME]", ControlScenario, ""),

@@ -12,20 +12,25 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from tasks.errors import InputError
-from tasks.handover.delivery import AngleOrder, Angles, AngleUnit
-from tasks.handover.export import export_results
-from tasks.handover.formats.register import REGISTER
+from tasks.handover.delivery import Angles
+from tasks.handover.export import Export, export_results
+from tasks.handover.formats.exchange import EXCHANGE
+from tasks.handover.formats.register import DELIVERIES
 from tasks.nearest_name import did_you_mean
+from tasks.settings.deliver import AngleOrder, AngleUnit
 
 
 def list_formats() -> int:
     """All formats with what they are for."""
-    table = Table("format", "what", "usual kind", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for item in REGISTER.values():
-        table.add_row(item.name, item.meaning, item.world)
     console = Console()
-    console.print(table)
+    for title, register in (("Block exchange", EXCHANGE), ("Result delivery", DELIVERIES)):
+        table = Table("format", "what", "usual kind", title=title, title_justify="left", title_style="bold")
+        table.box, table.show_edge, table.pad_edge = box.SIMPLE_HEAD, False, False
+        for item in register.values():
+            table.add_row(item.name, item.meaning, item.world)
+        console.print(table)
     console.print("Write one with: aerocal export RESULTS --to FORMAT")
+    console.print("Exchange a block without adjusting it: aerocal convert PROJECT.toml --to FORMAT")
     return DONE
 
 
@@ -37,13 +42,16 @@ def write_export(
         cast(AngleOrder, _one_of(order, get_args(AngleOrder), "--angles")),
         cast(AngleUnit, _one_of(unit, get_args(AngleUnit), "--unit")),
     )
-    written = export_results(results, to, out, world, angles, force=force)
-    console = Console()
+    show_export(Console(), export_results(results, to, out, world, angles, force=force))
+    return DONE
+
+
+def show_export(console: Console, written: Export) -> None:
+    """The statement, and where the files are."""
     console.print(Text(written.statement))
     count = len(written.files)
     shown = ", ".join(written.files[:4]) + (f" and {count - 4} more" if count > 4 else "")
     console.print(Text(f"{shown} and HANDOVER.txt are in {written.folder}."), soft_wrap=True)
-    return DONE
 
 
 def _one_of(text: str, known: tuple[str, ...], option: str) -> str:

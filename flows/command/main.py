@@ -9,6 +9,7 @@ from flows.command.batch import batch
 from flows.command.calibrate import calibrate
 from flows.command.check import check
 from flows.command.clean import clean
+from flows.command.convert import convert
 from flows.command.convert_distortion import convert_distortion
 from flows.command.doctor import doctor
 from flows.command.export import export
@@ -63,6 +64,7 @@ app.command()(plan)
 app.command()(sweep)
 app.command()(batch)
 app.command()(export)
+app.command()(convert)
 app.command()(figures)
 app.command()(convert_distortion)
 app.command()(fetch)

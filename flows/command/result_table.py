@@ -64,6 +64,11 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))
     sentences = where_results_are(outcome, "Tables, summary.json and manifest.json")
     parts += [Text(sentence) for sentence in sentences]
+    parts += [
+        Text(f"Delivery ({one.format}): {outcome.directory / one.folder}")
+        for one in summary.deliveries
+        if one.written
+    ]
     return Group(*parts)
 
 

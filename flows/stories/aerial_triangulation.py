@@ -5,6 +5,7 @@ from __future__ import annotations
 from flows.runs.stage import stage
 from flows.stories.block_preparation import PreparedBlock, prepare_block
 from tasks.documents.report.provenance import delivered_names
+from tasks.handover import declared
 from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
@@ -17,14 +18,16 @@ adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
 draw_trust_map = stage(trust_map.draw_trust_map)
 write_report = stage(report.write_report)
 publish = stage(publishing.publish)
+deliver = stage(declared.deliver)
 
 
 def aerial_triangulation(project: Project, store: Store) -> Summary:
-    """Read the deliveries, find approximate values, adjust the bundle, report and publish the result."""
+    """Read the files, find approximate values, adjust the bundle, report, publish and deliver the result."""
     block = prepare_block(project, store)
     adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
     stages = (*block.stages, adjusted, *trust_map_of(project, store, adjusted))
-    return publish(store, project, (*stages, report_of(project, store, stages)))
+    summary = publish(store, project, (*stages, report_of(project, store, stages)))
+    return deliver(store, project, summary)
 
 
 def adjusted_block(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block, report_of
+from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of
 from flows.stories.block_preparation import prepare_block
 from tasks.documents.report.provenance import delivered_names
 from tasks.georeferencing import approved_calibrations as choosing
@@ -32,7 +32,8 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
     page_outputs = page_of_check(project, store, stages)
     if not adjusts:
         return publish(store, project, (*stages, page_outputs), publishing.OF_CHECKS)
-    return publish(store, project, (*stages, page_outputs, report_of(project, store, stages)))
+    summary = publish(store, project, (*stages, page_outputs, report_of(project, store, stages)))
+    return deliver(store, project, summary)
 
 
 def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:

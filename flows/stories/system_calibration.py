@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block, report_of
+from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of
 from flows.stories.block_preparation import PreparedBlock, prepare_block
 from flows.stories.direct_georeferencing_check import checked_block, page_of_check
 from flows.stories.two_step_calibration import (
@@ -99,9 +99,10 @@ def system_calibration(project: Project, store: Store) -> Summary:
         if name != "notes"
     )
     own = {name for outputs in (described, *certificates) for name in outputs} - {"notes"}
-    return publish(
+    summary = publish(
         store, project, (*stages, *pages, *certificates), (*publishing.OF_CALIBRATIONS, *sorted(own))
     )
+    return deliver(store, project, summary)
 
 
 def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> OneStep:

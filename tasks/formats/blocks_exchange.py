@@ -166,13 +166,21 @@ def read_blocks_control(path: Path) -> ControlRecords:
     if len(systems) > 1:
         raise InputError("Control points are in several reference systems.", "Export them in one.", file=path)
     crs, local_place = _reference(path, root, systems.pop() if systems else None)
-    if local_place is not None:
+    if local_place is None:
+        states = FileStatement(crs=crs)
+        return control_of(path, point, position, at, role=role, sigma=sigma, states=states)
+    given = np.array(position).reshape(-1, 3)
+    if np.isnan(given).any():
         raise InputError(
-            "Control points east, north, up of a place are not read.",
+            "Points without one coordinate are not read east, north, up of a place.",
             "Export them in a map projection.",
             path,
+            entity=point[int(np.argmax(np.isnan(given).any(axis=1)))],
         )
-    return control_of(path, point, position, at, role=role, sigma=sigma, states=FileStatement(crs=crs))
+    turn = np.broadcast_to(np.eye(3), (len(given), 3, 3))
+    geographic, _ = geographic_poses(*geocentric_poses((*local_place, 0.0), given, turn))
+    states = FileStatement(crs=GEOGRAPHIC.crs, heights="ellipsoidal")
+    return control_of(path, point, geographic, at, role=role, sigma=sigma, states=states)
 
 
 def read_blocks_image_points(path: Path) -> ImagePointRecords:

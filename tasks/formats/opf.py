@@ -5,6 +5,7 @@
 | ``calibrated_cameras`` | positions and ω, φ, κ in the CRS of the scene, base_to_canonical undone; cameras in pixels from the corner |
 | ``input_cameras`` | sizes and names of the sensors; where nothing is calibrated, positions of the captures and their ω, φ, κ |
 | ``input_control_points`` | control and check points; marks of these and of manual tie points (pixel_origin = "corner") |
+| sparse cloud of ``calibration`` | tie points with their matches, called tie1, tie2, … in its order |
 
 Images go by their file names. Yaw, pitch and roll of captures are not read: how the axes of the body lie does not stand in the file.
 Cameras of a rig are read as they are calibrated, each for itself.
@@ -24,6 +25,7 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.opf_tracks import Tracks, tracks_of
 from tasks.formats.packed_folder import PackedFolder, packed_folder
 from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, image_points_of
 from tasks.formats.records import (
@@ -35,7 +37,7 @@ from tasks.formats.records import (
     PixelCamera,
 )
 
-_KIND = "application/opf-{}+json"
+_KIND, _GLTF = "application/opf-{}+json", "model/gltf+json"
 _IN_MAP = (
     "The orientations of this OPF project were adjusted in a map frame taken as Cartesian: they are no "
     "positions of the camera."
@@ -126,7 +128,8 @@ def read_opf_control(path: Path) -> ControlRecords:
     InputError
         If the project is damaged, or its points are in several CRSs.
     """
-    gcps = _Project(path).one("input_control_points", "input-control-points")["gcps"].items()
+    points = _Project(path).optional("input_control_points", "input-control-points")
+    gcps = points["gcps"].items() if points is not None and points.has("gcps") else []
     point, position, sigma, role = [], [], [], []
     definitions = {}
     for one in gcps:
@@ -148,7 +151,7 @@ def read_opf_control(path: Path) -> ControlRecords:
 
 
 def read_opf_image_points(path: Path) -> ImagePointRecords:
-    """Read the marks of control, check and manual tie points.
+    """Read the marks of control, check and manual tie points, and the matches of the sparse cloud.
 
     Raises
     ------
@@ -157,14 +160,19 @@ def read_opf_image_points(path: Path) -> ImagePointRecords:
     """
     project = _Project(path)
     names = project.images()
-    points = project.one("input_control_points", "input-control-points")
+    points = project.optional("input_control_points", "input-control-points")
     image, point, xy = [], [], []
     for kind in ("gcps", "mtps"):
-        for one in points[kind].items() if points.has(kind) else []:
+        for one in points[kind].items() if points is not None and points.has(kind) else []:
             for mark in one["marks"].items():
                 image.append(_named(mark["camera_id"], names))
                 point.append(one["id"].text())
                 xy.append(mark["position_px"].numbers(2))
+    tracks = project.tracks()
+    if tracks is not None:
+        image += [_name_of(number, names, path) for number in tracks.camera]
+        point += [f"tie{number + 1}" for number in tracks.point.tolist()]
+        xy += tracks.xy.tolist()
     return image_points_of(path, image, point, xy, range(1, len(image) + 1))
 
 
@@ -190,6 +198,16 @@ class _Project:
                 if resource["format"].text() == _KIND.format(kind):
                     name = self._folder.beside(self._name, resource["uri"].text())
                     return json_value(self._folder.file, self._folder.read(name), name)
+        return None
+
+    def tracks(self) -> Tracks | None:
+        """The matches of the sparse cloud of the calibration; None without."""
+        for one in self._items:
+            for resource in one["resources"].items() if one["type"].text() == "calibration" else []:
+                if resource["format"].text() == _GLTF:
+                    folder, name = self._folder, self._folder.beside(self._name, resource["uri"].text())
+                    cloud = json_value(folder.file, folder.read(name), name)
+                    return tracks_of(cloud, lambda uri: folder.read(folder.beside(name, uri)))  # noqa: B023
         return None
 
     def one(self, item: str, kind: str) -> JsonValue:
@@ -260,13 +278,17 @@ def _captures(
 
 
 def _named(number: JsonValue, names: Mapping[int, str]) -> str:
-    found = names.get(number.whole())
+    return _name_of(number.whole(), names, number.file, number.where)
+
+
+def _name_of(number: int, names: Mapping[int, str], file: Path, where: str | None = None) -> str:
+    found = names.get(number)
     if found is None:
         raise InputError(
-            f"There is no camera or sensor {number.whole()} in the lists of the project.",
+            f"There is no camera or sensor {number} in the lists of the project.",
             "Export the project again.",
-            file=number.file,
-            entity=number.where,
+            file=file,
+            entity=where,
         )
     return found
 

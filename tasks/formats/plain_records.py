@@ -105,6 +105,10 @@ def names_of_numbers(numbers: NDArray[np.integer[Any]]) -> pa.DictionaryArray:
     return pa.DictionaryArray.from_arrays(encoded.indices, encoded.dictionary.cast(pa.string()))
 
 
+class NothingInFileError(InputError):
+    """A file of several kinds of things has none of this one."""
+
+
 def control_of(
     path: Path,
     point: Sequence[str],
@@ -205,7 +209,7 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
 
 def _refuse_none(path: Path, count: int, what: str) -> None:
     if count == 0:
-        raise InputError(
+        raise NothingInFileError(
             f"There is no {what} in the file.", "Check that it is the file and format that was meant.", path
         )
 

@@ -95,28 +95,51 @@ def read_points(folder: Path, results: Results) -> BlockPoints:
     bad = residuals[(residuals["group"] == "image_points") & (residuals["status"] == "rejected")]
     rejected = pd.MultiIndex.from_frame(bad[["image", "point"]].astype(str))
     measured = measured[~pd.MultiIndex.from_frame(measured[["image", "point"]]).isin(rejected)]
+    given = read_result_table(folder, schemas.CONTROL_POINTS)
+    return block_points(results, objects, measured, given, _differences(folder))
+
+
+def block_points(
+    results: Results,
+    objects: pd.DataFrame,
+    measured: pd.DataFrame,
+    given: pd.DataFrame,
+    differences: pd.DataFrame | None = None,
+) -> BlockPoints:
+    """The points of a block from its tables.
+
+    Parameters
+    ----------
+    objects : point, x_m, y_m, z_m, and their σ where they are adjusted.
+    measured : image_points.parquet; only points among the objects are taken.
+    given : control_points.parquet.
+    differences : adjusted − surveyed by point; None: nothing is adjusted.
+    """
     image = pd.Index(results.images.names).get_indexer(pd.Index(measured["image"]))
     point = pd.Index(objects["point"]).get_indexer(pd.Index(measured["point"]))
     kept = (image >= 0) & (point >= 0)
     order = np.lexsort((point[kept], image[kept]))
     in_map = objects[_XYZ].to_numpy(np.float64)
+    sigma = objects.reindex(columns=_SIGMA).to_numpy(np.float64)
     return BlockPoints(
         tuple(str(name) for name in objects["point"]),
         in_map,
         _local(results, in_map),
-        objects[_SIGMA].to_numpy(np.float64),
+        sigma,
         image[kept][order].astype(np.int64),
         point[kept][order].astype(np.int64),
         measured[["x_mm", "y_mm"]].to_numpy(np.float64)[kept][order] * 1e-3,
-        _surveyed(folder, results),
+        _surveyed(results, given, differences),
     )
 
 
-def _surveyed(folder: Path, results: Results) -> SurveyedPoints:
-    given = read_result_table(folder, schemas.CONTROL_POINTS)
+def _differences(folder: Path) -> pd.DataFrame:
     tables = (schemas.CONTROL_RESIDUALS, schemas.CHECK_POINTS)
     columns = ["point", *_DIFFERENCE]
-    found = pd.concat([read_result_table(folder, schema)[columns] for schema in tables]).set_index("point")
+    return pd.concat([read_result_table(folder, schema)[columns] for schema in tables]).set_index("point")
+
+
+def _surveyed(results: Results, given: pd.DataFrame, differences: pd.DataFrame | None) -> SurveyedPoints:
     in_map = given[_XYZ].to_numpy(np.float64)
     return SurveyedPoints(
         tuple(str(name) for name in given["point"]),
@@ -124,7 +147,9 @@ def _surveyed(folder: Path, results: Results) -> SurveyedPoints:
         _local(results, in_map),
         given[_SIGMA].to_numpy(np.float64),
         (given["role"] == "check").to_numpy(),
-        found.reindex(given["point"]).to_numpy(np.float64),
+        np.full_like(in_map, np.nan)
+        if differences is None
+        else differences.reindex(given["point"]).to_numpy(np.float64),
     )
 
 

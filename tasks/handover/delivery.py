@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -13,11 +13,9 @@ from adjust.arrays import Floats
 from adjust.handover.refit import Freed
 from tasks.handover.block_points import BlockPoints, no_points
 from tasks.handover.lens import Lenses
-from tasks.handover.receiver import HandedOver, World
+from tasks.handover.receiver import HandedOver
 from tasks.handover.results import Results
-
-AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa"]
-AngleUnit: TypeAlias = Literal["deg", "gon", "rad"]
+from tasks.settings.deliver import OFFERS, AngleOrder, AngleUnit, World
 
 
 @dataclass(frozen=True)
@@ -75,29 +73,37 @@ Files: TypeAlias = Mapping[str, str | bytes]
 
 @dataclass(frozen=True)
 class DeliveryFormat:
-    """A format of results for other programs.
+    """A format of blocks or results for other programs.
 
     Attributes
     ----------
-    name : on the command line.
+    name : on the command line; what it can be written for stands in `OFFERS`.
     meaning : one line for people.
-    world : kind of program that usually reads it; None: the format carries its own geometry.
-    worlds : kinds it can be written for.
-    freed : what programs that read it let us change of the camera.
     write : the files.
-    read : orientations (positions, rotations world from camera) from the files, for the check of what was
-        written; None: the format carries its own geometry.
+    precision : how precisely its numbers are printed, in words.
+    freed : what programs that read it let us change of the camera.
     seen : whether files for it were checked against the software itself or real files of it.
     lens : terms of the distortion it takes (see ``lens``); none: it takes no distortion.
     points : whether it takes image points, object points, or surveyed points.
+    corrected : whether its image points are corrected by the camera's additional parameters.
     """
 
     name: str
     meaning: str
-    world: World
-    worlds: tuple[World, ...]
-    freed: Freed
     write: Callable[[Delivery], Files]
-    seen: bool
+    precision: str
+    freed: Freed = field(default_factory=Freed)
+    seen: bool = False
     lens: tuple[str, ...] = ()
     points: bool = False
+    corrected: bool = False
+
+    @property
+    def worlds(self) -> tuple[World, ...]:
+        """Kinds of programs it can be written for."""
+        return OFFERS[self.name].worlds
+
+    @property
+    def world(self) -> World:
+        """The kind of program that usually reads it."""
+        return self.worlds[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,15 +11,16 @@ import numpy as np
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
-from tasks.handover.block_points import read_points
-from tasks.handover.delivery import Angles, Delivery
+from tasks.handover.block_points import BlockPoints, read_points
+from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.lens import lens_models
-from tasks.handover.receiver import REFUSED_PX, HandedOver, World, hand_over
+from tasks.handover.lens import Lenses, lens_models
+from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
 from tasks.nearest_name import did_you_mean
+from tasks.settings.deliver import World
 
 STATEMENT = "HANDOVER.txt"
 
@@ -38,6 +40,20 @@ class Export:
     files: tuple[str, ...]
     statement: str
     misfit_px: float
+
+
+@dataclass
+class DeliveryRefusedError(InputError):
+    """A program would be wrong by a pixel or more.
+
+    Attributes
+    ----------
+    misfit_px : by how many.
+    """
+
+    misfit_px: float = REFUSED_PX
+
+    __str__ = InputError.__str__
 
 
 def export_results(
@@ -63,43 +79,103 @@ def export_results(
     InputError
         If there is no such format or kind, no results, or the misfit is too large. Nothing is written then.
     """
-    if to not in REGISTER:
-        raise InputError(f"There is no format '{to}'.", did_you_mean(to, list(REGISTER)), entity="--to")
-    form = REGISTER[to]
-    found: World = form.world if world is None else _world(world, form.name, form.worlds)
+    form = chosen_format(to, REGISTER)
     block = read_results(results)
-    handed = hand_over(block, found, form.freed)
-    delivery = Delivery(block, handed, angles or Angles())
+    project = results.resolve().parent.name
+    wanted = Wanted(form, chosen_world(world, form), angles or Angles(), force=force)
+    return write_block(
+        block,
+        lambda: read_points(results, block),
+        wanted,
+        results / "export" / to if out is None else out,
+        project,
+    )
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be written.
+
+    Attributes
+    ----------
+    form, world, angles : format, kind of program, angle system.
+    force : whether also if the program's model misses ours by a pixel and more.
+    adjusted : whether the block is adjusted, or as it was delivered.
+    """
+
+    form: DeliveryFormat
+    world: World
+    angles: Angles
+    force: bool = False
+    adjusted: bool = True
+
+
+def write_block(
+    block: Results, points: Callable[[], BlockPoints], wanted: Wanted, folder: Path, project: str
+) -> Export:
+    """Write a block into a folder.
+
+    Parameters
+    ----------
+    points : of the block; asked only for a format that takes points.
+    project : its name, for the statement.
+
+    Raises
+    ------
+    InputError
+        If the format cannot hold the block, or the misfit is too large. Nothing is written then.
+    """
+    form = wanted.form
+    delivery = Delivery(block, hand_over(block, wanted.world, form.freed), wanted.angles)
     if form.lens:
-        delivery = replace(delivery, lenses=lens_models(block, form.lens))
+        delivery = replace(delivery, lenses=lenses_of(block, delivery.handed, form.lens))
     misfit = float(delivery.misfit_px.max(initial=0.0))
-    if misfit >= REFUSED_PX and not force:
-        worst = block.images.names[int(np.argmax(delivery.misfit_px))]
-        what = "this camera" if form.lens else "these orientations"
-        raise InputError(
-            f"A program of the kind '{found}' would be wrong by {misfit:.1f} pixels with {what}.",
-            "Write them for another kind (--world local, map or map-cartesian-curved; --to rpc), or "
-            "insist with --force.",
-            entity=f"image {worst}",
-        )
+    if misfit >= REFUSED_PX and not wanted.force:
+        raise _refusal(delivery, wanted, misfit)
     if form.points:
-        delivery = replace(delivery, points=read_points(results, block))
+        delivery = replace(delivery, points=points())
     files = dict(form.write(delivery))
-    if handed.refitted:
+    if delivery.handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)
-    text = statement(delivery, form, results.resolve().parent.name)
-    folder = results / "export" / to if out is None else out
+    text = statement(delivery, form, project, adjusted=wanted.adjusted)
     _write(folder, {**files, STATEMENT: text})
     return Export(folder, tuple(files), text, misfit)
 
 
-def _world(text: str, form: str, worlds: tuple[World, ...]) -> World:
-    for world in worlds:
+def lenses_of(block: Results, handed: HandedOver, terms: tuple[str, ...]) -> Lenses:
+    """Cameras with these terms, for the orientations of a kind of program."""
+    return lens_models(block, terms, handed.pose if handed.refitted else None)
+
+
+def _refusal(delivery: Delivery, wanted: Wanted, misfit: float) -> DeliveryRefusedError:
+    worst = delivery.names[int(np.argmax(delivery.misfit_px))]
+    what = "this camera" if wanted.form.lens else "these orientations"
+    return DeliveryRefusedError(
+        f"A program of the kind '{wanted.world}' would be wrong by {misfit:.1f} pixels with {what}.",
+        "Write them for another kind (--world local, map or map-cartesian-curved; --to rpc), or "
+        "insist with --force.",
+        entity=f"image {worst}",
+        misfit_px=misfit,
+    )
+
+
+def chosen_format(name: str, register: Mapping[str, DeliveryFormat]) -> DeliveryFormat:
+    """The format of a register; InputError if it has none of this name."""
+    if name not in register:
+        raise InputError(f"There is no format '{name}'.", did_you_mean(name, list(register)), entity="--to")
+    return register[name]
+
+
+def chosen_world(text: str | None, form: DeliveryFormat) -> World:
+    """The kind of program, None: the usual one; InputError if the format cannot be written for it."""
+    if text is None:
+        return form.world
+    for world in form.worlds:
         if text == world:
             return world
     raise InputError(
-        f"The format {form} cannot be written for the kind '{text}'.",
-        did_you_mean(text, list(worlds)),
+        f"The format {form.name} cannot be written for the kind '{text}'.",
+        did_you_mean(text, list(form.worlds)),
         entity="--world",
     )
 

@@ -13,15 +13,18 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
-from adjust.camera.additional.conversion import fitted, refuse_folded
+from adjust.camera.additional.conversion import Conversion, fitted, refuse_folded
 from adjust.camera.additional.correction import measured_from_ideal
 from adjust.camera.additional.register import AdditionalParameters, additional_parameters
 from adjust.errors import AdditionalParametersError
+from adjust.handover.cartesian_map import Pose
 from tasks.errors import InputError
 from tasks.handover.results import CalibratedCamera, Results
 
 _SET = "brown-forward"
 _SIDE = 9
+# A radial term of some 1e-4: each round gains four digits.
+_ROUNDS = 5
 # Images of a camera whose refraction is averaged at most.
 _AVERAGED = 50
 
@@ -37,6 +40,8 @@ class LensModel:
     focal : (fx, fy).
     principal_point : (column, row).
     distortion : k1, k2, k3, p1, p2 of OpenCV; those a format does not have are 0.
+    misfit_um : largest difference over the format between these and ours, with refraction for ground at
+        middle height.
     """
 
     name: str
@@ -46,15 +51,17 @@ class LensModel:
     focal: tuple[float, float]
     principal_point: tuple[float, float]
     distortion: dict[str, float]
+    misfit_um: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """Forward parameters with their focal length and values, and the principal point (2,), metres."""
+    """Forward parameters with their focal length and values, the principal point (2,) and misfit, metres."""
 
     parameters: AdditionalParameters
     values: Floats
     principal_point: Floats
+    misfit: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +83,13 @@ class Lenses:
         return [model.name for model in self.models]
 
 
-def lens_models(results: Results, terms: tuple[str, ...]) -> Lenses:
+def lens_models(results: Results, terms: tuple[str, ...], fitted_pose: Pose | None = None) -> Lenses:
     """Models with these of the terms k1, k2, k3, p1, p2, b1.
+
+    Parameters
+    ----------
+    fitted_pose : orientations that were fitted to the program's model, with a focal length and radial term of
+        each camera; these go into the models, and refraction is in the orientations. None: true ones.
 
     Raises
     ------
@@ -88,10 +100,17 @@ def lens_models(results: Results, terms: tuple[str, ...]) -> Lenses:
     for number, camera in enumerate(results.cameras):
         of_camera = np.flatnonzero(results.images.camera == number)
         try:
-            fit = _fit(results, camera, of_camera, terms)
+            if fitted_pose is None:
+                fit = _fit(results, camera, of_camera, terms)
+            else:
+                c, k1 = (float(of[of_camera[0]]) for of in (fitted_pose.focal_length, fitted_pose.radial))
+                fit = _fit_with_pose(camera, c, k1, terms)
         except AdditionalParametersError as error:
             raise InputError(error.what, error.remedy, entity=f"camera {camera.frame.name}") from error
         models.append(_in_pixels(camera, fit))
+        if fitted_pose is not None:
+            misfit[of_camera] = _misfit_with_pose(camera, c, k1, fit)
+            continue
         for image in of_camera:
             misfit[image] = _misfit(results, camera, int(image), fit)
     return Lenses(tuple(models), misfit)
@@ -112,12 +131,45 @@ def _fit(results: Results, camera: CalibratedCamera, of_camera: Ints, terms: tup
         columns = np.concatenate([np.stack([straight, straight * square], axis=-1), units], axis=-1)
         found = np.linalg.lstsq(columns.reshape(-1, 4), (ideal - straight).ravel(), rcond=None)[0]
         c, shift = c * (1.0 + found[0]), found[2:]
-    image_format = format_in_calibration_axes(frame.half_format, 0, None, float(c))
-    wanted = additional_parameters("+".join(f"{_SET}:{term}" for term in terms), image_format)
-    values = np.zeros(len(terms))
-    if len(camera.values) or results.images.refracted:
-        values = fitted(wanted, xy - shift, straight * (c / frame.focal_length)).values
-    return _Fitted(wanted, values, x0 + shift)
+    wanted = _wanted(camera, float(c), terms)
+    if not len(camera.values) and not results.images.refracted:
+        return _Fitted(wanted, np.zeros(len(terms)), x0)
+    return _of_conversion(fitted(wanted, xy - shift, straight * (c / frame.focal_length)), x0 + shift)
+
+
+def _fit_with_pose(camera: CalibratedCamera, c: float, k1: float, terms: tuple[str, ...]) -> _Fitted:
+    """The distortion from points of the program's own pinhole to measured ones."""
+    x0 = np.array(camera.frame.principal_point)
+    xy = refuse_folded(_with_format(camera), camera.values, x0)
+    straight = _without_radial(camera.ideal(xy + x0), c, k1)
+    return _of_conversion(fitted(_wanted(camera, c, terms), xy, straight), x0)
+
+
+def _of_conversion(found: Conversion, principal_point: Floats) -> _Fitted:
+    largest = float(np.linalg.norm(found.misfit, axis=1).max())
+    return _Fitted(found.parameters, found.values, principal_point, largest)
+
+
+def _misfit_with_pose(camera: CalibratedCamera, c: float, k1: float, fit: _Fitted) -> float:
+    """Largest difference of measured points over the format, pixels."""
+    steps = np.linspace(-1.0, 1.0, _SIDE)
+    xy = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * np.array(camera.frame.half_format)
+    straight = _without_radial(camera.ideal(xy), c, k1)
+    found, _ = measured_from_ideal(fit.parameters, fit.values, straight)
+    return float(np.linalg.norm(found + fit.principal_point - xy, axis=1).max() / camera.frame.pixel_size)
+
+
+def _without_radial(ideal: Floats, c: float, k1: float) -> Floats:
+    """Points (n, 2) of a pinhole of focal length c that its radial term k1 moves to the ideal ones."""
+    found = ideal
+    for _ in range(_ROUNDS):
+        found = ideal / (1.0 + k1 * (found**2).sum(axis=1, keepdims=True) / c**2)
+    return found
+
+
+def _wanted(camera: CalibratedCamera, c: float, terms: tuple[str, ...]) -> AdditionalParameters:
+    image_format = format_in_calibration_axes(camera.frame.half_format, 0, None, c)
+    return additional_parameters("+".join(f"{_SET}:{term}" for term in terms), image_format)
 
 
 def _with_format(camera: CalibratedCamera) -> AdditionalParameters:
@@ -156,7 +208,8 @@ def _in_pixels(camera: CalibratedCamera, fit: _Fitted) -> LensModel:
     stretched = c * (1.0 + known.pop("b1", 0.0))
     lens = {name: known.get(name, 0.0) for name in ("k1", "k2", "k3", "p1", "p2")}
     centre = (0.5 * frame.columns + x0, 0.5 * frame.rows - y0)
-    return LensModel(frame.name, frame.columns, frame.rows, pixel, (stretched, c), centre, lens)
+    size = (frame.columns, frame.rows, pixel)
+    return LensModel(frame.name, *size, (stretched, c), centre, lens, fit.misfit * 1e6)
 
 
 def seen_pixels(lenses: Lenses, camera: Ints, in_camera: Floats) -> Floats:

@@ -17,7 +17,6 @@ wrong by decimetres for another.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -27,9 +26,8 @@ from adjust.handover.rational import RationalPolynomials, fit_rational_polynomia
 from adjust.handover.refit import Freed, refit
 from tasks.errors import InputError
 from tasks.handover.results import Results
+from tasks.settings.deliver import World
 
-World: TypeAlias = Literal["local", "map", "map-cartesian", "map-cartesian-curved", "rpc"]
-WORLDS: tuple[World, ...] = get_args(World)
 #: Radius programs correct the curvature of the earth with.
 EARTH_RADIUS_M = 6_371_000.0
 #: Misfit of a program's model that is said, and one that is refused, pixels.

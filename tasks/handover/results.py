@@ -121,7 +121,7 @@ def read_results(folder: Path) -> Results:
     names = [str(name) for name in orientations["image"]]
     taken = read_result_table(folder, schemas.IMAGES).set_index("image").loc[names]
     index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken["camera"]))
-    cameras = tuple(_camera(row) for row in rows)
+    cameras = tuple(calibrated_camera(row) for row in rows)
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
     return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
@@ -169,7 +169,8 @@ def _camera_rows(folder: Path) -> list[dict[object, object]]:
     return [dict(row) for row in calibrated_cameras(given, adjusted).to_dict("records")]
 
 
-def _camera(row: dict[object, object]) -> CalibratedCamera:
+def calibrated_camera(row: dict[object, object]) -> CalibratedCamera:
+    """A camera of a row of cameras.parquet."""
     known = from_json(str(row["additional_parameters"]))
     turn = int(str(row["calibration_axes_deg"]))
     frame = next(iter(frame_cameras(pd.DataFrame([row])).values()))
@@ -199,11 +200,20 @@ def _oriented(
 
 
 def _ground(folder: Path, names: list[str]) -> Floats:
-    """Heights (n, 3) of the tie points in each image; of all points where an image has none."""
-    points = read_result_table(folder, schemas.OBJECT_POINTS).set_index("point")["z_m"]
-    seen = read_result_table(folder, schemas.IMAGE_POINTS)[["image", "point"]]
-    height = seen["point"].map(points).astype(np.float64)
-    levels = height.groupby(seen["image"].astype(str)).quantile(np.array(_LEVELS)).unstack()
-    of_all = np.nanquantile(points.to_numpy(np.float64), _LEVELS)
+    points = read_result_table(folder, schemas.OBJECT_POINTS)
+    return ground_heights(points, read_result_table(folder, schemas.IMAGE_POINTS), names)
+
+
+def ground_heights(points: pd.DataFrame, measured: pd.DataFrame, names: list[str]) -> Floats:
+    """Low, middle and high map height (n, 3) of the points in each image; of all where an image has none.
+
+    Parameters
+    ----------
+    points : columns point, z_m.  measured : columns image, point.
+    """
+    known = points.set_index("point")["z_m"]
+    height = measured["point"].map(known).astype(np.float64)
+    levels = height.groupby(measured["image"].astype(str)).quantile(np.array(_LEVELS)).unstack()
+    of_all = np.nanquantile(known.to_numpy(np.float64), _LEVELS)
     found = levels.reindex(names).to_numpy(np.float64)
     return np.where(np.isfinite(found), found, of_all)

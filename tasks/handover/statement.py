@@ -6,10 +6,12 @@ import textwrap
 
 import numpy as np
 
+from adjust.camera.additional.conversion import NOTEWORTHY
 from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Delivery, DeliveryFormat
 from tasks.handover.lens import LensModel
-from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX, World
+from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX
+from tasks.settings.deliver import World
 
 _WORLDS: dict[World, str] = {
     "local": "The program must take the coordinates as Cartesian, without any correction for the "
@@ -26,20 +28,30 @@ _WORLDS: dict[World, str] = {
     "(centre of the first pixel: 0, 0). Camera, distortion, refraction and the earth are contained; no "
     "switch is needed.",
 }
+_AS_DELIVERED = (
+    "Nothing of this block is adjusted: orientations are delivered or approximate ones, object points are "
+    "intersected from them, image points are as measured (refraction is not corrected), cameras as given."
+)
 _LEAST_DISTORTION_UM = 0.05
 # Below this a misfit is rounding.
 _LEAST_MISFIT_PX = 1e-4
 _WIDTH = 78
 
 
-def statement(delivery: Delivery, form: DeliveryFormat, project: str) -> str:
-    """The text."""
+def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjusted: bool = True) -> str:
+    """The text.
+
+    Parameters
+    ----------
+    adjusted : whether the block is adjusted, or as it was delivered.
+    """
     parts = [
         f"{project}: {len(delivery.names)} images, {form.name} ({form.meaning})",
+        *([] if adjusted else [_AS_DELIVERED]),
         _WORLDS[delivery.handed.world],
         _coordinates(delivery),
         *_about_refraction(delivery),
-        *_about_lens(delivery),
+        *_about_lens(delivery, corrected=form.corrected),
         *_about_fit(delivery),
     ]
     if not form.seen:
@@ -66,17 +78,17 @@ def _coordinates(delivery: Delivery) -> str:
 def _about_refraction(delivery: Delivery) -> list[str]:
     if not delivery.results.images.refracted or delivery.handed.world == "rpc":
         return []
+    if delivery.handed.refitted:
+        return ["Refraction of the standard atmosphere is contained in the orientations."]
     if delivery.lenses.models:
         return [
             "Refraction of the standard atmosphere, which the adjustment corrected, is contained in the "
             "cameras: switch such a correction OFF."
         ]
-    if delivery.handed.refitted:
-        return ["Refraction of the standard atmosphere is contained in the orientations."]
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
 
 
-def _about_lens(delivery: Delivery) -> list[str]:
+def _about_lens(delivery: Delivery, *, corrected: bool) -> list[str]:
     if delivery.handed.world == "rpc":
         return []
     if delivery.lenses.models:
@@ -92,10 +104,17 @@ def _about_lens(delivery: Delivery) -> list[str]:
         distortion = camera.largest_distortion * 1e6
         if distortion > _LEAST_DISTORTION_UM:
             text += (
-                f"; its additional parameters move image points by up to {distortion:.1f} µm and are NOT "
-                "contained: use corrected images or image coordinates"
+                f"; its additional parameters move image points by up to {distortion:.1f} µm and "
+                + ("are" if corrected else "are NOT")
+                + " contained"
+                + ("" if corrected else ": use corrected images or image coordinates")
             )
         found.append(f"{text}.")
+    if corrected:
+        found.append(
+            "Image points count from the principal point, and additional parameters are corrected in them: "
+            "the program must take a camera without distortion whose principal point is 0, 0."
+        )
     return found
 
 
@@ -106,7 +125,12 @@ def _about_model(model: LensModel) -> str:
     return (
         f"Camera {model.name}: focal length {fx:.4f}, {fy:.4f} pixels, principal point "
         f"{column:.4f}, {row:.4f} pixels from the corner of the first one; distortion from the ideal to the "
-        f"measured point: {lens or 'none'}."
+        f"measured point: {lens or 'none'}, fitted over the format to {model.misfit_um:.3f} µm."
+        + (
+            " That is more than 0.1 µm: compare corrected image points."
+            if model.misfit_um > NOTEWORTHY * 1e6
+            else ""
+        )
     )
 
 

@@ -39,7 +39,7 @@ class GateResult(BaseModel):
     ----------
     name : the figure, with ``_x``, ``_y``, ``_z`` for the component of one that has three.
     value, limit : the figure (null: it does not exist) and its limit, in `unit`.
-    unit : ``m``, ``um``, or ``1`` for a ratio.
+    unit : ``m``, ``um``, ``px``, or ``1`` for a ratio.
     bound : whether `limit` is the largest or the smallest value that passes.
     passed : whether the figure exists and keeps the limit.
     """

@@ -105,6 +105,21 @@ class DirectGeoreferencing(BaseModel):
     y_parallax_max_um: float | None = None
 
 
+class DeliveryFigure(BaseModel):
+    """A delivery of the project: its folder below that of the results, and its largest misfit.
+
+    ``misfit_px`` is null where it could not be made for another reason, which stands in ``problems``.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    format: str
+    folder: str
+    world: str
+    misfit_px: float | None
+    written: bool
+
+
 class Summary(BaseModel):
     """The content of summary.json.
 
@@ -129,6 +144,7 @@ class Summary(BaseModel):
     distances: DistanceFigures | None = None
     parameters: tuple[ParameterFigure, ...] | None = None
     direct_georeferencing: DirectGeoreferencing | None = None
+    deliveries: tuple[DeliveryFigure, ...] = ()
     gates: tuple[GateResult, ...] = ()
     timings_s: Mapping[str, float] = {}
     problems: tuple[str, ...] = ()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import date
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.adjustment import AdjustmentSettings
@@ -14,7 +14,8 @@ from tasks.settings.base import Settings, trouble
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.certificate import CertificateSettings
-from tasks.settings.coordinates import Heights, PlacedSettings
+from tasks.settings.coordinates import Heights, PlacedSettings, one_table_or_several
+from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.inputs import Inputs
 from tasks.settings.quality import TRUST_MAP_GATES, ChecksSettings, Gates
@@ -57,8 +58,9 @@ class ProjectSource:
 class Project(Settings):
     """A project file."""
 
-    # What a sweep varies is no setting of the project itself; the certificate alone is told who signs it.
-    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate"})
+    # What a sweep varies is no setting of the project itself; the certificate alone is told who signs it;
+    # deliveries are made of published results.
+    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate", "deliver"})
 
     version: Literal[1] = Field(description="Version of the project file, 1.")
     project: ProjectSettings = Field(description="Name of the project and coordinate system of the results.")
@@ -89,6 +91,11 @@ class Project(Settings):
         description="Laboratory and signatories; affects no number, and a change repeats only the "
         "certificate.",
     )
+    deliver: Annotated[tuple[DeliverSettings, ...], BeforeValidator(one_table_or_several)] = Field(
+        default=(),
+        description="Deliveries for other programs, written at the end of a run that adjusts; `[[deliver]]` "
+        "for each of several.",
+    )
     sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
 
     _source: ProjectSource = PrivateAttr(default=ProjectSource())
@@ -116,6 +123,20 @@ class Project(Settings):
         wanted = [name for name in TRUST_MAP_GATES if getattr(self.gates, name) is not None]
         if wanted and self.trust_map is None:
             raise trouble(f"The gate {wanted[0]} needs a trust map.", "Add the table [trust_map].")
+        return self
+
+    @model_validator(mode="after")
+    def _deliveries_fit(self) -> Project:
+        places: set[str] = set()
+        for one in self.deliver:
+            wrong = one.trouble_with(self.project.crs, flown=self.project.flown is not None)
+            if wrong is not None:
+                raise trouble(*wrong)
+            if one.place in places:
+                raise trouble(
+                    f"Two deliveries have the folder {one.place}.", "Give each a `folder` of its own."
+                )
+            places.add(one.place)
         return self
 
     @model_validator(mode="after")

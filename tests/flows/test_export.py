@@ -24,13 +24,14 @@ from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
 from tasks.formats.colmap import read_colmap_image_points
 from tasks.handover.export import export_results
-from tasks.handover.formats.patb import photo_numbers
+from tasks.handover.formats.patb import numbers_of_names
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M, World
+from tasks.handover.receiver import EARTH_RADIUS_M
 from tasks.handover.results import Results, read_results
+from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
-from tests.tasks.handover.test_read_back import WITH_THEIR_GROUND
+from tests.tasks.handover.test_read_back import READ, WITH_THEIR_GROUND, WITHOUT_ORIENTATIONS
 
 SMALLER = (
     "project.crs=EPSG:25832",
@@ -285,10 +286,11 @@ def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path:
 
 
 def test_photos_are_numbered_only_where_names_are_no_numbers() -> None:
-    assert photo_numbers(("1001", "1002")) == (["1001", "1002"], False)
-    assert photo_numbers(("0012", "12")) == (["1", "2"], True)
-    assert photo_numbers(("a", "b")) == (["1", "2"], True)
+    assert numbers_of_names(("1001", "1002")) == (["1001", "1002"], False)
+    assert numbers_of_names(("0012", "12")) == (["1", "2"], True)
+    assert numbers_of_names(("a", "b")) == (["1", "2"], True)
 
 
 def test_every_format_is_read_back_in_these_tests() -> None:
-    assert set(REGISTER) == {*READERS, "rpc", *WITH_THEIR_GROUND}
+    assert set(REGISTER) == {*READ, *WITHOUT_ORIENTATIONS, *WITH_THEIR_GROUND}
+    assert set(READERS) < set(READ)

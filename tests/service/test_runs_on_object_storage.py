@@ -73,6 +73,22 @@ def fetched(address: ObjectAddress, folder: Path) -> dict[str, bytes]:
     return published(folder)
 
 
+def test_what_became_of_deliveries_is_published_with_the_results(
+    block: Path, address: ObjectAddress, tmp_path: Path
+) -> None:
+    deliver = 'deliver=[{format="eo-csv"}]'
+    done = aerocal("run", block, "--out", str(address), "--set", deliver)
+    assert done.returncode == 0, done.stderr
+    assert "object storage keeps tables and pages" in done.stdout
+    found = ObjectWorkspace.at(address).manifest()
+    assert found is not None
+    assert [(one.format, one.written) for one in found.summary.deliveries] == [("eo-csv", True)]
+    brought = fetched(address, tmp_path / "one")
+    assert "exterior_orientations.parquet" in brought
+    summary = json.loads((tmp_path / "one" / "summary.json").read_text())
+    assert summary["gates"][-1]["name"] == "delivery_export/eo-csv"
+
+
 def test_results_are_those_of_a_folder_and_another_machine_computes_nothing(
     block: Path, in_folders: dict[tuple[str, ...], Path], address: ObjectAddress, tmp_path: Path
 ) -> None:

@@ -2,7 +2,7 @@
 
 World is the frame of the adjustment as an engineering CRS, so nothing is approximated. Pixels count from the corner of the first one;
 angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points stand in the same frame, as control or check points with their
-marks; a point without one of its coordinates is a manual tie point. Tie points are not written.
+marks; a point without one of its coordinates is a manual tie point. Tie points are a cloud with their matches (``opf_cloud``).
 """  # noqa: E501
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.formats.camera_axes import pixels
 from tasks.handover.formats.numbers import in_angles
+from tasks.handover.formats.opf_cloud import cloud_files, resources
 from tasks.handover.lens import LensModel
 
 _VERSION = "1.0"
@@ -76,7 +77,8 @@ def write_opf(delivery: Delivery) -> Files:
         f"{name}.json": _text({"format": f"application/opf-{name}+json", "version": _VERSION, **content})
         for name, content in contents.items()
     }
-    return {**files, "project.opf": _project(delivery.results.name)}
+    cloud = cloud_files(delivery)
+    return {**files, **cloud, "project.opf": _project(delivery.results.name, resources(list(cloud)))}
 
 
 def _definition(delivery: Delivery) -> str:
@@ -164,18 +166,20 @@ def _marked(
     return gcps, mtps
 
 
-def _project(name: str) -> str:
+def _project(name: str, cloud: list[dict[str, str]]) -> str:
+    """The list of items; the cloud belongs to the calibration."""
+
     def identifier(of: str) -> str:
         return str(uuid.uuid5(_NAMESPACE, f"{name}/{of}"))
 
-    def resources(kinds: Sequence[str]) -> list[dict[str, str]]:
+    def listed(kinds: Sequence[str]) -> list[dict[str, str]]:
         return [{"uri": f"{kind}.json", "format": f"application/opf-{kind}+json"} for kind in kinds]
 
     items = [
         {
             "id": identifier(item),
             "type": item,
-            "resources": resources(kinds),
+            "resources": [*listed(kinds), *(cloud if item == "calibration" else [])],
             "sources": [{"id": identifier(source), "type": source} for source in sources],
         }
         for item, (kinds, sources) in _ITEMS.items()

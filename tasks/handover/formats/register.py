@@ -1,4 +1,7 @@
-"""All formats in which results are handed over; a further one is a file here and a row."""
+"""All formats in which results are handed over; a further one is a file here and a row.
+
+Formats of whole blocks stand in `EXCHANGE`, those of results alone in `DELIVERIES`.
+"""
 
 from __future__ import annotations
 
@@ -6,176 +9,105 @@ from collections.abc import Mapping
 
 from adjust.handover.refit import Freed
 from tasks.handover.delivery import DeliveryFormat
-from tasks.handover.formats.blocks_exchange import write_blocks_exchange
-from tasks.handover.formats.colmap import write_colmap
+from tasks.handover.formats.catalyst import write_catalyst
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.esri import write_esri
+from tasks.handover.formats.exchange import EXCHANGE, LENS, LENS_OF_TWO_FOCAL_LENGTHS
 from tasks.handover.formats.geopackage import write_geopackage
 from tasks.handover.formats.inpho import write_inpho
 from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
 from tasks.handover.formats.nerfstudio import write_nerfstudio
-from tasks.handover.formats.opensfm import write_opensfm
-from tasks.handover.formats.opf import write_opf
+from tasks.handover.formats.on_earth import write_geojson, write_kmz
 from tasks.handover.formats.orbit import write_orbit
-from tasks.handover.formats.patb import write_patb
+from tasks.handover.formats.orthority import write_orthority
+from tasks.handover.formats.realityscan import write_realityscan
 from tasks.handover.formats.rpc import write_rpc
 from tasks.handover.formats.stac import write_stac
-from tasks.handover.receiver import World
 
-_CAMERA_TOO, _POSE_ONLY = Freed(focal_length=True), Freed()
-_CARTESIAN: tuple[World, ...] = ("local", "map-cartesian", "map-cartesian-curved")
-_LOCAL: tuple[World, ...] = ("local",)
-_LENS = ("k1", "k2", "k3", "p1", "p2")
-_ANY: tuple[World, ...] = ("local", "map", "map-cartesian", "map-cartesian-curved")
+_CAMERA_TOO = Freed(focal_length=True)
+_ANGLES = "1e-4 m, 1e-7°"
+_MATRIX = "1e-4 m, 1e-12 of a rotation"
 
-REGISTER: Mapping[str, DeliveryFormat] = {
+DELIVERIES: Mapping[str, DeliveryFormat] = {
     item.name: item
     for item in (
         DeliveryFormat(
             "eo-csv",
             "table with header: image, camera, X, Y, Z, angles of any system, standard deviations",
-            "map",
-            _ANY,
-            _POSE_ONLY,
             write_eo_csv,
+            _ANGLES,
             seen=True,
         ),
+        DeliveryFormat("esri", "Frames and Cameras tables of ArcGIS", write_esri, _ANGLES, _CAMERA_TOO),
+        DeliveryFormat("orbit", "Orbit 3DM: one line an image, for undistorted images", write_orbit, _ANGLES),
         DeliveryFormat(
-            "patb",
-            "PATB .ori: positions and rotation matrices in fixed columns",
-            "map-cartesian",
-            _ANY,
-            _POSE_ONLY,
-            write_patb,
-            seen=False,
+            "inpho", "Inpho project (.prj): cameras, photos, orientations", write_inpho, _MATRIX, _CAMERA_TOO
         ),
-        DeliveryFormat(
-            "esri",
-            "Frames and Cameras tables of ArcGIS",
-            "map-cartesian",
-            _ANY,
-            _CAMERA_TOO,
-            write_esri,
-            seen=False,
-        ),
-        DeliveryFormat(
-            "orbit",
-            "Orbit 3DM: one line an image, for undistorted images",
-            "map-cartesian",
-            _ANY,
-            _POSE_ONLY,
-            write_orbit,
-            seen=False,
-        ),
-        DeliveryFormat(
-            "inpho",
-            "Inpho project (.prj): cameras, photos, orientations",
-            "map-cartesian-curved",
-            _CARTESIAN,
-            _CAMERA_TOO,
-            write_inpho,
-            seen=False,
-        ),
-        DeliveryFormat(
-            "isat",
-            "ImageStation files photo and camera",
-            "map-cartesian-curved",
-            _CARTESIAN,
-            _CAMERA_TOO,
-            write_isat,
-            seen=False,
-        ),
-        DeliveryFormat(
-            "metashape",
-            "Metashape OPK text",
-            "map",
-            ("map", "local"),
-            _POSE_ONLY,
-            write_metashape,
-            seen=False,
-        ),
+        DeliveryFormat("isat", "ImageStation files photo and camera", write_isat, _ANGLES, _CAMERA_TOO),
+        DeliveryFormat("metashape", "Metashape OPK text", write_metashape, f"{_ANGLES}, matrix 1e-12"),
         DeliveryFormat(
             "rpc",
             "rational polynomials, one _RPC.TXT an image: GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB, SNAP",
-            "rpc",
-            ("rpc",),
-            _POSE_ONLY,
             write_rpc,
+            "15 digits of every coefficient",
             seen=True,
-        ),
-        DeliveryFormat(
-            "colmap",
-            "COLMAP text model: cameras, images, points",
-            "local",
-            _LOCAL,
-            _POSE_ONLY,
-            write_colmap,
-            seen=True,
-            lens=(*_LENS, "b1"),
-            points=True,
         ),
         DeliveryFormat(
             "geopackage",
             "GeoPackage for QGIS and every GIS: cameras, footprints, points, residual vectors",
-            "map",
-            ("map",),
-            _POSE_ONLY,
             write_geopackage,
+            "17 digits",
             seen=True,
-            points=True,
-        ),
-        DeliveryFormat(
-            "opf",
-            "OPF project (Pix4D): cameras, control and check points with their marks",
-            "local",
-            _LOCAL,
-            _POSE_ONLY,
-            write_opf,
-            seen=True,
-            lens=_LENS,
-            points=True,
-        ),
-        DeliveryFormat(
-            "opensfm",
-            "OpenSfM and ODM: reconstruction.json and tracks.csv",
-            "local",
-            _LOCAL,
-            _POSE_ONLY,
-            write_opensfm,
-            seen=False,
-            lens=(*_LENS, "b1"),
             points=True,
         ),
         DeliveryFormat(
             "nerfstudio",
             "nerfstudio and 3D Gaussian splatting: transforms.json",
-            "local",
-            _LOCAL,
-            _POSE_ONLY,
             write_nerfstudio,
-            seen=False,
-            lens=(*_LENS, "b1"),
-        ),
-        DeliveryFormat(
-            "blocks-exchange",
-            "BlocksExchange XML: iTwin Capture, ContextCapture, Metashape, RealityScan",
-            "local",
-            _LOCAL,
-            _POSE_ONLY,
-            write_blocks_exchange,
-            seen=False,
-            lens=_LENS,
-            points=True,
+            "17 digits",
+            lens=LENS_OF_TWO_FOCAL_LENGTHS,
         ),
         DeliveryFormat(
             "stac",
             "STAC items with perspective-imagery: orientation and footprint of every image",
-            "map",
-            ("map",),
-            _POSE_ONLY,
             write_stac,
+            _MATRIX,
             seen=True,
+        ),
+        DeliveryFormat(
+            "realityscan",
+            "RealityScan (RealityCapture): CSV of registered images and XMP files",
+            write_realityscan,
+            "1e-4 m, 1e-7°; XMP 15 digits of a rotation",
+            lens=LENS,
+        ),
+        DeliveryFormat(
+            "orthority",
+            "Orthority: interior parameters (YAML), exterior parameters (GeoJSON)",
+            write_orthority,
+            "17 digits",
+            Freed(focal_length=True, radial=True),
+            lens=LENS,
+        ),
+        DeliveryFormat(
+            "catalyst", "Catalyst OrthoEngine: exterior orientations as text", write_catalyst, _ANGLES
+        ),
+        DeliveryFormat(
+            "geojson",
+            "GeoJSON in longitude and latitude: cameras, footprints, surveyed points",
+            write_geojson,
+            "1e-9°, 1e-4 m",
+            points=True,
+        ),
+        DeliveryFormat(
+            "kmz",
+            "KMZ for globes: cameras, footprints, surveyed points",
+            write_kmz,
+            "1e-8°, 1e-3 m",
+            points=True,
         ),
     )
 }
+
+REGISTER: Mapping[str, DeliveryFormat] = {**EXCHANGE, **DELIVERIES}

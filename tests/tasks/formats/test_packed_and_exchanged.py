@@ -130,7 +130,43 @@ def test_our_own_opf_project_sees_the_ground(tmp_path):
     control = read_opf_control(path)
     np.testing.assert_array_equal(control.position, points.surveyed.local[:2])
     marks = read_opf_image_points(path)
-    assert marks.point.to_pylist() == ["P 3", "P80", "P160"]
+    assert marks.point.to_pylist()[:4] == ["P 3", "P80", "P160", "tie1"]
+    assert len(marks.point) == len(points.xy)
+    image = np.array(marks.image.to_pylist())
+    for k, name in enumerate(NAMES):
+        # Pixels of matches are float32; marks of surveyed points come first.
+        read, ours = marks.xy[image == name], pixels(results, points, k)
+        away = np.linalg.norm(read[:, None] - ours[None], axis=2)
+        assert away.min(axis=0).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("member", "change", "says"),
+    [
+        ("matchCameraIds.bin", lambda content: content[:-4], "do not fit together"),
+        ("matchCameraIds.bin", lambda content: content[:-4] + b"\xff" * 4, "do not fit together"),
+        ("matchPointIndexRanges.bin", lambda content: b"\xff" * len(content), "do not fit together"),
+        ("tie-points.gltf", lambda text: text.replace("5126", "5123"), "do not fit together"),
+        (
+            "tie-points.gltf",
+            lambda text: text.replace('"cameraIds": 1', '"cameraIds": 99'),
+            "do not fit together",
+        ),
+        ("tie-points.gltf", lambda text: text.replace("positions.bin", "../../etc/passwd"), None),
+        ("tie-points.gltf", lambda text: text.replace("matchCameraIds", "no"), "lacks a file"),
+    ],
+)
+def test_damaged_tie_points_of_opf_are_refused(member, change, says, tmp_path):
+    results, points = flown(Flight())
+    files = dict(REGISTER["opf"].write(delivered(results, points, "opf")))
+    files[member] = change(files[member])
+    path = saved(tmp_path, small.packed(files))
+    if says is None:
+        # Positions of tie points are not read, nor their file.
+        assert len(read_opf_image_points(path).point) == len(points.xy)
+        return
+    with pytest.raises(InputError, match=says):
+        read_opf_image_points(path)
 
 
 @pytest.mark.parametrize(

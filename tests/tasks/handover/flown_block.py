@@ -16,8 +16,9 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
 from tasks.handover.block_points import BlockPoints, SurveyedPoints
 from tasks.handover.delivery import Delivery
+from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.lens import Lenses, lens_models
+from tasks.handover.lens import Lenses
 from tasks.handover.receiver import hand_over
 from tasks.handover.results import CalibratedCamera, Results
 from tasks.handover.rigorous import OrientedImages
@@ -31,13 +32,17 @@ NAMES = ("1 a.tif", "0002.tif", "III_3", "4")
 
 @dataclass(frozen=True)
 class Flight:
-    """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion)."""
+    """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion).
+
+    `binned` pixels of the camera are one, so that an image of it can be made.
+    """
 
     above: float = 1000.0
     tilt_deg: float = 0.0
     refracted: bool = False
     corrections: bool = False
     longitude_deg: float = 9.3
+    binned: int = 1
 
 
 def flown(case: Flight) -> tuple[Results, BlockPoints]:
@@ -73,6 +78,7 @@ def camera(name: str, case: Flight) -> CalibratedCamera:
     columns, rows, pixel, c = (
         (17004, 26460, 4e-6, 0.0798) if case.tilt_deg == 0 else (14144, 10560, 3.76e-6, 0.123)
     )
+    columns, rows, pixel = columns // case.binned, rows // case.binned, pixel * case.binned
     frame = FrameCamera(name, columns, rows, pixel, c, (12e-6, -20e-6), "corner", 0)
     row: dict[object, object] = {
         "columns": columns, "rows": rows, "pixel_um": pixel * 1e6, "focal_length_mm": c * 1e3, "tiles": None,
@@ -118,7 +124,6 @@ def points_of(results: Results) -> BlockPoints:
 def delivered(results: Results, points: BlockPoints, name: str) -> Delivery:
     """As `export_results` has it written."""
     form = REGISTER[name]
-    lenses = lens_models(results, form.lens) if form.lens else Lenses((), np.zeros(0))
-    return Delivery(
-        results, hand_over(results, form.world, form.freed), lenses=lenses, points=points
-    )  # fmt: skip
+    handed = hand_over(results, form.world, form.freed)
+    lenses = lenses_of(results, handed, form.lens) if form.lens else Lenses((), np.zeros(0))
+    return Delivery(results, handed, lenses=lenses, points=points)

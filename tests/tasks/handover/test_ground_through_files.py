@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -23,6 +24,7 @@ from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.formats.short_names import without_blanks
 from tasks.handover.lens import lens_models
+from tasks.handover.statement import statement
 from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
 
 ORDER = "omega-phi-kappa"
@@ -31,6 +33,7 @@ FILES = {
     "colmap": (("images.txt", "cameras.txt", "images.txt"), "colmap"),
     "opensfm": (("reconstruction.json", "reconstruction.json", "tracks.csv"), "opensfm"),
     "blocks-exchange": (("block.xml", "block.xml", "block.xml"), "blocks-exchange"),
+    "openmvg": (("sfm_data.json", "sfm_data.json", "sfm_data.json"), "openmvg"),
 }
 CASES = [Flight(above, tilt) for above in (1000.0, 2000.0, 4000.0) for tilt in (0.0, 45.0)]
 
@@ -131,6 +134,7 @@ def test_image_points_are_read_as_they_were_measured(name, tmp_path):
     found = {
         "colmap": lambda xy: xy,
         "blocks-exchange": lambda xy: xy + 0.5,
+        "openmvg": lambda xy: xy,
         "opensfm": lambda xy: xy * [1.0, -1.0] * 26460 + [0.5 * 17004, 0.5 * 26460],
     }[name]
     images = np.array(records.image.to_pylist())
@@ -259,3 +263,28 @@ def test_formats_that_need_more_than_a_block_has_refuse_it():
     level, _ = flown(Flight(1000.0, 80.0))
     with pytest.raises(InputError, match="sees the horizon"):
         REGISTER["stac"].write(delivered(level, no_points(), "stac"))
+
+
+@pytest.mark.parametrize("name", [name for name, form in REGISTER.items() if form.lens])
+def test_every_format_with_distortion_says_how_well_it_is_fitted(name):
+    results, points = flown(Flight(corrections=True))
+    delivery = delivered(results, points, name)
+    assert all(0.0 < model.misfit_um < 0.1 for model in delivery.lenses.models)
+    text = " ".join(statement(delivery, REGISTER[name], "flown").split())
+    assert f"fitted over the format to {delivery.lenses.models[0].misfit_um:.3f} µm" in text
+    assert "more than 0.1 µm" not in text
+
+
+def test_a_distortion_that_a_format_cannot_hold_is_remarked_on():
+    results, points = flown(Flight(corrections=True))
+    delivery = delivered(results, points, "blocks-exchange")
+    without = replace(delivery, lenses=lens_models(results, ("k1",)))
+    assert without.lenses.models[0].misfit_um > 0.1
+    text = " ".join(statement(without, REGISTER["blocks-exchange"], "flown").split())
+    assert "more than 0.1 µm: compare corrected image points" in text
+
+
+def test_the_precision_of_every_format_stands_in_the_documentation():
+    page = (Path(__file__).parents[3] / "docs" / "export.md").read_text()
+    for form in REGISTER.values():
+        assert f"| `{form.name}` | {form.precision} |" in page

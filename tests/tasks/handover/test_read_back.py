@@ -31,6 +31,15 @@ _OPK = {"omega": "Omega", "phi": "Phi", "kappa": "Kappa"}
 #: Format of a delivery → file, format and layout with which it is read.
 READ = {
     "patb": ("patb.ori", "patb", TableLayout()),
+    "bingo": ("itera.dat", "bingo", TableLayout()),
+    "catalyst": (
+        "catalyst_eo.txt", "csv",
+        TableLayout(
+            separator="blank", header=False,
+            columns={"image": 1, "x": 2, "y": 3, "z": 4, "omega": 5, "phi": 6, "kappa": 7},
+            elsewhere=ELSEWHERE,
+        ),
+    ),
     "inpho": ("inpho.prj", "inpho", TableLayout()),
     "isat": ("photo", "isat", TableLayout()),
     "metashape": ("metashape_opk.txt", "metashape-opk", TableLayout()),
@@ -61,10 +70,15 @@ READ = {
         ),
     ),
 }  # fmt: skip
+#: Formats with an angle system of their own.
+SYSTEMS = {"bingo": Angles("phi-omega-kappa", "gon")}
 #: Formats that carry their own geometry and no orientations.
-WITHOUT_ORIENTATIONS = {"rpc"}
+WITHOUT_ORIENTATIONS = {"rpc", "kmz"}
 #: Formats that stand in test_ground_through_files.
-WITH_THEIR_GROUND = {"colmap", "geopackage", "opf", "opensfm", "nerfstudio", "blocks-exchange", "stac"}
+WITH_THEIR_GROUND = {
+    "colmap", "geopackage", "geojson", "opf", "opensfm", "openmvg", "nerfstudio", "blocks-exchange",
+    "orthority", "realityscan", "stac",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +113,7 @@ def read_back(block: Results, name: str, folder: Path, angles: Angles | None = N
     for file, text in form.write(delivery).items():
         (folder / file).write_text(text, encoding="utf-8", newline="")
     file, reader, layout = READ[name]
-    return read_exposures(reader, folder / file, (angles or Angles()).order, layout)
+    return read_exposures(reader, folder / file, SYSTEMS.get(name, angles or Angles()).order, layout)
 
 
 def test_every_format_with_orientations_is_read_back():
@@ -110,13 +124,15 @@ def test_every_format_with_orientations_is_read_back():
 def test_orientations_are_the_same_to_the_printed_digits(block, name, tmp_path):
     records = read_back(block, name, tmp_path)
     np.testing.assert_allclose(records.position, block.images.projection_centre, rtol=0, atol=0.6e-4)
-    read = from_omega_phi_kappa(np.deg2rad(records.angles))
+    if name in SYSTEMS:
+        read = from_phi_omega_kappa(records.angles * np.pi / 200.0)
+    else:
+        read = from_omega_phi_kappa(np.deg2rad(records.angles))
     # 1e-7 degrees are 1.7e-9.
     np.testing.assert_allclose(read, block.images.local_from_camera, rtol=0, atol=3e-9)
-    blank = {"isat": "_", "patb": None}.get(name, " ")
-    expected = ["1", "2", "3", "4"] if blank is None else list(NAMES)
-    if name == "isat":
-        # Its names end at a blank.
+    expected = ["1", "2", "3", "4"] if name == "patb" else list(NAMES)
+    if name in ("isat", "bingo", "catalyst"):
+        # Their names end at a blank.
         expected = [one.replace(" ", "_") for one in expected]
     assert records.image.to_pylist() == expected
 

@@ -11,9 +11,10 @@ import pytest
 from adjust.geometry.earth import CartesianFrame
 from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
-from tests.tasks.handover.flown_block import LOCAL, NAMES, Flight, delivered, flown
+from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
 
 CASES = [Flight(), Flight(4000.0, 45.0)]
+BINNED = 20
 LAYERS = {
     "cameras": 4, "footprints": 4, "tie_points": 297, "control_points": 2, "check_points": 1,
     "residual_vectors": 3,
@@ -61,6 +62,71 @@ def test_pyopf_reads_the_project(tmp_path):
         ("P80", True, 1),
     ]
     assert [point.id for point in project.input_control_points.mtps] == ["P160"]
+    cloud = project.calibration.tracks
+    (node,) = cloud.nodes
+    assert len(node) == 300 - 3
+    turn = np.array(node.matrix)
+    place = np.column_stack([node.position, np.ones(len(node))]) @ turn.T
+    ties = points.local[~points.is_surveyed]
+    np.testing.assert_allclose(place[:, :3], ties, atol=1e-4)
+    seen = node.matches.image_points.pixelCoordinates
+    measured = (points.xy * [1.0, -1.0] + (0.034008, 0.05292)) / 4e-6
+    np.testing.assert_allclose(seen, measured[~points.is_surveyed], atol=2e-3)
+
+
+@pytest.mark.filterwarnings("ignore:Dataset has no geotransform", "ignore::PendingDeprecationWarning")
+@pytest.mark.parametrize(
+    "case",
+    [
+        Flight(1000.0, refracted=True, binned=BINNED),
+        Flight(4000.0, refracted=True, longitude_deg=12.0, binned=BINNED),
+        Flight(1000.0, 45.0, refracted=True, binned=BINNED),
+    ],
+)
+def test_gdal_warps_an_image_by_its_polynomials_onto_the_rigorous_ground(case, tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    warp = pytest.importorskip("rasterio.warp")
+    results, points = flown(case)
+    write(delivered(results, points, "rpc"), "rpc", tmp_path)
+    # An image that shows where on the ground its pixels are.
+    frame, one = results.cameras[0].frame, results.images.only(0)
+    row, column = np.indices((frame.rows, frame.columns)) + 0.5
+    xy = (
+        np.column_stack([column.ravel(), -row.ravel()]) * frame.pixel_size
+        + np.array([-1.0, 1.0]) * frame.half_format
+    )
+    ideal = results.cameras[0].ideal(xy)
+    ground = one.ground(ideal[None], np.full((1, len(xy)), GROUND))[0, :, :2]
+    middle = ground.mean(axis=0)
+    image = np.moveaxis((ground - middle).reshape(frame.rows, frame.columns, 2), 2, 0).astype(np.float32)
+    with rasterio.open(
+        tmp_path / "1 a.tif",
+        "w",
+        driver="GTiff",
+        width=frame.columns,
+        height=frame.rows,
+        count=2,
+        dtype="float32",
+    ) as file:
+        file.write(image)
+    with rasterio.open(tmp_path / "1 a.tif") as file:
+        polynomials = file.rpcs
+    # Squares of the ground of about a pixel, from the middle.
+    pixel_m = case.above / np.cos(np.radians(case.tilt_deg)) * frame.pixel_size / frame.focal_length
+    side = 301
+    place = rasterio.transform.from_origin(
+        *(middle + [-0.5, 0.5] * np.array(side * pixel_m)), pixel_m, pixel_m
+    )
+    warped = np.full((2, side, side), np.nan, np.float32)
+    warp.reproject(
+        image, warped, rpcs=polynomials, src_crs="EPSG:4979", dst_transform=place, dst_crs="EPSG:25832",
+        dst_nodata=np.nan, resampling=warp.Resampling.bilinear, tolerance=0.0, RPC_HEIGHT=GROUND,
+    )  # fmt: skip
+    rows, columns = np.indices((side, side)) + 0.5
+    expected = np.stack(place * (columns, rows)) - middle[:, None, None]
+    away = np.hypot(*(warped - expected)) / pixel_m
+    assert np.isfinite(away).mean() > 0.8
+    assert np.nanmax(away) < 0.1
 
 
 @pytest.mark.parametrize("local", [False, True])

@@ -28,6 +28,7 @@ FIELDS = {
     "distances",
     "parameters",
     "direct_georeferencing",
+    "deliveries",
     "gates",
     "timings_s",
     "problems",

@@ -1,0 +1,52 @@
+"""Carry out ``aerocal convert`` and say what was written."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from flows.command.exit_code import DONE
+from flows.command.export_execution import show_export
+from flows.command.progress import show_progress
+from flows.runs.project_run import RunRequest
+from flows.stories.block_conversion import converted_block
+from tasks.handover.export import chosen_format, chosen_world
+from tasks.handover.formats.exchange import EXCHANGE
+from tasks.handover.recognised import project_text, recognised
+from tasks.store.run_lock import run_lock
+from tasks.store.store import Store
+
+
+def convert_and_show(
+    given: Path,
+    to: str,
+    out: Path | None,
+    world: str | None,
+    pixel_um: float | None,
+    *,
+    overrides: tuple[str, ...],
+    data: Path | None,
+) -> int:
+    """Convert and show the statement; wrong input leaves as an InputError."""
+    chosen_world(world, chosen_format(to, EXCHANGE))
+    show_progress()
+    folder = given.absolute().parent / to if out is None else out
+    block = recognised(given)
+    with tempfile.TemporaryDirectory(prefix="aerocal-convert-") as temporary:
+        project_file = given
+        if block is not None:
+            project_file = Path(temporary) / "project.toml"
+            project_file.write_text(project_text(block, given.absolute().stem, pixel_um), encoding="utf-8")
+        project = RunRequest.of(project_file, None, overrides, data).project()
+        store = Store.of(Path(temporary))
+        with run_lock(store.folder.parent):
+            store.begin_run()
+            written, remarks = converted_block(project, store, to, folder, world)
+    console = Console()
+    for sentence in remarks:
+        console.print(Text(f"• {sentence}", style="yellow"))
+    show_export(console, written)
+    return DONE

@@ -1,0 +1,22 @@
+"""Block conversion: the deliveries of a project in a format of block exchange, without an adjustment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flows.stories.block_preparation import prepare_block
+from tasks.handover.export import Export
+from tasks.handover.unadjusted import convert_block
+from tasks.settings.project import Project
+from tasks.store.notes import read_notes
+from tasks.store.store import Store
+
+
+def converted_block(
+    project: Project, store: Store, to: str, out: Path, world: str | None
+) -> tuple[Export, tuple[str, ...]]:
+    """Read the deliveries, find approximate values, write the block; also what looked wrong."""
+    block = prepare_block(project, store)
+    outputs = {name: artifact for one in block.stages for name, artifact in one.items()}
+    remarks = tuple(sentence for one in block.stages for sentence in read_notes(one["notes"]).problems)
+    return convert_block(outputs, project.project, to, out, world), remarks

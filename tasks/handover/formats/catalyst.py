@@ -1,0 +1,21 @@
+"""Catalyst OrthoEngine: exterior orientations as text, image X Y Z ω φ κ, degrees; its heights are ellipsoidal or above sea level as declared there."""  # noqa: E501
+
+from __future__ import annotations
+
+from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
+from tasks.handover.formats.short_names import renamed, without_blanks
+
+
+def write_catalyst(delivery: Delivery) -> Files:
+    """``catalyst_eo.txt``."""
+    pose, names = delivery.handed.pose, without_blanks(delivery.names)
+    angles = in_angles(pose.map_from_camera, Angles())
+    lines = [
+        " ".join([name, *fixed(pose.centre[k], METRES), *fixed(angles[k], ANGLES)])
+        for k, name in enumerate(names)
+    ]
+    return {
+        "catalyst_eo.txt": "\n".join(lines) + "\n",
+        **renamed("catalyst_images.csv", "image", names, delivery.names),
+    }

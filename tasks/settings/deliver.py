@@ -1,0 +1,134 @@
+"""Settings of deliveries: in which formats a run hands its results over at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Annotated, Literal, TypeAlias, get_args
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tasks.settings.base import Settings, one_of, trouble
+from tasks.settings.coordinates import LOCAL
+
+#: How a program understands the world; `tasks.handover.receiver` says what each kind is given.
+World: TypeAlias = Literal["local", "map", "map-cartesian", "map-cartesian-curved", "rpc"]
+WORLDS: tuple[World, ...] = get_args(World)
+AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa"]
+AngleUnit: TypeAlias = Literal["deg", "gon", "rad"]
+
+_LOCAL: tuple[World, ...] = ("local",)
+_MAP: tuple[World, ...] = ("map",)
+_CARTESIAN: tuple[World, ...] = ("map-cartesian", "local", "map-cartesian-curved")
+_CURVED: tuple[World, ...] = ("map-cartesian-curved", "local", "map-cartesian")
+_ANY: tuple[World, ...] = ("map-cartesian", "local", "map", "map-cartesian-curved")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a format can be written for.
+
+    Attributes
+    ----------
+    worlds : kinds of programs; the usual one first.
+    dated : whether it cannot be without the date of the flight.
+    placed : whether it cannot be without a place on the earth.
+    """
+
+    worlds: tuple[World, ...]
+    dated: bool = False
+    placed: bool = False
+
+
+#: Every format of `tasks.handover.formats.register`.
+OFFERS: Mapping[str, Offer] = {
+    "blocks-exchange": Offer(_LOCAL),
+    "colmap": Offer(_LOCAL),
+    "opensfm": Offer(_LOCAL),
+    "opf": Offer(_LOCAL, dated=True),
+    "openmvg": Offer(_LOCAL),
+    "patb": Offer(_ANY),
+    "bingo": Offer(_ANY),
+    "inpho": Offer(_CURVED),
+    "isat": Offer(_CURVED),
+    "eo-csv": Offer(("map", "local", "map-cartesian", "map-cartesian-curved")),
+    "esri": Offer(_ANY),
+    "orbit": Offer(_ANY),
+    "metashape": Offer(("map", "local")),
+    "rpc": Offer(("rpc",), placed=True),
+    "geopackage": Offer(_MAP),
+    "nerfstudio": Offer(_LOCAL),
+    "stac": Offer(_MAP, dated=True),
+    "realityscan": Offer(("map", "local")),
+    "orthority": Offer(("map-cartesian",), placed=True),
+    "catalyst": Offer(_CURVED),
+    "geojson": Offer(_MAP, placed=True),
+    "kmz": Offer(_MAP, placed=True),
+}
+
+
+def _below_results(text: str) -> str:
+    path = PurePosixPath(text)
+    if path.is_absolute() or ".." in path.parts or not path.parts or "\\" in text or "\0" in text:
+        raise trouble(
+            f"A delivery cannot be written into the folder {text!r}.",
+            'Name one below the folder of the results, e.g. folder = "export/client".',
+        )
+    return str(path)
+
+
+class DeliverSettings(Settings):
+    """A delivery that is written at the end of a run."""
+
+    format: Annotated[str, AfterValidator(one_of(lambda: OFFERS, "format of results"))] = Field(
+        description="One of [the formats of results](export.md): "
+        f"{', '.join(f'`{name}`' for name in OFFERS)}."
+    )
+    folder: Annotated[str, AfterValidator(_below_results)] | None = Field(
+        default=None,
+        description="Folder of the files below that of the results; default `export/FORMAT`. An earlier "
+        "delivery in it is removed.",
+    )
+    world: World | None = Field(
+        default=None,
+        description="How the program that reads it [understands the world](export.md#what-a-program-can-be-"
+        "given); default: the usual kind of the format.",
+    )
+    angles: AngleOrder = Field(default="omega-phi-kappa", description="Order of the angles (`eo-csv`).")
+    unit: AngleUnit = Field(default="deg", description="Unit of the angles (`eo-csv`).")
+
+    @property
+    def place(self) -> str:
+        """The folder, below that of the results."""
+        return f"export/{self.format}" if self.folder is None else self.folder
+
+    @model_validator(mode="after")
+    def _offered(self) -> DeliverSettings:
+        worlds = OFFERS[self.format].worlds
+        if self.world is not None and self.world not in worlds:
+            raise trouble(
+                f"The format {self.format} cannot be written for the kind '{self.world}'.",
+                f"Name one of: {', '.join(worlds)}.",
+            )
+        return self
+
+    def trouble_with(self, crs: str, *, flown: bool) -> tuple[str, str] | None:
+        """What of the project contradicts the delivery, and the remedy; None: nothing.
+
+        Parameters
+        ----------
+        crs : of the results.
+        flown : whether the date of the flight is stated.
+        """
+        if crs == LOCAL and OFFERS[self.format].placed:
+            return (
+                f"The format {self.format} needs a place on the earth, and the project is local.",
+                'Give the project a CRS, or deliver another format, e.g. format = "blocks-exchange".',
+            )
+        if OFFERS[self.format].dated and not flown:
+            return (
+                f"The format {self.format} needs the date of the flight, which the project does not state.",
+                "Write it into the project file, e.g. flown = 2026-05-24 in [project].",
+            )
+        return None
