@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.record import RESULTS, Record, keep, read_records, show
-from benchmarks.workload import COMMANDS, GROWTH, WORKLOADS, Workload
+from benchmarks.workload import COMMANDS, GROWTH, SELECTIONS, WORKLOADS, Workload
 
 
 def main() -> None:
@@ -43,6 +43,11 @@ def _records(options: argparse.Namespace) -> Iterable[Record]:
         from benchmarks.importing import importing
 
         yield importing(options.runs)
+    elif options.command == "selection":
+        from benchmarks.selection import selection
+
+        for workload in _chosen(SELECTIONS, options.workload, large=True):
+            yield selection(workload, options.runs)
     elif options.command == "sweep":
         from benchmarks.sweep import sweep
 
@@ -56,9 +61,8 @@ def _chosen(workloads: Iterable[Workload], names: list[str], large: bool) -> lis
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument(
-        "command", choices=["compare", "growth", "start-up", "command", "import", "sweep", "show"]
-    )
+    commands = ["compare", "growth", "start-up", "command", "import", "selection", "sweep", "show"]
+    parser.add_argument("command", choices=commands)
     parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
     parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
     parser.add_argument("--large", action="store_true", help="growth: the largest blocks, too")

@@ -16,6 +16,8 @@ _OPERATIONAL = 2_448
 _SWEEP = "sweep-"
 #: How the names of imports begin.
 IMPORT = "import-"
+#: How the names of selections of additional parameters begin.
+SELECTION = "selection-"
 #: How the names of the whole command begin.
 COMMAND = "command-"
 
@@ -94,12 +96,13 @@ def _rounded(content: object) -> object:
 
 
 def show(records: Iterable[Record], console: Console | None = None) -> None:
-    """Print a table of comparisons and start-up times, of sweeps, imports, the whole command, the growth."""
+    """Print a table of comparisons and start-up times, and of each other kind of benchmark."""
     records = list(records)
     console = console or Console(width=120)
     sweeps = [record for record in records if record.name.startswith(_SWEEP)]
     imports = [record for record in records if record.name.startswith(IMPORT)]
-    others = [*sweeps, *imports]
+    selections = [record for record in records if record.name.startswith(SELECTION)]
+    others = [*sweeps, *imports, *selections]
     plain = [record for record in records if record.phases_s is None and record not in others]
     commands = [record for record in records if record.name.startswith(COMMAND)]
     grown = [record for record in records if record.phases_s is not None and record not in commands]
@@ -109,6 +112,8 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
         console.print(_sweeps(sweeps))
     if imports:
         console.print(_imports(imports))
+    if selections:
+        console.print(_selections(selections))
     if commands:
         console.print(_commands(commands))
     if grown:
@@ -143,6 +148,23 @@ def _sweeps(records: list[Record]) -> Table:
             _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
             _tenths(record.processor_s),
             f"{records[0].ours_s / record.ours_s:.2f}",
+        )
+    return table
+
+
+def _selections(records: list[Record]) -> Table:
+    """How much longer than the bare adjustment of the same block they take."""
+    table = Table(title="12 parameters selected, data snooping: processor seconds")
+    for heading in ("", "images", "image points", "seconds", "bare adjustment", "times"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for record in records:
+        table.add_row(
+            record.name,
+            _count(record.images),
+            _count(record.image_points),
+            _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
+            "" if record.peer_s is None else f"{record.peer_s:.2f}",
+            "" if record.ratio is None else f"{record.ratio:.1f}",
         )
     return table
 

@@ -75,6 +75,9 @@ GROWTH = (
 #: The whole command: what starting costs, and the operational block.
 COMMANDS = (Workload("18", 3, 6), Workload("2448", 36, 68))
 
+#: Selection of additional parameters with data snooping.
+SELECTIONS = (Workload("608", 8, 76), Workload("2448", 36, 68))
+
 
 def simulated(workload: Workload) -> Problem:
     """Simulate a workload; start values are the GNSS positions, INS attitudes and intersections."""
