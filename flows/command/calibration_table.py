@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tasks.quantities import shown
-from tasks.results.figures import CalibrationFigures
+from tasks.results.calibration_figures import CalibrationFigures
 from tasks.results.summary import Summary
 
 _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "held": "dim"}

@@ -7,7 +7,7 @@ from rich.text import Text
 
 from flows.command.calibration_table import parameters_beside_limits, written
 from tasks.quantities import shown
-from tasks.results.figures import TwoStepVerdictFigure
+from tasks.results.calibration_figures import TwoStepVerdictFigure
 
 _STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "not_called_for": "dim"}
 _VERDICTS = {

@@ -17,7 +17,8 @@ from scipy import special
 
 from tasks.evaluation.variance_figures import part_words
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
-from tasks.results.figures import AdjustmentFigures, StepComparisonFigure
+from tasks.results.calibration_figures import StepComparisonFigure
+from tasks.results.figures import AdjustmentFigures
 from tasks.results.quality_gates import GateResult
 from tasks.settings.calibration import AcceptanceLimits
 

@@ -20,7 +20,7 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.calibration.mean_variance import widening
 from tasks.quantities import COMPONENTS, kind_of, named
-from tasks.results.figures import ComparedStepFigure, StepComparisonFigure
+from tasks.results.calibration_figures import ComparedStepFigure, StepComparisonFigure
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 # Kinds that the second step finds, by their axes in words.

@@ -15,7 +15,7 @@ from adjust.calibration.two_step import GroupMean, TwoStep
 from tasks.calibration.offset_words import offset_sentence
 from tasks.calibration.orientation_pairs import CameraDifferences
 from tasks.files.json_text import JSON
-from tasks.results.figures import TwoStepFigure
+from tasks.results.calibration_figures import TwoStepFigure
 
 # Radians are shown in degrees.
 _SHOWN = np.array([np.rad2deg(1.0)] * 3 + [1.0] * 6)

@@ -35,14 +35,13 @@ from tasks.calibration.verdicts import (
 )
 from tasks.files.json_text import JSON
 from tasks.quantities import is_calibrated, kind_of
-from tasks.results.figures import (
-    AdjustmentFigures,
+from tasks.results.calibration_figures import (
     CalibrationFigures,
     CalibrationVerdictFigure,
     ReleaseFigure,
     StepComparisonFigure,
-    figures_of,
 )
+from tasks.results.figures import AdjustmentFigures, figures_of
 from tasks.results.quality_gates import DIRECT, tested_gates
 from tasks.results.summary import merged_figures
 from tasks.settings.calibration import CalibrationSettings

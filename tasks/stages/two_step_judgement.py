@@ -16,13 +16,9 @@ import numpy as np
 from adjust.calibration.mean_variance import widening
 from tasks.calibration.verdicts import REFUSED, RESTRICTED
 from tasks.quantities import kind_of, named
-from tasks.results.figures import (
-    TwoStepFigure,
-    TwoStepParameterFigure,
-    TwoStepVerdictFigure,
-    Values,
-    figures_of,
-)
+from tasks.results.calibration_figures import TwoStepFigure, TwoStepParameterFigure, TwoStepVerdictFigure
+from tasks.results.figure import Values
+from tasks.results.figures import figures_of
 from tasks.settings.calibration import AcceptanceLimits
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, read_notes, write_notes

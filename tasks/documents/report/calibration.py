@@ -8,7 +8,7 @@ from typing import Any
 from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
 from tasks.quantities import quantity_words
-from tasks.results.figures import CalibrationFigures, CalibrationVerdictFigure
+from tasks.results.calibration_figures import CalibrationFigures, CalibrationVerdictFigure
 
 _VERDICTS = {"not_determinable": "not determinable"}
 

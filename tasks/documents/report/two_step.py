@@ -7,7 +7,12 @@ from typing import TypeAlias
 
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.quantities import quantity_words
-from tasks.results.figures import OffsetTestFigure, StripGroupFigure, TwoStepFigure, TwoStepParameterFigure
+from tasks.results.calibration_figures import (
+    OffsetTestFigure,
+    StripGroupFigure,
+    TwoStepFigure,
+    TwoStepParameterFigure,
+)
 
 _ANGLES = ("roll", "pitch", "yaw")
 _OFFSETS = ("forward", "right", "down", "east", "north", "up")

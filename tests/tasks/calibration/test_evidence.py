@@ -12,7 +12,8 @@ from scipy import stats
 from tasks.calibration.evidence import Evidence
 from tasks.calibration.two_step_comparison import comparison
 from tasks.calibration.verdicts import FlightVerdict
-from tasks.results.figures import ComparedStepFigure, StepComparisonFigure, figures_of
+from tasks.results.calibration_figures import ComparedStepFigure, StepComparisonFigure
+from tasks.results.figures import figures_of
 from tasks.results.quality_gates import GateResult
 from tasks.settings.calibration import AcceptanceLimits
 

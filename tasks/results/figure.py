@@ -1,0 +1,23 @@
+"""What the models of all figures have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias, cast
+
+from pydantic import BaseModel, ConfigDict
+
+from tasks.files.json_text import JSON
+
+#: A number for each axis, camera or step; null where there is none.
+Values: TypeAlias = tuple[float | None, ...]
+
+
+class Figure(BaseModel):
+    """Base of the figures: immutable; figures of later versions are passed over."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    def to_json(self) -> Mapping[str, JSON]:
+        """As it stands in notes and summary.json."""
+        return cast(Mapping[str, JSON], self.model_dump(mode="json"))
