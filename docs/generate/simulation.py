@@ -12,19 +12,21 @@ from pathlib import Path
 from docs.generate.settings import settings_section
 from tasks.settings.base import Settings
 from tasks.settings.load_simulation import preset_names, preset_text
-from tasks.settings.simulation import (
-    FlightLines,
+from tasks.settings.simulated_truth import (
     PublishedCheck,
-    SimulatedCamera,
-    SimulatedControl,
     SimulatedGrossErrors,
     SimulatedImageErrors,
     SimulatedNoise,
+    SimulatedTruth,
+)
+from tasks.settings.simulation import (
+    FlightLines,
+    SimulatedCamera,
+    SimulatedControl,
     SimulatedPoints,
     SimulatedProject,
     SimulatedTerrain,
     SimulatedTrajectory,
-    SimulatedTruth,
     Simulation,
 )
 

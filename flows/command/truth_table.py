@@ -19,7 +19,7 @@ from tasks.quantities import COMPONENTS, Shown, shown
 from tasks.results.figures import figures_of
 from tasks.results.summary import Summary
 from tasks.settings.load_simulation import load_simulation
-from tasks.settings.simulation import PublishedCheck
+from tasks.settings.simulated_truth import PublishedCheck
 from tasks.simulation.truth_comparison import JointTest, RecoveredParameter, TruthComparison
 
 

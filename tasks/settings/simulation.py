@@ -16,23 +16,24 @@ from tasks.settings.coordinates import (
     NotNegative,
     NotNegativeTriple,
     Positive,
-    PositiveTriple,
     Real,
-    Triple,
     Whole,
-    one_or_two,
     one_table_or_several,
 )
-from tasks.settings.self_calibration import Selection
+from tasks.settings.simulated_truth import (
+    MOST_EXPOSURES,
+    MOST_SURVEYED,
+    Pair,
+    Part,
+    SimulatedNoise,
+    SimulatedTruth,
+)
 from tasks.settings.sweep import SweepSettings
 
 #: What a simulation may ask for at most; the largest blocks there are have 50,000 images, 4,000,000 points.
-_MOST_EXPOSURES, _MOST_POINTS, _MOST_SURVEYED = 200_000, 20_000_000, 10_000
+_MOST_POINTS = 20_000_000
 
-Part: TypeAlias = Annotated[Real, Field(ge=0.0, lt=1.0)]
-Surveyed: TypeAlias = Annotated[Whole, Field(gt=0, le=_MOST_SURVEYED)]
-Pair: TypeAlias = tuple[Finite, Finite]
-SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins", "ins_markov"]
+Surveyed: TypeAlias = Annotated[Whole, Field(gt=0, le=MOST_SURVEYED)]
 
 
 def _one_or_several(value: object) -> object:
@@ -107,11 +108,11 @@ class FlightLines(Settings):
     flight: str = Field(default="1", min_length=1, description="Flight to which the lines belong.")
     height_m: Positive = Field(description="Flying height above the mean terrain, m.")
     heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
-    lines: Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)] | None = Field(
+    lines: Annotated[Whole, Field(gt=0, le=MOST_EXPOSURES)] | None = Field(
         default=None, description="Number of lines; default: the length of `exposures`."
     )
     exposures: Annotated[
-        tuple[Annotated[Whole, Field(gt=0, le=_MOST_EXPOSURES)], ...], BeforeValidator(_one_or_several)
+        tuple[Annotated[Whole, Field(gt=0, le=MOST_EXPOSURES)], ...], BeforeValidator(_one_or_several)
     ] = Field(description="Number of exposures of every line, or a list with one number for each line.")
     end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
     side_lap: Part = Field(default=0.6, description="Side lap, 0 to 1.")
@@ -202,7 +203,7 @@ class SimulatedPoints(Settings):
     detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="Probability that a point is measured in an image in which it is visible."
     )
-    min_rays: Annotated[Whole, Field(ge=2, le=_MOST_EXPOSURES)] = Field(
+    min_rays: Annotated[Whole, Field(ge=2, le=MOST_EXPOSURES)] = Field(
         default=2, description="Points with fewer rays are dropped."
     )
     margin: Part = Field(
@@ -252,141 +253,15 @@ class SimulatedControl(Settings):
         if not given[self.layout]:
             needed = {"grid": "columns and rows", "list": "places_m"}.get(self.layout, "count")
             raise trouble(f"The layout '{self.layout}' needs {needed}.", f"Give {needed}.")
-        if (self.columns or 0) * (self.rows or 0) > _MOST_SURVEYED:
+        if (self.columns or 0) * (self.rows or 0) > MOST_SURVEYED:
             raise trouble(
                 f"The grid has {(self.columns or 0) * (self.rows or 0):,} points, more than "
-                f"{_MOST_SURVEYED:,}.",
+                f"{MOST_SURVEYED:,}.",
                 "Give fewer columns and rows.",
             )
         if self.control is not None and self.check_fraction > 0.0:
             raise trouble("`control` and `check_fraction` exclude each other.", "Keep one of the two.")
         return self
-
-
-class SimulatedGrossErrors(Settings):
-    """Gross errors; all of them are listed in truth/gross_errors.parquet."""
-
-    image_rate: Part = Field(default=0.0, description="Fraction of wrong image points.")
-    image_um: Annotated[tuple[Positive, Positive], BeforeValidator(one_or_two)] = Field(
-        default=(20.0, 200.0), description="Minimum and maximum size of these errors, µm."
-    )
-    control_swaps: Annotated[Whole, Field(ge=0, le=_MOST_SURVEYED)] = Field(
-        default=0, description="Number of pairs of control points whose coordinates are exchanged."
-    )
-    wrong_time_strips: Annotated[Whole, Field(ge=0, le=_MOST_EXPOSURES)] = Field(
-        default=0, description="Number of strips whose positions have a wrong time."
-    )
-    time_error_s: Finite = Field(default=1.0, description="Size of this time error, s.")
-
-
-class SimulatedNoise(Settings):
-    """Noise; the project states these standard deviations."""
-
-    image_um: Positive = Field(description="σ of image coordinates, µm.")
-    control_m: PositiveTriple = Field(default=(0.02, 0.02, 0.02), description="σ of surveyed points, m.")
-    gnss_m: NotNegativeTriple = Field(default=(0.05, 0.05, 0.05), description="σ of positions, white, m.")
-    ins_deg: NotNegativeTriple = Field(
-        default=(0.003, 0.003, 0.008), description="σ of roll, pitch, heading, white, degrees."
-    )
-    gnss_markov_m: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="σ of the part of the positions' noise that is correlated over time within a "
-        "strip (first-order Gauss–Markov), m. The project states the σ of both parts "
-        "together; if `gnss_m` is 0, it also states the correlation time.",
-    )
-    gnss_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
-    ins_markov_deg: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="The same for roll, pitch, heading, degrees; stated likewise if `ins_deg` is 0.",
-    )
-    ins_correlation_s: Positive = Field(default=100.0, description="Its correlation time, s.")
-    level: NotNegative = Field(
-        default=1.0, description="Factor applied to all noise; 0: free of noise, stated σ unchanged."
-    )
-    silent: tuple[SilentSource, ...] = Field(
-        default=(), description='Sources whose noise is omitted, e.g. `["gnss", "ins"]`.'
-    )
-    gross_errors: SimulatedGrossErrors = Field(
-        default_factory=SimulatedGrossErrors, description="Gross errors."
-    )
-
-    @model_validator(mode="after")
-    def _some_noise(self) -> SimulatedNoise:
-        for white, markov, name in (
-            (self.gnss_m, self.gnss_markov_m, "gnss"),
-            (self.ins_deg, self.ins_markov_deg, "ins"),
-        ):
-            if not all(one > 0.0 or other > 0.0 for one, other in zip(white, markov, strict=True)):
-                raise trouble(
-                    f"The σ of a component of `{name}` is zero, white and correlated.",
-                    "Give one of the two; `level = 0` leaves the noise out and keeps the stated σ.",
-                )
-        return self
-
-
-class SimulatedImageErrors(Settings):
-    """Systematic image errors."""
-
-    radial_um: Finite = Field(default=0.0, description="Radial error in the corner of the format, µm.")
-    tile_um: NotNegative = Field(
-        default=0.0, description="RMS of the shifts of the eight outer tiles of 3 × 3, µm."
-    )
-    corner_um: NotNegative = Field(default=0.0, description="RMS of the displacements of the corners, µm.")
-    seams_mm: tuple[Positive, Positive] | None = Field(
-        default=None, description="Seams from the centre along image x, y, mm; default: equal thirds."
-    )
-    additional_um: dict[Selection, Finite] = Field(
-        default={},
-        description='Errors of the form of additional parameters, e.g. `{ "bluh:10" = 0.8 }`: the '
-        "largest error of each in the format, µm; a negative number reverses the sign.",
-    )
-
-
-class PublishedCheck(Settings):
-    """Published results for the simulated flight, shown beside those of the simulation."""
-
-    rmse_m: PositiveTriple | None = Field(
-        default=None, description="RMS at check points by direct georeferencing, east, north, up, m."
-    )
-    y_parallax_max_um: Positive | None = Field(default=None, description="Largest y-parallax, µm.")
-    remark: str = Field(default="", description="A sentence with information needed for the comparison.")
-
-
-class SimulatedTruth(Settings):
-    """True camera system; the project states zero, and the certified interior orientation."""
-
-    source: str | None = Field(
-        default=None, description="Source of these values, as a text shown beside the estimates."
-    )
-    published: PublishedCheck | None = Field(
-        default=None, description="Published results of a check with these values."
-    )
-
-    focal_length_change_mm: Finite = Field(default=0.0, description="True minus certified c, mm.")
-    principal_point_change_mm: Pair = Field(
-        default=(0.0, 0.0), description="True minus certified principal point x, y, mm."
-    )
-    boresight_deg: Triple = Field(default=(0.0, 0.0, 0.0), description="Boresight roll, pitch, yaw, degrees.")
-    lever_arm_m: Triple = Field(
-        default=(0.0, 0.0, 0.0), description="Lever arm, body axes (forward, right, down), m."
-    )
-    gnss_shift_m: Triple = Field(default=(0.0, 0.0, 0.0), description="GNSS shift of every flight, m.")
-    gnss_shift_of_flight_m: dict[str, Triple] = Field(
-        default_factory=dict, description="GNSS shift of single flights instead; keys are flight names."
-    )
-    strip_bias_m: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0), description="σ of the random GNSS bias of a strip, m."
-    )
-    strip_drift_m_s: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0), description="σ of the random GNSS drift of a strip, m/s."
-    )
-    time_offset_s: Finite = Field(
-        default=0.0, description="Positions refer to times later than the exposures by this, s."
-    )
-    refraction: bool = Field(default=False, description="Whether the image rays are refracted.")
-    image_errors: SimulatedImageErrors = Field(
-        default_factory=SimulatedImageErrors, description="Systematic image errors."
-    )
 
 
 _AsTuple = BeforeValidator(one_table_or_several)
@@ -424,9 +299,9 @@ class Simulation(Settings):
     @model_validator(mode="after")
     def _of_a_size(self) -> Simulation:
         exposures = sum(lines.exposures_in_all for lines in self.flight)
-        if exposures > _MOST_EXPOSURES:
+        if exposures > MOST_EXPOSURES:
             raise trouble(
-                f"The flight has {exposures:,} exposures, more than {_MOST_EXPOSURES:,}.",
+                f"The flight has {exposures:,} exposures, more than {MOST_EXPOSURES:,}.",
                 "Give fewer lines or exposures.",
             )
         return self

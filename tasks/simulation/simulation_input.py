@@ -22,13 +22,12 @@ from adjust.simulate.truth import BlockSpecification
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
 from tasks.settings.coordinates import ELLIPSOIDAL
+from tasks.settings.simulated_truth import SimulatedNoise, SimulatedTruth
 from tasks.settings.simulation import (
     FlightLines,
     SimulatedCamera,
     SimulatedControl,
-    SimulatedNoise,
     SimulatedProject,
-    SimulatedTruth,
     Simulation,
 )
 
