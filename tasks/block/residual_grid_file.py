@@ -55,7 +55,7 @@ def write_residual_grid(
 def _rows(camera: str, grid: ResidualGrid, field: CorrectionField | None, confidence: float) -> pd.DataFrame:
     cells = grid.cells
     column, row = cells.place.T
-    value = np.full((cells.count, 2), np.nan) if field is None else np.nan_to_num(field.value)
+    value = np.full((cells.count, 2), np.nan) if field is None else field.value
     return pd.DataFrame(
         {
             "camera": camera,

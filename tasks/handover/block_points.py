@@ -50,7 +50,7 @@ class BlockPoints:
     in_map, local : (p, 3) adjusted, metres.
     sigma : (p, 3) metres.
     image, point : (m,) index of the image and of the object point; sorted by image, then point.
-    xy : (m, 2) measured, metres in the image system.
+    xy, sigma_xy : (m, 2) measured, and its σ before the adjustment, metres in the image system.
     surveyed : control and check points; none if nothing was surveyed.
     """
 
@@ -61,6 +61,7 @@ class BlockPoints:
     image: Ints
     point: Ints
     xy: Floats
+    sigma_xy: Floats
     surveyed: SurveyedPoints
 
     @property
@@ -78,7 +79,7 @@ def no_points() -> BlockPoints:
     """For formats without points."""
     none, index = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
     surveyed = SurveyedPoints((), none, none, none, np.zeros(0, dtype=bool), none)
-    return BlockPoints((), none, none, none, index, index, np.zeros((0, 2)), surveyed)
+    return BlockPoints((), none, none, none, index, index, np.zeros((0, 2)), np.zeros((0, 2)), surveyed)
 
 
 def read_points(folder: Path, results: Results) -> BlockPoints:
@@ -129,6 +130,7 @@ def block_points(
         image[kept][order].astype(np.int64),
         point[kept][order].astype(np.int64),
         measured[["x_mm", "y_mm"]].to_numpy(np.float64)[kept][order] * 1e-3,
+        measured[["sigma_x_mm", "sigma_y_mm"]].to_numpy(np.float64)[kept][order] * 1e-3,
         _surveyed(results, given, differences),
     )
 

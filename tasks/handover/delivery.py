@@ -85,7 +85,9 @@ class DeliveryFormat:
     seen : whether files for it were checked against the software itself or real files of it.
     lens : terms of the distortion it takes (see ``lens``); none: it takes no distortion.
     points : whether it takes image points, object points, or surveyed points.
-    corrected : whether its image points are corrected by the camera's additional parameters.
+    corrected : whether its image points are corrected by additional parameters and mean residuals; they count
+        from the principal point then.
+    straight : whether they are freed of refraction, too, and count from the format centre.
     """
 
     name: str
@@ -97,6 +99,7 @@ class DeliveryFormat:
     lens: tuple[str, ...] = ()
     points: bool = False
     corrected: bool = False
+    straight: bool = False
 
     @property
     def worlds(self) -> tuple[World, ...]:

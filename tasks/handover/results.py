@@ -17,6 +17,9 @@ from adjust.camera.additional.register import AdditionalParameters
 from adjust.camera.additional.selection import NOTHING
 from adjust.camera.interior import FrameCamera
 from adjust.geometry.rotation import from_omega_phi_kappa
+from adjust.residual_grid.format_cells import Interpolation
+from adjust.residual_grid.image_correction import CorrectionField
+from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.block.self_calibration import additional_parameters_of, image_format_of
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
@@ -28,6 +31,7 @@ from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.handover.rigorous import OrientedImages
 from tasks.results.manifest import read_manifest
 from tasks.settings.project import ProjectSettings
+from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas import TableSchema
@@ -39,22 +43,40 @@ _LEVELS = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class CalibratedCamera:
-    """A camera with everything that an adjustment applied to its image points but mean residuals.
+    """A camera with everything that an adjustment applied to its image points.
 
     Attributes
     ----------
     frame : format, pixels, focal length and principal point.
     additional, values : its additional parameters, and their values.
+    grid : mean residuals that were added to its image points; None: none were.
+    interpolation : between the sub-areas of the grid.
     """
 
     frame: FrameCamera
     additional: AdditionalParameters
     values: Floats
+    grid: CorrectionField | None = None
+    interpolation: Interpolation = "bilinear"
 
     def ideal(self, xy: Floats) -> Floats:
-        """Ideal image points (n, 2) from the principal point, of measured ones from the centre; metres."""
+        """Ideal image points (n, 2) from the principal point, of measured ones from the centre; metres.
+
+        Without the mean residuals, which models of a lens cannot take.
+        """
         reduced = xy - np.array(self.frame.principal_point)
         return ideal_from_measured(self.additional, self.values, reduced)
+
+    def corrected(self, xy: Floats) -> Floats:
+        """The same with the mean residuals."""
+        reduced = xy - np.array(self.frame.principal_point)
+        return ideal_from_measured(self.additional, self.values, reduced, self.mean_residuals(xy))
+
+    def mean_residuals(self, xy: Floats) -> Floats:
+        """Mean residuals (n, 2) added at measured points (n, 2), metres; zero where none were."""
+        if self.grid is None:
+            return np.zeros_like(xy)
+        return self.grid.cells.interpolate(self.grid.value, xy, self.interpolation)
 
     @property
     def largest_distortion(self) -> float:
@@ -63,6 +85,13 @@ class CalibratedCamera:
         xy = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * np.array(self.frame.half_format)
         reduced = xy - np.array(self.frame.principal_point)
         return float(np.linalg.norm(self.ideal(xy) - reduced, axis=1).max())
+
+    @property
+    def largest_mean_residual(self) -> float:
+        """Largest correction by mean residuals, metres; zero without any."""
+        if self.grid is None:
+            return 0.0
+        return float(np.linalg.norm(np.nan_to_num(self.grid.value), axis=1).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +142,7 @@ def read_results(folder: Path) -> Results:
     InputError
         If there are none, or a table is missing.
     """
-    stated, place, refracted = _stated(folder)
+    stated, place, refracted, interpolation = _stated(folder)
     orientations = read_result_table(folder, schemas.EXTERIOR_ORIENTATIONS)
     if orientations.empty:
         raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
@@ -121,14 +150,29 @@ def read_results(folder: Path) -> Results:
     names = [str(name) for name in orientations["image"]]
     taken = read_result_table(folder, schemas.IMAGES).set_index("image").loc[names]
     index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken["camera"]))
-    cameras = tuple(calibrated_camera(row) for row in rows)
+    grids = read_result_table(folder, schemas.RESIDUAL_GRID)
+    cameras = tuple(
+        replace(
+            calibrated_camera(row),
+            grid=_mean_residuals(str(row["camera"]), grids),
+            interpolation=interpolation,
+        )
+        for row in rows
+    )
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
     return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
 
 
-def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool]:
-    """What the run was told: its project, the CRS of its results, and whether refraction was corrected."""
+def _mean_residuals(camera: str, grids: pd.DataFrame) -> CorrectionField | None:
+    """What was added to the image points of a camera, from residual_grid.parquet."""
+    own = grids[grids["camera"] == camera].sort_values(["row", "column"])
+    value = own[["correction_x_um", "correction_y_um"]].to_numpy(np.float64) * 1e-6
+    return CorrectionField(residual_grid_cells(own), value) if np.isfinite(value).any() else None
+
+
+def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool, Interpolation]:
+    """Its project, the CRS of its results, whether refraction was corrected, interpolation of residuals."""
     manifest = read_manifest(folder)
     if manifest is None:
         raise InputError("There are no results of a run.", _REMEDY, file=folder)
@@ -139,11 +183,12 @@ def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool]:
             project["heights"] = "ellipsoidal"
         stated = ProjectSettings.model_validate(project)
         refracted = adjustment["refraction"] == "standard"
+        grid = ResidualGridSettings.model_validate(adjustment["residual_grid"])
     except (KeyError, AttributeError, ValidationError) as error:
         raise InputError(
             "The manifest does not say how the block was adjusted.", _REMEDY, file=folder
         ) from error
-    return stated, MapFrame.of(stated.crs, stated.heights), refracted
+    return stated, MapFrame.of(stated.crs, stated.heights), refracted, grid.interpolation
 
 
 def read_result_table(folder: Path, schema: TableSchema) -> pd.DataFrame:

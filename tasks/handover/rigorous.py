@@ -90,22 +90,25 @@ class OrientedImages:
 
     def straight(self, ideal: Floats, height: Floats) -> Floats:
         """Ideal image points (n, k, 2) of the straight rays from the ground at heights (n, k)."""
+        n, k = ideal.shape[:2]
+        flat = self.straight_rays(np.repeat(np.arange(n), k), ideal.reshape(-1, 2), height.ravel())
+        return flat.reshape(ideal.shape)
+
+    def straight_rays(self, image: Ints, ideal: Floats, height: Floats) -> Floats:
+        """The same of image points (m, 2) in images (m,) from the ground at heights (m,)."""
         if not self.refracted:
             return ideal
-        k = ideal.shape[1]
         up = np.asarray(self.frame.local_from_enu(self.projection_centre))[:, :, 2]
-        above = self._on_map(self.projection_centre)[:, 2:]
+        above = self._on_map(self.projection_centre)[:, 2]
         interior = np.zeros((len(self.camera), 3))
         interior[:, 0] = self.focal_length[self.camera]
-        coefficient = refraction_coefficient(np.repeat(above, k, axis=1), height)
-        flat = straight_image_points(
-            ideal.reshape(-1, 2),
-            np.repeat(interior, k, axis=0),
-            np.repeat(self.local_from_camera, k, axis=0),
-            np.repeat(up, k, axis=0),
-            coefficient.ravel(),
+        return straight_image_points(
+            ideal,
+            interior[image],
+            self.local_from_camera[image],
+            up[image],
+            refraction_coefficient(above[image], height),
         )
-        return flat.reshape(ideal.shape)
 
     def _on_map(self, x_in_local: Floats) -> Floats:
         flat = map_from_local(self.map_frame, self.frame, x_in_local.reshape(-1, 3))

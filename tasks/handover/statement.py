@@ -50,8 +50,9 @@ def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjuste
         *([] if adjusted else [_AS_DELIVERED]),
         _WORLDS[delivery.handed.world],
         _coordinates(delivery),
-        *_about_refraction(delivery),
-        *_about_lens(delivery, corrected=form.corrected),
+        *_about_refraction(delivery, straight=form.straight),
+        *_about_lens(delivery, form),
+        *_about_mean_residuals(delivery, form),
         *_about_fit(delivery),
     ]
     if not form.seen:
@@ -75,7 +76,7 @@ def _coordinates(delivery: Delivery) -> str:
     return f"Coordinates: {images.map_frame.description}, metres."
 
 
-def _about_refraction(delivery: Delivery) -> list[str]:
+def _about_refraction(delivery: Delivery, *, straight: bool) -> list[str]:
     if not delivery.results.images.refracted or delivery.handed.world == "rpc":
         return []
     if delivery.handed.refitted:
@@ -85,10 +86,16 @@ def _about_refraction(delivery: Delivery) -> list[str]:
             "Refraction of the standard atmosphere, which the adjustment corrected, is contained in the "
             "cameras: switch such a correction OFF."
         ]
+    if straight:
+        return [
+            "Refraction of the standard atmosphere, which the adjustment corrected, is taken from the image "
+            "points: switch such a correction OFF."
+        ]
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
 
 
-def _about_lens(delivery: Delivery, *, corrected: bool) -> list[str]:
+def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    corrected = form.corrected
     if delivery.handed.world == "rpc":
         return []
     if delivery.lenses.models:
@@ -110,12 +117,28 @@ def _about_lens(delivery: Delivery, *, corrected: bool) -> list[str]:
                 + ("" if corrected else ": use corrected images or image coordinates")
             )
         found.append(f"{text}.")
-    if corrected:
+    if form.straight:
+        found.append(
+            "Image points count from the centre of the format, x right, y up, and additional parameters are "
+            "corrected in them: the program must take a camera without distortion, with this principal point."
+        )
+    elif corrected:
         found.append(
             "Image points count from the principal point, and additional parameters are corrected in them: "
             "the program must take a camera without distortion whose principal point is 0, 0."
         )
     return found
+
+
+def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    """Of cameras whose image points were corrected by mean residuals."""
+    contained = "are contained in the image points" if form.corrected else "are NOT contained"
+    return [
+        f"Camera {camera.frame.name}: mean residuals, which the adjustment added to image points, move "
+        f"them by up to {camera.largest_mean_residual * 1e6:.1f} µm and {contained}."
+        for camera in delivery.results.cameras
+        if camera.largest_mean_residual * 1e6 > _LEAST_DISTORTION_UM
+    ]
 
 
 def _about_model(model: LensModel) -> str:

@@ -23,6 +23,7 @@ _MAP: tuple[World, ...] = ("map",)
 _CARTESIAN: tuple[World, ...] = ("map-cartesian", "local", "map-cartesian-curved")
 _CURVED: tuple[World, ...] = ("map-cartesian-curved", "local", "map-cartesian")
 _ANY: tuple[World, ...] = ("map-cartesian", "local", "map", "map-cartesian-curved")
+_ANY_MAP: tuple[World, ...] = ("map", "local", "map-cartesian", "map-cartesian-curved")
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,10 @@ OFFERS: Mapping[str, Offer] = {
     "openmvg": Offer(_LOCAL),
     "patb": Offer(_ANY),
     "bingo": Offer(_ANY),
+    "corrected-csv": Offer(_ANY_MAP),
     "inpho": Offer(_CURVED),
     "isat": Offer(_CURVED),
-    "eo-csv": Offer(("map", "local", "map-cartesian", "map-cartesian-curved")),
+    "eo-csv": Offer(_ANY_MAP),
     "esri": Offer(_ANY),
     "orbit": Offer(_ANY),
     "metashape": Offer(("map", "local")),

@@ -45,7 +45,7 @@ SIGMA = {"px": SIGMA_MM / PIXEL_UM * 1e3, "longer-side": SIGMA_MM / (PIXEL_UM * 
 RECOGNISED = {
     "blocks-exchange": "block.xml", "colmap": "", "opensfm": "", "openmvg": "sfm_data.json", "opf": "opf.zip"
 }  # fmt: skip
-WITH_CONTROL = {"blocks-exchange", "opf", "patb", "bingo"}
+WITH_CONTROL = {"blocks-exchange", "opf", "patb", "bingo", "corrected-csv"}
 PLACE = 'crs = "EPSG:25832"\nheights = "ellipsoidal"\n'
 DECLARED = f"""version = 1
 [project]
@@ -80,7 +80,15 @@ POK = '{ order = "phi-omega-kappa", unit = "gon", reference = "grid" }'
 OF_LISTS = {
     "patb": (("patb.im", "patb.ori", "patb.con"), "um", OPK, "patb_images.csv"),
     "bingo": (("image.dat", "itera.dat", "geoin.dat"), "mm", POK, None),
+    "corrected-csv": (
+        ("image_points.csv", "exterior_orientations.csv", "control_points.csv"),
+        "mm",
+        OPK,
+        None,
+    ),
 }
+#: Formats that a reader of another name reads.
+READERS = {"corrected-csv": "csv"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +153,9 @@ def project_of(name: str, folder: Path) -> Path:
     text = folder / "again.toml"
     if name in OF_LISTS:
         files, unit, angles, names = OF_LISTS[name]
-        content = DECLARED.format(*files, format=name, unit=unit, angles=angles, names=names)
+        content = DECLARED.format(
+            *files, format=READERS.get(name, name), unit=unit, angles=angles, names=names
+        )
         if names is None:
             content = content.replace('image_names = "None"\n', "")
         text.write_text(content)

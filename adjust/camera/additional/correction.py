@@ -20,23 +20,32 @@ _MOST_STEPS = 30
 _SETTLED = 1e-15  # metres, the rounding of coordinates of 0.1 m is 1e-17
 
 
-def correction(parameters: AdditionalParameters, values: Floats, xy: Floats) -> Floats:
+def correction(
+    parameters: AdditionalParameters, values: Floats, xy: Floats, offset: Floats | None = None
+) -> Floats:
     """Ideal − measured (n, 2) of the parameter values (k,) at measured points (n, 2), metres.
 
     With forward sets where the distortion is not invertible: some point near.
+
+    Parameters
+    ----------
+    offset : (n, 2) metres, added to the image points whatever Δ is; None for nothing.
     """
+    added = np.zeros_like(xy) if offset is None else offset
     forward = parameters.forward
     if not forward.any():
-        return total_correction(parameters, xy, values)
+        return total_correction(parameters, xy, values) + added
     c = parameters.image_format.needed_focal_length
-    target = xy + total_correction(parameters.only("correction"), xy, values[~forward])
+    target = xy + added + total_correction(parameters.only("correction"), xy, values[~forward])
     direction, _ = undistorted(Distortion.of(parameters), target / c, values[forward])
     return c * direction - xy
 
 
-def ideal_from_measured(parameters: AdditionalParameters, values: Floats, measured: Floats) -> Floats:
-    """Ideal points (n, 2) of measured ones (n, 2), metres from the principal point."""
-    return measured + correction(parameters, values, measured)
+def ideal_from_measured(
+    parameters: AdditionalParameters, values: Floats, measured: Floats, offset: Floats | None = None
+) -> Floats:
+    """Ideal points (n, 2) of measured ones (n, 2), metres from the principal point; offset as above."""
+    return measured + correction(parameters, values, measured, offset)
 
 
 def measured_from_ideal(

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from adjust.handover.refit import Freed
 from tasks.handover.delivery import DeliveryFormat
 from tasks.handover.formats.bingo import write_bingo
 from tasks.handover.formats.blocks_exchange import write_blocks_exchange
 from tasks.handover.formats.colmap import write_colmap
+from tasks.handover.formats.corrected_csv import write_corrected_csv
 from tasks.handover.formats.openmvg import write_openmvg
 from tasks.handover.formats.opensfm import write_opensfm
 from tasks.handover.formats.opf import write_opf
@@ -81,6 +83,16 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             "1e-4 m, 1e-7 gon; image points 1e-4 µm",
             points=True,
             corrected=True,
+        ),
+        DeliveryFormat(
+            "corrected-csv",
+            "tables: corrected image points, orientations, cameras without distortion, points",
+            write_corrected_csv,
+            "1e-4 m, 1e-7°; image points 1e-4 µm",
+            Freed(focal_length=True),
+            points=True,
+            corrected=True,
+            straight=True,
         ),
     )
 }

@@ -20,13 +20,32 @@ def object_points(delivery: Delivery) -> Floats:
 
 
 def corrected_image_points(delivery: Delivery) -> Floats:
-    """(m, 2) metres from the principal point, x right, y up, corrected by the additional parameters."""
+    """(m, 2) metres from the principal point, x right, y up, corrected by all that a camera has."""
+    return _corrected(delivery, delivery.points.xy)
+
+
+def straight_image_points(delivery: Delivery) -> Floats:
+    """The same freed of refraction, where that is not in the orientations.
+
+    As in the adjustment it is taken from what was measured, for the height of each object point.
+    """
     points, results = delivery.points, delivery.results
-    found = np.zeros_like(points.xy)
+    if delivery.handed.refitted:
+        return _corrected(delivery, points.xy)
+    principal_point = np.array([one.frame.principal_point for one in results.cameras])
+    x0 = principal_point[results.images.camera[points.image]]
+    height = points.in_map[points.point, 2]
+    return _corrected(delivery, results.images.straight_rays(points.image, points.xy - x0, height) + x0)
+
+
+def _corrected(delivery: Delivery, xy: Floats) -> Floats:
+    """Image points (m, 2) of the delivery from the principal point."""
+    points, results = delivery.points, delivery.results
+    found = np.zeros_like(xy)
     camera = results.images.camera[points.image]
     for number, one in enumerate(results.cameras):
         of_camera = camera == number
-        found[of_camera] = one.ideal(points.xy[of_camera])
+        found[of_camera] = one.corrected(xy[of_camera])
     return found
 
 

@@ -62,7 +62,7 @@ RESIDUAL_GRID = TableSchema(
             number(
                 f"correction_{axis}_um",
                 "um",
-                f"correction added to measured {axis} before this adjustment; null if nothing was corrected",
+                f"correction added to measured {axis} before this adjustment; null where there was none",
                 nullable=True,
             )
             for axis in "xy"

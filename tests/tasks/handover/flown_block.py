@@ -117,7 +117,15 @@ def points_of(results: Results) -> BlockPoints:
     )  # fmt: skip
     sigma = np.full((len(names), 3), 0.05)
     return BlockPoints(
-        names, places, local, sigma, np.concatenate(image), point, np.concatenate(xy), surveyed
+        names,
+        places,
+        local,
+        sigma,
+        np.concatenate(image),
+        point,
+        np.concatenate(xy),
+        np.full((len(point), 2), 1e-6),
+        surveyed,
     )
 
 

@@ -40,6 +40,7 @@ READ = {
             elsewhere=ELSEWHERE,
         ),
     ),
+    "corrected-csv": ("exterior_orientations.csv", "csv", TableLayout()),
     "inpho": ("inpho.prj", "inpho", TableLayout()),
     "isat": ("photo", "isat", TableLayout()),
     "metashape": ("metashape_opk.txt", "metashape-opk", TableLayout()),
