@@ -12,6 +12,7 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.handover.refit import Freed
 from tasks.handover.block_points import BlockPoints, no_points
+from tasks.handover.distortion_grid import CameraGrids
 from tasks.handover.lens import Lenses
 from tasks.handover.receiver import HandedOver
 from tasks.handover.results import Results
@@ -37,6 +38,7 @@ class Delivery:
     angles : wanted, where a format leaves the choice.
     lenses : cameras of a format that takes distortion; else none.
     points : of a format that takes points; else none.
+    grids : of the cameras, for a format that takes them; else none.
     """
 
     results: Results
@@ -44,6 +46,7 @@ class Delivery:
     angles: Angles = field(default_factory=Angles)
     lenses: Lenses = field(default_factory=lambda: Lenses((), np.zeros(0)))
     points: BlockPoints = field(default_factory=no_points)
+    grids: tuple[CameraGrids, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -88,6 +91,8 @@ class DeliveryFormat:
     corrected : whether its image points are corrected by additional parameters and mean residuals; they count
         from the principal point then.
     straight : whether they are freed of refraction, too, and count from the format centre.
+    grid : whether it takes distortion grids.
+    oriented : whether it has orientations or points, and so a world.
     """
 
     name: str
@@ -100,6 +105,8 @@ class DeliveryFormat:
     points: bool = False
     corrected: bool = False
     straight: bool = False
+    grid: bool = False
+    oriented: bool = True
 
     @property
     def worlds(self) -> tuple[World, ...]:

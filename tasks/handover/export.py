@@ -13,6 +13,7 @@ from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
+from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses, lens_models
@@ -132,6 +133,8 @@ def write_block(
     misfit = float(delivery.misfit_px.max(initial=0.0))
     if misfit >= REFUSED_PX and not wanted.force:
         raise _refusal(delivery, wanted, misfit)
+    if form.grid:
+        delivery = replace(delivery, grids=tuple(distortion_grids(camera) for camera in block.cameras))
     if form.points:
         delivery = replace(delivery, points=points())
     files = dict(form.write(delivery))

@@ -48,18 +48,24 @@ def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjuste
     parts = [
         f"{project}: {len(delivery.names)} images, {form.name} ({form.meaning})",
         *([] if adjusted else [_AS_DELIVERED]),
-        _WORLDS[delivery.handed.world],
-        _coordinates(delivery),
-        *_about_refraction(delivery, straight=form.straight),
+        *_about_world(delivery, form),
         *_about_lens(delivery, form),
         *_about_mean_residuals(delivery, form),
-        *_about_fit(delivery),
+        *_about_grids(delivery, form),
+        *(_about_fit(delivery) if form.oriented else ()),
     ]
     if not form.seen:
         parts.append(
             "This format was not yet validated on data of the software that reads it: compare a few points."
         )
     return "\n\n".join(textwrap.fill(part, _WIDTH) for part in parts) + "\n"
+
+
+def _about_world(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    if not form.oriented:
+        return []
+    refraction = _about_refraction(delivery, straight=form.straight)
+    return [_WORLDS[delivery.handed.world], _coordinates(delivery), *refraction]
 
 
 def _coordinates(delivery: Delivery) -> str:
@@ -112,9 +118,8 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
         if distortion > _LEAST_DISTORTION_UM:
             text += (
                 f"; its additional parameters move image points by up to {distortion:.1f} µm and "
-                + ("are" if corrected else "are NOT")
-                + " contained"
-                + ("" if corrected else ": use corrected images or image coordinates")
+                + _contained(form)
+                + ("" if corrected or form.grid else ": use corrected images or image coordinates")
             )
         found.append(f"{text}.")
     if form.straight:
@@ -130,12 +135,42 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     return found
 
 
+def _contained(form: DeliveryFormat) -> str:
+    if form.grid:
+        return "are contained in the distortion grids"
+    return "are contained in the image points" if form.corrected else "are NOT contained"
+
+
+def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    """How well bilinear interpolation between the nodes reproduces the correction."""
+    found = []
+    for one in delivery.grids:
+        forth, back = one.ideal_from_measured, one.measured_from_ideal
+        largest = max(forth.misfit, back.misfit)
+        found.append(
+            f"Camera {one.camera}: distortion grids of {len(forth.x)} × {len(forth.y)} nodes; bilinear "
+            f"between them the correction is reproduced to {largest * 1e6:.3f} µm (root mean square "
+            f"{max(forth.rms, back.rms) * 1e6:.3f} µm)."
+            + (
+                " That is more than 0.1 µm: the correction jumps or bends between nodes."
+                if largest > NOTEWORTHY
+                else ""
+            )
+        )
+    if found and form.oriented:
+        found.append(
+            "The grids are written in both directions, ideal_from_measured.dat and measured_from_ideal.dat: "
+            "which one the program takes must be seen from a few points. It must not take a distortion of "
+            "the camera besides."
+        )
+    return found
+
+
 def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     """Of cameras whose image points were corrected by mean residuals."""
-    contained = "are contained in the image points" if form.corrected else "are NOT contained"
     return [
         f"Camera {camera.frame.name}: mean residuals, which the adjustment added to image points, move "
-        f"them by up to {camera.largest_mean_residual * 1e6:.1f} µm and {contained}."
+        f"them by up to {camera.largest_mean_residual * 1e6:.1f} µm and {_contained(form)}."
         for camera in delivery.results.cameras
         if camera.largest_mean_residual * 1e6 > _LEAST_DISTORTION_UM
     ]

@@ -65,6 +65,7 @@ OFFERS: Mapping[str, Offer] = {
     "realityscan": Offer(("map", "local")),
     "orthority": Offer(("map-cartesian",), placed=True),
     "catalyst": Offer(_CURVED),
+    "distortion-grid": Offer(_LOCAL),
     "geojson": Offer(_MAP, placed=True),
     "kmz": Offer(_MAP, placed=True),
 }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.formats.grid_text import gridgroups
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
 from tasks.handover.formats.short_names import renamed, without_blanks
 
 
 def write_catalyst(delivery: Delivery) -> Files:
-    """``catalyst_eo.txt``."""
+    """``catalyst_eo.txt``, and the grids of cameras with corrections."""
     pose, names = delivery.handed.pose, without_blanks(delivery.names)
     angles = in_angles(pose.map_from_camera, Angles())
     lines = [
@@ -17,5 +18,6 @@ def write_catalyst(delivery: Delivery) -> Files:
     ]
     return {
         "catalyst_eo.txt": "\n".join(lines) + "\n",
+        **gridgroups(delivery),
         **renamed("catalyst_images.csv", "image", names, delivery.names),
     }

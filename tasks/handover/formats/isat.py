@@ -1,14 +1,15 @@
-"""ImageStation (ISAT): the files ``photo`` and ``camera``; ω, φ, κ in degrees."""
+"""ImageStation (ISAT): the files ``photo`` and ``camera``, ω, φ, κ in degrees, and distortion grids."""
 
 from __future__ import annotations
 
 from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.formats.grid_text import gridgroups
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
 from tasks.handover.results import CalibratedCamera
 
 
 def write_isat(delivery: Delivery) -> Files:
-    """``photo`` and ``camera``; standard deviations are those of the adjustment."""
+    """``photo``, ``camera``, grids of cameras with corrections; standard deviations of the adjustment."""
     pose = delivery.handed.pose
     angles = in_angles(pose.map_from_camera, Angles())
     sigmas = delivery.sigmas.to_numpy(float)
@@ -26,7 +27,7 @@ def write_isat(delivery: Delivery) -> Files:
     cameras = [
         line for item in delivery.results.cameras for line in _camera(item, float(focal[item.frame.name]))
     ]
-    return {"photo": "\n".join(photos) + "\n", "camera": "\n".join(cameras) + "\n"}
+    return {"photo": "\n".join(photos) + "\n", "camera": "\n".join(cameras) + "\n", **gridgroups(delivery)}
 
 
 def _camera(camera: CalibratedCamera, focal_length: float) -> list[str]:

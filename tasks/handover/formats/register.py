@@ -14,6 +14,7 @@ from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.esri import write_esri
 from tasks.handover.formats.exchange import EXCHANGE, LENS, LENS_OF_TWO_FOCAL_LENGTHS
 from tasks.handover.formats.geopackage import write_geopackage
+from tasks.handover.formats.grid_text import write_distortion_grids
 from tasks.handover.formats.inpho import write_inpho
 from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
@@ -44,7 +45,14 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         DeliveryFormat(
             "inpho", "Inpho project (.prj): cameras, photos, orientations", write_inpho, _MATRIX, _CAMERA_TOO
         ),
-        DeliveryFormat("isat", "ImageStation files photo and camera", write_isat, _ANGLES, _CAMERA_TOO),
+        DeliveryFormat(
+            "isat",
+            "ImageStation files photo and camera, distortion grids",
+            write_isat,
+            f"{_ANGLES}; grids 1e-3 µm",
+            _CAMERA_TOO,
+            grid=True,
+        ),
         DeliveryFormat("metashape", "Metashape OPK text", write_metashape, f"{_ANGLES}, matrix 1e-12"),
         DeliveryFormat(
             "rpc",
@@ -91,7 +99,19 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             lens=LENS,
         ),
         DeliveryFormat(
-            "catalyst", "Catalyst OrthoEngine: exterior orientations as text", write_catalyst, _ANGLES
+            "catalyst",
+            "Catalyst OrthoEngine: exterior orientations as text, distortion grids",
+            write_catalyst,
+            f"{_ANGLES}; grids 1e-3 µm",
+            grid=True,
+        ),
+        DeliveryFormat(
+            "distortion-grid",
+            "tables of the correction over the format of each camera, from measured to ideal points and back",
+            write_distortion_grids,
+            "1e-6 mm; shifts 1e-4 µm",
+            grid=True,
+            oriented=False,
         ),
         DeliveryFormat(
             "geojson",

@@ -16,6 +16,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
 from tasks.handover.block_points import BlockPoints, SurveyedPoints
 from tasks.handover.delivery import Delivery
+from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses
@@ -98,7 +99,7 @@ def points_of(results: Results) -> BlockPoints:
     for k, number in enumerate(images.camera):
         measured = np.tile(0.95 * images.only(k).grid_of_image_points(5)[0], (3, 1))
         height = np.repeat(results.ground[k], 25)
-        ideal = results.cameras[number].ideal(measured)
+        ideal = results.cameras[number].corrected(measured)
         in_map.append(images.only(k).ground(ideal[None], height[None])[0])
         image.append(np.full(75, k))
         xy.append(measured)
@@ -134,4 +135,5 @@ def delivered(results: Results, points: BlockPoints, name: str) -> Delivery:
     form = REGISTER[name]
     handed = hand_over(results, form.world, form.freed)
     lenses = lenses_of(results, handed, form.lens) if form.lens else Lenses((), np.zeros(0))
-    return Delivery(results, handed, lenses=lenses, points=points)
+    grids = tuple(distortion_grids(one) for one in results.cameras) if form.grid else ()
+    return Delivery(results, handed, lenses=lenses, points=points, grids=grids)

@@ -74,7 +74,7 @@ READ = {
 #: Formats with an angle system of their own.
 SYSTEMS = {"bingo": Angles("phi-omega-kappa", "gon")}
 #: Formats that carry their own geometry and no orientations.
-WITHOUT_ORIENTATIONS = {"rpc", "kmz"}
+WITHOUT_ORIENTATIONS = {"rpc", "kmz", "distortion-grid"}
 #: Formats that stand in test_ground_through_files.
 WITH_THEIR_GROUND = {
     "colmap", "geopackage", "geojson", "opf", "opensfm", "openmvg", "nerfstudio", "blocks-exchange",

@@ -1,0 +1,135 @@
+"""The correction of a camera's image points as regular grids, for programs that take those in place of parameters.
+
+A program interpolates bilinearly between the nodes. What that leaves of the rigorous correction is the misfit; at seams of composed
+images, where the correction jumps, it is as large as the jump.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats
+from tasks.handover.results import CalibratedCamera
+
+# Intervals along each side that are tried, and the misfit that is small enough, metres.
+_INTERVALS = (16, 32, 64, 128)
+_ENOUGH = 0.05e-6
+# Points along each side at which the misfit is taken; none of them is a node twice.
+_CHECKED = 211
+_ROUNDS, _SETTLED = 20, 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class DistortionGrid:
+    """Regular nodes over the format of a camera, and where they are moved to; image system.
+
+    Attributes
+    ----------
+    x, y : (k,), (l,) of the nodes, ascending, metres.
+    moved : (l, k, 2) metres.
+    misfit, rms : largest and root mean square difference to the rigorous correction, metres.
+    """
+
+    x: Floats
+    y: Floats
+    moved: Floats
+    misfit: float = 0.0
+    rms: float = 0.0
+
+    @property
+    def nodes(self) -> Floats:
+        """(l, k, 2) the nodes themselves."""
+        return np.stack(np.meshgrid(self.x, self.y), axis=-1)
+
+    def at(self, xy: Floats) -> Floats:
+        """Points (n, 2) moved, bilinearly between the nodes."""
+        column, u = _interval(self.x, xy[:, 0])
+        row, v = _interval(self.y, xy[:, 1])
+        u, v = u[:, None], v[:, None]
+        shift = self.moved - self.nodes
+        lower = (1.0 - u) * shift[row, column] + u * shift[row, column + 1]
+        upper = (1.0 - u) * shift[row + 1, column] + u * shift[row + 1, column + 1]
+        return np.asarray(xy + (1.0 - v) * lower + v * upper)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraGrids:
+    """Both directions of one camera.
+
+    Attributes
+    ----------
+    camera : its name.
+    ideal_from_measured : nodes are measured, moved to where they would be without distortion.
+    measured_from_ideal : the inverse.
+    """
+
+    camera: str
+    ideal_from_measured: DistortionGrid
+    measured_from_ideal: DistortionGrid
+
+    @property
+    def largest(self) -> float:
+        """Largest shift of a node, metres; zero for a camera that nothing is corrected of."""
+        grid = self.ideal_from_measured
+        return float(np.linalg.norm(grid.moved - grid.nodes, axis=-1).max())
+
+
+def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
+    """Grids of additional parameters and mean residuals, as fine as their misfit needs."""
+    checked = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
+    ideal = _ideal(camera, checked)
+    for least in _INTERVALS:
+        nodes = _spread(camera, _sides(camera, least))
+        x, y, flat = nodes[0, :, 0], nodes[:, 0, 1], nodes.reshape(-1, 2)
+        forth = DistortionGrid(x, y, _ideal(camera, flat).reshape(nodes.shape))
+        away = np.linalg.norm(forth.at(checked) - ideal, axis=1)
+        if away.max() < _ENOUGH:
+            break
+    back = DistortionGrid(x, y, _measured(camera, flat).reshape(nodes.shape))
+    # A measured point is wrong by about as much as its ideal one.
+    away_back = np.linalg.norm(_ideal(camera, back.at(checked)) - checked, axis=1)
+    return CameraGrids(camera.frame.name, _with_misfit(forth, away), _with_misfit(back, away_back))
+
+
+def _sides(camera: CalibratedCamera, least: int) -> tuple[int, int]:
+    """Nodes along x and y, with this many intervals at least, and one at each middle of equal sub-areas."""
+    steps = (1, 1) if camera.grid is None else (2 * camera.grid.cells.columns, 2 * camera.grid.cells.rows)
+    return -(-least // steps[0]) * steps[0] + 1, -(-least // steps[1]) * steps[1] + 1
+
+
+def _with_misfit(grid: DistortionGrid, away: Floats) -> DistortionGrid:
+    rms = float(np.sqrt(np.mean(away**2)))
+    return DistortionGrid(grid.x, grid.y, grid.moved, float(away.max()), rms)
+
+
+def _spread(camera: CalibratedCamera, sides: tuple[int, int]) -> Floats:
+    """(l, k, 2) points over the format, border to border; k along x, l along y."""
+    along = [
+        half * np.linspace(-1.0, 1.0, side)
+        for half, side in zip(camera.frame.half_format, sides, strict=True)
+    ]
+    return np.stack(np.meshgrid(*along), axis=-1)
+
+
+def _ideal(camera: CalibratedCamera, measured: Floats) -> Floats:
+    """Ideal points (n, 2) in the image system."""
+    return camera.corrected(measured) + np.array(camera.frame.principal_point)
+
+
+def _measured(camera: CalibratedCamera, ideal: Floats) -> Floats:
+    """Measured points (n, 2) of ideal ones, both in the image system; at a seam one near."""
+    found = ideal
+    for _ in range(_ROUNDS):
+        step = _ideal(camera, found) - ideal
+        found = found - step
+        if np.abs(step).max() < _SETTLED:
+            break
+    return found
+
+
+def _interval(nodes: Floats, values: Floats) -> tuple[np.ndarray, Floats]:
+    """Number (n,) of the interval of each value, and the part of it below; the outermost are continued."""
+    index = np.clip(np.searchsorted(nodes, values, side="right") - 1, 0, len(nodes) - 2)
+    return index, (values - nodes[index]) / (nodes[index + 1] - nodes[index])

@@ -1,0 +1,198 @@
+"""Corrected image points and distortion grids, read from what is written: the rigorous correction, to the stated misfit."""  # noqa: E501
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from adjust.geometry.rotation import from_omega_phi_kappa
+from adjust.handover.cartesian_map import CartesianMap, Pose, projected
+from adjust.residual_grid.format_cells import FormatCells, Seams
+from adjust.residual_grid.image_correction import CorrectionField
+from tasks.coordinates.local_frame import local_from_grid, local_from_map
+from tasks.handover.block_points import no_points
+from tasks.handover.delivery import Delivery
+from tasks.handover.distortion_grid import distortion_grids
+from tasks.handover.formats.register import REGISTER
+from tasks.handover.receiver import EARTH_RADIUS_M, hand_over
+from tasks.handover.statement import statement
+from tests.tasks.handover.flown_block import Flight, delivered, flown, points_of
+
+DIRECTIONS = ("ideal_from_measured", "measured_from_ideal")
+
+
+def with_mean_residuals(case, *, seams=False, unknown=0):
+    """The block with mean residuals of some µm in 12 × 12 sub-areas, some of them unknown."""
+    results, _ = flown(case)
+    rng, cameras = np.random.default_rng(5), []
+    for one in results.cameras:
+        borders = Seams((-0.01, 0.012), (0.004,)) if seams else Seams()
+        cells = FormatCells.of(one.frame.half_format, 12, borders)
+        value = rng.normal(0.0, 1.5e-6, (cells.count, 2))
+        value[rng.integers(cells.count, size=unknown)] = np.nan
+        cameras.append(replace(one, grid=CorrectionField(cells, value)))
+    results = replace(results, cameras=tuple(cameras))
+    return results, points_of(results)
+
+
+def rows(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+def numbers(table, *names):
+    return np.array([[float(row[name]) for name in names] for row in table])
+
+
+@pytest.mark.parametrize("corrections", [False, True])
+@pytest.mark.parametrize("tilt", [0.0, 45.0])
+@pytest.mark.parametrize("world", REGISTER["corrected-csv"].worlds)
+def test_a_pinhole_sees_the_points_where_they_are_written(world, tilt, corrections):
+    results, points = with_mean_residuals(Flight(1000.0, tilt, refracted=True, corrections=corrections))
+    form = REGISTER["corrected-csv"]
+    handed = hand_over(results, world, form.freed)
+    files = form.write(Delivery(results, handed, points=points))
+    orientations, ground = rows(files["exterior_orientations.csv"]), rows(files["object_points.csv"])
+    cameras = {row["camera"]: row for row in rows(files["cameras.csv"])}
+    seen = rows(files["image_points.csv"])
+    xyz = dict(zip((row["point"] for row in ground), numbers(ground, "x", "y", "z"), strict=True))
+    away = []
+    for row in orientations:
+        own = [one for one in seen if one["image"] == row["image"]]
+        centre, angles = (numbers([row], *names)[0] for names in (("x", "y", "z"), ("omega", "phi", "kappa")))
+        place, turn = np.array([xyz[one["point"]] for one in own]), from_omega_phi_kappa(np.radians(angles))
+        if world == "map":
+            # Such a program knows the projection and computes with the curved earth.
+            images = results.images
+            turn = local_from_grid(images.map_frame, images.frame, centre[None])[0] @ turn
+            place, centre = (
+                local_from_map(images.map_frame, images.frame, one) for one in (place, centre[None])
+            )
+        c, x0, y0 = 1e-3 * numbers([cameras[row["camera"]]], "focal_length_mm", "x0_mm", "y0_mm")[0]
+        model = CartesianMap(EARTH_RADIUS_M if world == "map-cartesian-curved" else None)
+        pose = Pose(centre.reshape(1, 3), turn[None], np.array([c]), np.zeros(1))
+        expected = 1e3 * (projected(model, pose, place[None])[0] + [x0, y0])
+        away.append(np.linalg.norm(numbers(own, "x", "y") - expected, axis=1).max())
+    pixel_mm = 1e3 * results.images.pixel_size[0]
+    # Coordinates of 0.1 mm are 0.01 µm; refraction is taken before the distortion here and after it there.
+    assert max(away) / pixel_mm < 1.05 * handed.misfit_px.max() + 0.02
+
+
+def gridgroups(text):
+    """Camera → columns, rows and (n, 4) of a gridgroup file, by its keywords alone."""
+    found = {}
+    for group in re.findall(r"begin gridgroup.*?end gridgroup", text, flags=re.DOTALL):
+        name = re.search(r'camera_name: "(.*?)"', group)[1]
+        columns, count = (int(re.search(rf"{key}: (\d+)", group)[1]) for key in ("columns", "rows"))
+        body = group.split("begin gridpoints")[1].split("end gridpoints")[0]
+        cells = np.array([[float(cell) for cell in line.split()] for line in body.strip().splitlines()])
+        found[name] = (columns, count, cells)
+    return found
+
+
+def interpolated(node, moved, columns, count, at):
+    x, y = node[:columns, 0], node[::columns, 1]
+    shift = (moved - node).reshape(count, columns, 2)
+    return at + RegularGridInterpolator((y, x), shift)(at[:, ::-1])
+
+
+def tables(files):
+    """The same of the plain tables."""
+    found = {}
+    for direction in DIRECTIONS:
+        for name in ("UC A", "B"):
+            own = [row for row in rows(files[f"{direction}.csv"]) if row["camera"] == name]
+            node = numbers(own, "x_mm", "y_mm")
+            moved = node + 1e-3 * numbers(own, "dx_um", "dy_um")
+            size = (int(own[-1]["column"]) + 1, int(own[-1]["row"]) + 1)
+            found[direction, name.replace(" ", "_")] = (*size, np.column_stack([moved, node]))
+    return found
+
+
+@pytest.mark.parametrize("corrections", [False, True])
+@pytest.mark.parametrize("name", ["isat", "catalyst", "distortion-grid"])
+def test_a_written_grid_reproduces_the_correction_to_the_stated_misfit(name, corrections):
+    results, _ = with_mean_residuals(Flight(corrections=corrections))
+    delivery = delivered(results, no_points(), name)
+    files = REGISTER[name].write(delivery)
+    if name == "distortion-grid":
+        grids = tables(files)
+    else:
+        grids = {
+            (direction, camera): grid
+            for direction in DIRECTIONS
+            for camera, grid in gridgroups(files[f"{direction}.dat"]).items()
+        }
+    assert len(grids) == 4
+    rng = np.random.default_rng(3)
+    for one, stated in zip(results.cameras, delivery.grids, strict=True):
+        measured = rng.uniform(-1.0, 1.0, (4000, 2)) * one.frame.half_format
+        ideal = one.corrected(measured) + one.frame.principal_point
+        inside = (np.abs(ideal) < one.frame.half_format).all(axis=1)
+        moved_um = 1e6 * np.linalg.norm(ideal - measured, axis=1).max()
+        for direction, at, expected in (
+            ("ideal_from_measured", measured, ideal), ("measured_from_ideal", ideal[inside], measured[inside])
+        ):  # fmt: skip
+            columns, count, cells = grids[direction, one.frame.name.replace(" ", "_")]
+            found = interpolated(cells[:, 2:], cells[:, :2], columns, count, 1e3 * at)
+            away_um = 1e3 * np.linalg.norm(found - 1e3 * expected, axis=1).max()
+            misfit_um = 1e6 * getattr(stated, direction).misfit
+            assert away_um < 1.2 * misfit_um + 2e-3
+            assert misfit_um < 0.1
+            assert moved_um > 40.0
+
+
+def test_a_grid_states_what_unknown_sub_areas_leave():
+    results, _ = with_mean_residuals(Flight(corrections=True), unknown=5)
+    grid = distortion_grids(results.cameras[0]).ideal_from_measured
+    assert 0.1e-6 < grid.misfit < 5e-6
+    assert grid.rms < 0.1 * grid.misfit
+
+
+def test_a_grid_states_the_jumps_at_seams():
+    results, _ = with_mean_residuals(Flight(corrections=True), seams=True)
+    delivery = delivered(results, no_points(), "distortion-grid")
+    grid = delivery.grids[0].ideal_from_measured
+    one = results.cameras[0]
+    near = np.column_stack([np.full(2001, 0.012), np.linspace(-0.05, 0.05, 2001)])
+    step = np.array([1e-9, 0.0])
+    jump = one.mean_residuals(near + step) - one.mean_residuals(near - step)
+    assert 0.3e-6 < grid.misfit < 1.2 * np.linalg.norm(jump, axis=1).max() + 2e-6
+    assert grid.rms < 0.2 * grid.misfit
+    text = " ".join(statement(delivery, REGISTER["distortion-grid"], "flown").split())
+    assert f"reproduced to {1e6 * max(grid.misfit, delivery.grids[0].measured_from_ideal.misfit):.3f}" in text
+    assert "jumps or bends" in text
+    assert "Cartesian" not in text
+
+
+def test_a_camera_without_corrections_has_a_grid_of_zeros_and_no_gridgroup():
+    results, _ = flown(Flight())
+    plain = replace(
+        results,
+        cameras=tuple(replace(one, values=np.zeros_like(one.values)) for one in results.cameras),
+    )
+    assert distortion_grids(plain.cameras[0]).largest < 1e-15
+    files = REGISTER["distortion-grid"].write(delivered(plain, no_points(), "distortion-grid"))
+    assert {row["dx_um"] for row in rows(files["ideal_from_measured.csv"])} == {"0.0000"}
+    assert set(REGISTER["isat"].write(delivered(plain, no_points(), "isat"))) == {"photo", "camera"}
+
+
+def test_the_statement_says_where_mean_residuals_and_refraction_are():
+    results, points = with_mean_residuals(Flight(refracted=True))
+    texts = {
+        name: " ".join(statement(delivered(results, points, name), REGISTER[name], "flown").split())
+        for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc")
+    }
+    for name, words in {
+        "corrected-csv": "taken from the image points: switch such a correction OFF",
+        "patb": "are contained in the image points",
+        "isat": "are contained in the distortion grids",
+        "eo-csv": "are NOT contained",
+        "rpc": "are NOT contained",
+    }.items():
+        assert words in texts[name], name
+    assert "mean residuals" in texts["corrected-csv"]
