@@ -6,11 +6,12 @@ images, where the correction jumps, it is as large as the jump.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.camera.additional.correction import measured_from_ideal
 from tasks.handover.results import CalibratedCamera
 
 # Intervals along each side that are tried, and the misfit that is small enough, metres.
@@ -18,6 +19,8 @@ _INTERVALS = (16, 32, 64, 128)
 _ENOUGH = 0.05e-6
 # Points along each side at which the misfit is taken; none of them is a node twice.
 _CHECKED = 211
+# What no digit shows is no correction, metres.
+_LEAST = 1e-9
 _ROUNDS, _SETTLED = 20, 1e-12
 
 
@@ -70,6 +73,11 @@ class CameraGrids:
     measured_from_ideal: DistortionGrid
 
     @property
+    def moves(self) -> bool:
+        """Whether there is any correction that a digit shows."""
+        return self.largest > _LEAST
+
+    @property
     def largest(self) -> float:
         """Largest shift of a node, metres; zero for a camera that nothing is corrected of."""
         grid = self.ideal_from_measured
@@ -78,19 +86,19 @@ class CameraGrids:
 
 def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
     """Grids of additional parameters and mean residuals, as fine as their misfit needs."""
-    checked = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
-    ideal = _ideal(camera, checked)
+    measured = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
+    ideal = _ideal(camera, measured)
+    inside = (np.abs(ideal) <= camera.frame.half_format).all(axis=1)
     for least in _INTERVALS:
         nodes = _spread(camera, _sides(camera, least))
         x, y, flat = nodes[0, :, 0], nodes[:, 0, 1], nodes.reshape(-1, 2)
         forth = DistortionGrid(x, y, _ideal(camera, flat).reshape(nodes.shape))
-        away = np.linalg.norm(forth.at(checked) - ideal, axis=1)
-        if away.max() < _ENOUGH:
+        back = DistortionGrid(x, y, _measured(camera, flat).reshape(nodes.shape))
+        forth = _with_misfit(forth, measured, ideal)
+        back = _with_misfit(back, ideal[inside], measured[inside])
+        if max(forth.misfit, back.misfit) < _ENOUGH:
             break
-    back = DistortionGrid(x, y, _measured(camera, flat).reshape(nodes.shape))
-    # A measured point is wrong by about as much as its ideal one.
-    away_back = np.linalg.norm(_ideal(camera, back.at(checked)) - checked, axis=1)
-    return CameraGrids(camera.frame.name, _with_misfit(forth, away), _with_misfit(back, away_back))
+    return CameraGrids(camera.frame.name, forth, back)
 
 
 def _sides(camera: CalibratedCamera, least: int) -> tuple[int, int]:
@@ -99,9 +107,10 @@ def _sides(camera: CalibratedCamera, least: int) -> tuple[int, int]:
     return -(-least // steps[0]) * steps[0] + 1, -(-least // steps[1]) * steps[1] + 1
 
 
-def _with_misfit(grid: DistortionGrid, away: Floats) -> DistortionGrid:
-    rms = float(np.sqrt(np.mean(away**2)))
-    return DistortionGrid(grid.x, grid.y, grid.moved, float(away.max()), rms)
+def _with_misfit(grid: DistortionGrid, xy: Floats, moved: Floats) -> DistortionGrid:
+    """The grid with its differences to what points (n, 2) are moved to."""
+    away = np.linalg.norm(grid.at(xy) - moved, axis=1)
+    return replace(grid, misfit=float(away.max()), rms=float(np.sqrt(np.mean(away**2))))
 
 
 def _spread(camera: CalibratedCamera, sides: tuple[int, int]) -> Floats:
@@ -120,7 +129,10 @@ def _ideal(camera: CalibratedCamera, measured: Floats) -> Floats:
 
 def _measured(camera: CalibratedCamera, ideal: Floats) -> Floats:
     """Measured points (n, 2) of ideal ones, both in the image system; at a seam one near."""
-    found = ideal
+    x0 = np.array(camera.frame.principal_point)
+    found = measured_from_ideal(camera.additional, camera.values, ideal - x0)[0] + x0
+    if camera.grid is None:
+        return found
     for _ in range(_ROUNDS):
         step = _ideal(camera, found) - ideal
         found = found - step

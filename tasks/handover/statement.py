@@ -145,6 +145,8 @@ def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     """How well bilinear interpolation between the nodes reproduces the correction."""
     found = []
     for one in delivery.grids:
+        if form.oriented and not one.moves:
+            continue
         forth, back = one.ideal_from_measured, one.measured_from_ideal
         largest = max(forth.misfit, back.misfit)
         found.append(

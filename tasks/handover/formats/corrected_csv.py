@@ -19,7 +19,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles, table
+from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, in_angles, table
 from tasks.handover.formats.world_points import object_points, straight_image_points, surveyed_points
 
 _XYZ = ("x", "y", "z")
@@ -71,11 +71,10 @@ def _image_points(delivery: Delivery) -> str:
     points, images = delivery.points, delivery.results.images
     x0 = np.array([camera.frame.principal_point for camera in delivery.results.cameras])
     xy = 1e3 * (straight_image_points(delivery) + x0[images.camera[points.image]])
+    numbers = fixed_rows(np.column_stack([xy, 1e3 * points.sigma_xy]), _DECIMALS_MM)
     rows = (
-        [images.names[image], points.names[point], *fixed([*place, *sigma], _DECIMALS_MM)]
-        for image, point, place, sigma in zip(
-            points.image, points.point, xy, 1e3 * points.sigma_xy, strict=True
-        )
+        [images.names[image], points.names[point], *cells]
+        for image, point, cells in zip(points.image, points.point, numbers, strict=True)
     )
     return table(["image", "point", "x", "y", "sx", "sy"], rows)
 

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.distortion_grid import CameraGrids, DistortionGrid
 from tasks.handover.formats.corrected_csv import cameras_csv
-from tasks.handover.formats.numbers import fixed, table
+from tasks.handover.formats.numbers import fixed_rows, table
 
 _DECIMALS_MM, _DECIMALS_UM = 6, 4
-# What no digit shows is no correction, metres.
-_LEAST = 1e-9
 _DIRECTIONS = {
     "ideal_from_measured": "nodes are measured points, moved to ideal ones",
     "measured_from_ideal": "nodes are ideal points, moved to measured ones",
@@ -37,16 +37,17 @@ def write_distortion_grids(delivery: Delivery) -> Files:
 def _rows(grids: Sequence[CameraGrids], direction: str) -> Iterator[list[object]]:
     for one in grids:
         grid: DistortionGrid = getattr(one, direction)
-        nodes = grid.nodes
-        for row, column in _places(grid):
-            at, moved = nodes[row, column], grid.moved[row, column]
-            shift = fixed(1e6 * (moved - at), _DECIMALS_UM)
-            yield [one.camera, column, row, *fixed(1e3 * at, _DECIMALS_MM), *shift]
+        nodes = grid.nodes.reshape(-1, 2)
+        at = fixed_rows(1e3 * nodes, _DECIMALS_MM)
+        shift = fixed_rows(1e6 * (grid.moved.reshape(-1, 2) - nodes), _DECIMALS_UM)
+        for k, cells in enumerate(zip(at, shift, strict=True)):
+            row, column = divmod(k, len(grid.x))
+            yield [one.camera, column, row, *cells[0], *cells[1]]
 
 
 def gridgroups(delivery: Delivery) -> Files:
     """``ideal_from_measured.dat`` and ``measured_from_ideal.dat`` of the cameras that have any correction."""
-    chosen = [one for one in delivery.grids if one.largest > _LEAST]
+    chosen = [one for one in delivery.grids if one.moves]
     if not chosen:
         return {}
     return {
@@ -57,10 +58,8 @@ def gridgroups(delivery: Delivery) -> Files:
 
 def _group(grids: CameraGrids, direction: str) -> list[str]:
     grid: DistortionGrid = getattr(grids, direction)
-    name, nodes = grids.camera.replace(" ", "_").replace('"', "_"), grid.nodes
-    rows = (
-        fixed([*(1e3 * grid.moved[place]), *(1e3 * nodes[place])], _DECIMALS_MM) for place in _places(grid)
-    )
+    name = grids.camera.replace(" ", "_").replace('"', "_")
+    rows = fixed_rows(1e3 * np.concatenate([grid.moved, grid.nodes], axis=2).reshape(-1, 4), _DECIMALS_MM)
     return [
         f'begin gridgroup "{name}"',
         " enabled: yes",
@@ -79,8 +78,3 @@ def _group(grids: CameraGrids, direction: str) -> list[str]:
         " end grid",
         "end gridgroup",
     ]
-
-
-def _places(grid: DistortionGrid) -> Iterator[tuple[int, int]]:
-    """Row and column of every node, x fastest, from the lower left."""
-    return ((row, column) for row in range(len(grid.y)) for column in range(len(grid.x)))

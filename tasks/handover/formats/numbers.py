@@ -37,4 +37,13 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]], separator: st
 
 def fixed(values: Iterable[float], decimals: int) -> list[str]:
     """Numbers with this many decimals; never −0."""
-    return [f"{value + 0.0:.{decimals}f}" for value in np.round(np.asarray(list(values)), decimals)]
+    return [
+        f"{value + 0.0:.{decimals}f}"
+        for value in np.round(np.fromiter(values, np.float64), decimals).tolist()
+    ]
+
+
+def fixed_rows(values: Floats, decimals: int) -> list[list[str]]:
+    """Rows (n, k) of numbers with this many decimals, as ``fixed``."""
+    cells, width = fixed(values.ravel(), decimals), values.shape[1]
+    return [cells[k : k + width] for k in range(0, len(cells), width)]

@@ -113,8 +113,10 @@ def tables(files):
     return found
 
 
-@pytest.mark.parametrize("corrections", [False, True])
-@pytest.mark.parametrize("name", ["isat", "catalyst", "distortion-grid"])
+@pytest.mark.parametrize(
+    ("name", "corrections"),
+    [("isat", True), ("catalyst", True), ("distortion-grid", True), ("distortion-grid", False)],
+)
 def test_a_written_grid_reproduces_the_correction_to_the_stated_misfit(name, corrections):
     results, _ = with_mean_residuals(Flight(corrections=corrections))
     delivery = delivered(results, no_points(), name)
@@ -142,7 +144,8 @@ def test_a_written_grid_reproduces_the_correction_to_the_stated_misfit(name, cor
             away_um = 1e3 * np.linalg.norm(found - 1e3 * expected, axis=1).max()
             misfit_um = 1e6 * getattr(stated, direction).misfit
             assert away_um < 1.2 * misfit_um + 2e-3
-            assert misfit_um < 0.1
+            # A distortion of 0.5 mm moves the bends of the mean residuals away from the nodes of the inverse.
+            assert misfit_um < (0.1 if corrections else 0.25)
             assert moved_um > 40.0
 
 
@@ -182,7 +185,7 @@ def test_a_camera_without_corrections_has_a_grid_of_zeros_and_no_gridgroup():
 
 
 def test_the_statement_says_where_mean_residuals_and_refraction_are():
-    results, points = with_mean_residuals(Flight(refracted=True))
+    results, points = with_mean_residuals(Flight(refracted=True, corrections=True))
     texts = {
         name: " ".join(statement(delivered(results, points, name), REGISTER[name], "flown").split())
         for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc")
