@@ -124,13 +124,13 @@ def _spread(camera: CalibratedCamera, sides: tuple[int, int]) -> Floats:
 
 def _ideal(camera: CalibratedCamera, measured: Floats) -> Floats:
     """Ideal points (n, 2) in the image system."""
-    return camera.corrected(measured) + np.array(camera.frame.principal_point)
+    return np.asarray(camera.corrected(measured) + np.array(camera.frame.principal_point))
 
 
 def _measured(camera: CalibratedCamera, ideal: Floats) -> Floats:
     """Measured points (n, 2) of ideal ones, both in the image system; at a seam one near."""
     x0 = np.array(camera.frame.principal_point)
-    found = measured_from_ideal(camera.additional, camera.values, ideal - x0)[0] + x0
+    found = np.asarray(measured_from_ideal(camera.additional, camera.values, ideal - x0)[0] + x0)
     if camera.grid is None:
         return found
     for _ in range(_ROUNDS):

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from adjust.camera.additional.base import ImageFormat
-from adjust.camera.additional.correction import correction, ideal_from_measured, measured_from_ideal
+from adjust.camera.additional.calibration_axes import format_in_calibration_axes
+from adjust.camera.additional.correction import (
+    correction,
+    distortion_at,
+    ideal_from_measured,
+    measured_from_ideal,
+)
 from adjust.camera.additional.effect import sigma_of_effect
 from adjust.camera.additional.register import additional_parameters
 
@@ -56,3 +62,17 @@ def test_values_without_a_contraction_find_nothing_rather_than_something_wrong()
     parameters = additional_parameters("bluh:2", UCE)
     _, found = measured_from_ideal(parameters, np.array([2.0]), XY)
     assert not found.any()
+
+
+def test_an_offset_is_added_where_the_adjustment_adds_it() -> None:
+    """x̄ + Δ + offset = x_id + D, also with a distortion of 1 mm."""
+    image_format = format_in_calibration_axes((UCE.half_x, UCE.half_y), 0, None, 0.08)
+    parameters = additional_parameters("brown:K1+brown-forward:k1", image_format)
+    values = np.array([0.2, -0.03])
+    offset = np.random.default_rng(8).normal(0.0, 2e-6, XY.shape)
+    ideal = ideal_from_measured(parameters, values, XY, offset)
+    delta = correction(parameters.only("correction"), values[:1], XY)
+    np.testing.assert_allclose(
+        ideal + distortion_at(parameters, values, ideal), XY + delta + offset, rtol=0, atol=1e-14
+    )
+    assert np.abs(ideal - ideal_from_measured(parameters, values, XY)).max() > 1e-6
