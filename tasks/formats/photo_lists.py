@@ -8,6 +8,7 @@ project file declares: µm in old PATB projects, else mm.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Iterable
 from pathlib import Path
 
 from tasks.errors import InputError
@@ -32,7 +33,8 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
     image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     photo, first = "", 1
     for lines in pieces_of_lines(path):
-        rows: list[tuple[int, list[str]]] = []
+        texts: list[str] = []
+        begin = len(at)
         for number, line in enumerate(lines, start=first):
             words = (line if "#" not in line else line.partition("#")[0]).split(None, 3)
             if not words:
@@ -41,35 +43,42 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
                 photo = ""
             elif not photo:
                 photo = words[0]
+            elif len(words) < 3:
+                raise _no_coordinates(path, words[0], number)
             else:
                 image.append(photo)
-                rows.append((number, words))
-        point.extend([words[0] for _, words in rows])
-        xy.extend(_coordinates(path, rows))
-        at.extend([number for number, _ in rows])
+                point.append(words[0])
+                texts += words[1:3]
+                at.append(number)
+        xy.extend(_coordinates(path, texts, at[begin:], lines, first))
         first += len(lines)
     return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
 
 
-def _coordinates(path: Path, rows: list[tuple[int, list[str]]]) -> list[float]:
+def _coordinates(
+    path: Path, texts: list[str], at: array[int], lines: list[str], first: int
+) -> Iterable[float]:
     """x and y of all rows, one behind the other."""
-    texts = [text for _, words in rows for text in words[1:3]]
     try:
         found = list(map(float, texts))
     except ValueError:
         found = []
     # All at once, as nearly all are numbers; row by row to say which is none.
-    if sum(map(abs, found)) <= HUGE and len(found) == 2 * len(rows) and "_" not in "".join(texts):
+    if len(found) == len(texts) and sum(map(abs, found)) <= HUGE and "_" not in "".join(texts):
         return found
-    for number, words in rows:
+    for row, number in enumerate(at):
         try:
-            numbers_of(path, words[1:], 2, number, "x and y")
+            numbers_of(path, texts[2 * row : 2 * row + 2], 2, number, "x and y")
         except InputError as error:
-            raise InputError(
-                f"The point {quoted(words[0])} has no two coordinates.",
-                "Correct them; if this line is the first of a photo, the list above lacks its end, -99.",
-                file=path,
-                line=number,
-            ) from error
+            raise _no_coordinates(path, lines[number - first].split()[0], number) from error
     # Each can be, and only all together are so much.
-    return [float(text) for text in texts]
+    return map(float, texts)
+
+
+def _no_coordinates(path: Path, point: str, line: int) -> InputError:
+    return InputError(
+        f"The point {quoted(point)} has no two coordinates.",
+        "Correct them; if this line is the first of a photo, the list above lacks its end, -99.",
+        file=path,
+        line=line,
+    )
