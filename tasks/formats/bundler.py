@@ -87,9 +87,7 @@ def _opened(path: Path) -> tuple[Iterator[tuple[int, str]], int, int]:
         raise InputError(
             "The file does not begin with '# Bundle file v0.3'.", "Check that it is bundle.out.", path, 1
         )
-    cameras, points = numbers_of(
-        path, next(rows, (2, ""))[1].split(), 2, 2, "numbers of cameras and points"
-    )
+    cameras, points = numbers_of(path, next(rows, (2, ""))[1].split(), 2, 2, "numbers of cameras and points")
     count = DeliveredLines.of(path, lone_return=b"").lines
     if min(cameras, points) < 0 or 2 + 5 * cameras + 3 * points > count:
         raise InputError(

@@ -111,7 +111,7 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
         path,
         pa.array(names.values(), pa.string()).take(pa.array(of_ends[kept])).dictionary_encode(),
         tie_names(track),
-        measured[kept],
+        measured[kept].astype(np.float64),
         range(1, len(kept) + 1),
     )
 

@@ -9,8 +9,8 @@ by their number.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from array import array
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -65,8 +65,8 @@ def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         position,
         np.full_like(position, np.nan),
         marks.line,
-        time_s=marks.time_s,
-        sigma_position=np.where(known & (sigma > 0.0), sigma, np.nan),
+        time_s=marks.time_s.tolist(),
+        sigma_position=np.where(known & (sigma > 0.0), sigma, np.nan).tolist(),
         states=_STATES,
         solution=marks.solution,
         remarks=_of_unknown_quality(path, marks),

@@ -23,7 +23,6 @@ from tasks.formats.records import (
     FileStatement,
 )
 
-
 _POINTS = "control_points"
 # Rows of control points that are in memory together.
 _TOGETHER = 10_000

@@ -229,7 +229,12 @@ def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
         position.extend(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
         at.append(number)
     return exposures_of(
-        path, image, table_of(position, 3), np.full((len(image), 3), np.nan), at, states=FileStatement(crs=crs)
+        path,
+        image,
+        table_of(position, 3),
+        np.full((len(image), 3), np.nan),
+        at,
+        states=FileStatement(crs=crs),
     )
 
 

@@ -58,7 +58,7 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
 def _coordinates(
     path: Path, texts: list[str], at: array[int], lines: list[str], first: int
 ) -> Iterable[float]:
-    """x and y of all rows, one behind the other."""
+    """X and y of all rows, one behind the other."""
     try:
         found = list(map(float, texts))
     except ValueError:

@@ -56,7 +56,9 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
                 line=number,
             )
         image.append(fields[places[0]].strip())
-        values.extend(numbers_of(path, [fields[place] for place in places[1:]], 6, number, ", ".join(_NEEDED[1:])))
+        values.extend(
+            numbers_of(path, [fields[place] for place in places[1:]], 6, number, ", ".join(_NEEDED[1:]))
+        )
         at.append(number)
     table = table_of(values, 6)
     heading, pitch, roll = np.radians(table[:, 3:]).T
