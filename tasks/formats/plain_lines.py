@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from tasks.formats.text_lines import DeliveredLines
@@ -27,10 +28,7 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
     InputError
         As `text_of`.
     """
-    number = 0
-    for some in pieces_of_lines(path):
-        for number, line in enumerate(some, start=number + 1):
-            yield number, line
+    return enumerate(chain.from_iterable(pieces_of_lines(path)), start=1)
 
 
 def pieces_of_lines(path: Path) -> Iterator[list[str]]:
