@@ -10,10 +10,12 @@ Other lines are passed over: cameras, eccentricities, options and object points 
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
 
@@ -28,16 +30,17 @@ def read_bingo_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no such lines, coordinates that are no numbers.
     """
-    point, position, role, at = [], [], [], []
-    for number, line in enumerate(lines(path), start=1):
+    point, role = [], []
+    position, at = array("d"), array("q")
+    for number, line in numbered_lines(path):
         fields = line.split()
         if len(fields) < 2 or fields[0].upper() not in _ROLES:
             continue
         point.append(fields[1])
-        position.append(numbers_of(path, fields[2:], 3, number, "E, N, H of a point"))
+        position.extend(numbers_of(path, fields[2:], 3, number, "E, N, H of a point"))
         role.append(_ROLES[fields[0].upper()])
         at.append(number)
-    return control_of(path, point, position, at, role=role)
+    return control_of(path, point, table_of(position, 3), at, role=role)
 
 
 def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
@@ -54,16 +57,17 @@ def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
             'Declare angles.order = "phi-omega-kappa".',
             file=path,
         )
-    image, position, angles, camera, at = [], [], [], [], []
-    for number, line in enumerate(lines(path), start=1):
+    image, camera = [], []
+    position, angles, at = array("d"), array("d"), array("q")
+    for number, line in numbered_lines(path):
         fields = line.split()
         if len(fields) < 2 or fields[0].upper() != "ORIA":
             continue
         values = numbers_of(path, fields[2:], 6, number, "X, Y, Z and three angles")
         first, second, third = values[3:]
         image.append(fields[1])
-        position.append(values[:3])
-        angles.append([second, first, third] if order == "phi-omega-kappa" else [first, second, third])
+        position.extend(values[:3])
+        angles.extend([second, first, third] if order == "phi-omega-kappa" else [first, second, third])
         camera.append(fields[8] if len(fields) > 8 else None)
         at.append(number)
-    return exposures_of(path, image, position, angles, at, camera=camera)
+    return exposures_of(path, image, table_of(position, 3), table_of(angles, 3), at, camera=camera)

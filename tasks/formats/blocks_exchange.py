@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
+from array import array
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
@@ -24,6 +26,7 @@ from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
+from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
@@ -195,10 +198,10 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
     """
     root = parsed_xml(path)
     photos = {photo.findtext("Id"): name for name, _, photo in _photos(path, root)}
-    image, point, xy = [], [], []
-    named = [(item.findtext("Name") or "", item) for item in root.iter("ControlPoint")]
-    named += [(f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1)]
-    for name, item in named:
+    image, point, xy = LongNames(), LongNames(), array("d")
+    named = ((item.findtext("Name") or "", item) for item in root.iter("ControlPoint"))
+    ties = ((f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1))
+    for name, item in chain(named, ties):
         for measurement in item.findall("Measurement"):
             number = measurement.findtext("PhotoId")
             photo = photos.get(number)
@@ -211,8 +214,9 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
                 )
             image.append(photo)
             point.append(name)
-            xy.append([_number(path, measurement, axis) for axis in "xy"])
-    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+            xy.extend(_number(path, measurement, axis) for axis in "xy")
+    table = table_of(xy, 2)
+    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
 
 
 def _photos(

@@ -7,14 +7,25 @@ image, y up: declare unit = "centred-px".
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of, image_points_of, numbers_of
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
+from tasks.formats.plain_records import (
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+    names_of_numbers,
+    numbers_of,
+)
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.formats.text_lines import DeliveredLines
 
 
 def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -26,20 +37,21 @@ def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         With file and line: another version of the file, numbers missing.
     """
     rows, cameras, _ = _opened(path)
-    image, rotation, shift, at = [], [], [], []
+    image: list[str] = []
+    values, at = array("d"), array("q")
     for number in range(cameras):
-        begin = 2 + 5 * number
-        values = [numbers_of(path, _row(rows, begin + k), 3, begin + k + 1, "three numbers of a camera")
-                  for k in range(5)]  # fmt: skip
-        if not any(values[0]):
+        lens = array("d")
+        for place, line in islice(rows, 5):
+            lens.extend(numbers_of(path, line.split(), 3, place, "three numbers of a camera"))
+        if not any(lens[:3]):
             continue
         image.append(str(number))
-        rotation.append(values[1:4])
-        shift.append(values[4])
-        at.append(begin + 1)
-    world_from_camera = np.array(rotation).reshape(-1, 3, 3).transpose(0, 2, 1)
+        values.extend(lens[3:])
+        at.append(3 + 5 * number)
+    table = table_of(values, 12)
+    world_from_camera = table[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1)
     angles = degrees_of_rotations(path, world_from_camera, image, at)
-    centre = -np.einsum("nij,nj->ni", world_from_camera, np.array(shift).reshape(-1, 3))
+    centre = -np.einsum("nij,nj->ni", world_from_camera, table[:, 9:])
     states = FileStatement(crs="local", order="omega-phi-kappa")
     return exposures_of(path, image, centre, angles, at, unit="deg", states=states)
 
@@ -53,40 +65,35 @@ def read_bundler_image_points(path: Path) -> ImagePointRecords:
         With file and line: another version of the file, numbers missing.
     """
     rows, cameras, points = _opened(path)
-    image, point, xy, at = [], [], [], []
-    for number in range(points):
-        place = 2 + 5 * cameras + 3 * number + 2
-        views = _row(rows, place)
-        count = int(numbers_of(path, views, 1, place + 1, "the number of views")[0])
+    views, counts, at = array("d"), array("q"), array("q")
+    for place, line in islice(rows, 5 * cameras + 2, 5 * cameras + 3 * points, 3):
+        words = line.split()
+        count = int(numbers_of(path, words, 1, place, "the number of views")[0])
         if count < 0:
-            raise InputError("The number of views is negative.", "Deliver the file again.", path, place + 1)
-        values = numbers_of(path, views[1:], 4 * count, place + 1, "camera, key, x, y of each view")
-        for view in range(count):
-            camera, _, x, y = values[4 * view : 4 * view + 4]
-            image.append(str(int(camera)))
-            point.append(str(number))
-            xy.append([x, y])
-            at.append(place + 1)
-    return image_points_of(path, image, point, xy, at)
+            raise InputError("The number of views is negative.", "Deliver the file again.", path, place)
+        views.extend(numbers_of(path, words[1:], 4 * count, place, "camera, key, x, y of each view"))
+        counts.append(count)
+        at.append(place)
+    table = table_of(views, 4)
+    point = np.repeat(np.arange(len(counts)), counts)
+    image = names_of_numbers(table[:, 0].astype(np.int64))
+    return image_points_of(path, image, names_of_numbers(point), table[:, 2:], np.repeat(at, counts))
 
 
-def _opened(path: Path) -> tuple[list[str], int, int]:
-    """Lines, number of cameras, number of points."""
-    rows = lines(path)
-    if not rows[0].startswith("# Bundle file v0.3"):
+def _opened(path: Path) -> tuple[Iterator[tuple[int, str]], int, int]:
+    """Lines from the first camera on, number of cameras, number of points."""
+    rows = numbered_lines(path)
+    if not next(rows)[1].startswith("# Bundle file v0.3"):
         raise InputError(
             "The file does not begin with '# Bundle file v0.3'.", "Check that it is bundle.out.", path, 1
         )
-    cameras, points = numbers_of(path, _row(rows, 1), 2, 2, "numbers of cameras and points")
-    if min(cameras, points) < 0 or 2 + 5 * cameras + 3 * points > len(rows):
+    cameras, points = numbers_of(path, next(rows, (2, ""))[1].split(), 2, 2, "numbers of cameras and points")
+    count = DeliveredLines.of(path, lone_return=b"").lines
+    if min(cameras, points) < 0 or 2 + 5 * cameras + 3 * points > count:
         raise InputError(
-            f"The file has {len(rows)} lines, too few for {cameras:g} cameras and {points:g} points.",
+            f"The file has {count} lines, too few for {cameras:g} cameras and {points:g} points.",
             "It may have been cut off: deliver it again.",
             file=path,
             line=2,
         )
     return rows, int(cameras), int(points)
-
-
-def _row(rows: list[str], index: int) -> list[str]:
-    return rows[index].split() if index < len(rows) else []

@@ -11,6 +11,7 @@ image is id, quaternion w x y z, translation, camera, name up to a zero byte, an
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.files.delivered_file import file_limits
+from tasks.formats.long_columns import table_of
 from tasks.formats.plain_records import (
     CV_AXES,
     degrees_of_rotations,
@@ -72,15 +74,21 @@ def read_colmap_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         If the file is damaged, or a quaternion is none.
     """
-    images = list(_images(path))
-    pose = np.array([one.pose for one in images]).reshape(-1, 7)
-    name, line = [one.name for one in images], [one.line for one in images]
+    name: list[str] = []
+    cameras: list[str] = []
+    known: dict[str, str] = {}
+    poses, line = array("d"), array("q")
+    for one in _images(path):
+        name.append(one.name)
+        cameras.append(known.setdefault(one.camera, one.camera))
+        poses.extend(one.pose)
+        line.append(one.line)
+    pose = table_of(poses, 7)
     camera_from_world = _rotations(path, pose[:, :4], name, line)
     world_from_camera = np.swapaxes(camera_from_world, 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, pose[:, 4:])
     angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, name, line)
     states = FileStatement(crs="local", order="omega-phi-kappa")
-    cameras = [one.camera for one in images]
     return exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=states)
 
 
@@ -289,7 +297,7 @@ def _text_lines(content: bytes) -> Iterator[tuple[int, str]]:
     yield from enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1)
 
 
-def _rotations(path: Path, quaternion: Floats, name: list[str], line: list[int]) -> Floats:
+def _rotations(path: Path, quaternion: Floats, name: list[str], line: array[int]) -> Floats:
     """Rotations (n, 3, 3) of quaternions w, x, y, z (n, 4)."""
     length = np.linalg.norm(quaternion, axis=1)
     bad = ~(np.abs(length - 1.0) < 1e-3)

@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.colmap import camera_of_colmap, model_of_number
-from tasks.formats.homologous_points import joined_to_tracks
+from tasks.formats.homologous_points import joined_to_tracks, tie_names
 from tasks.formats.plain_records import exposures_of, image_points_of
 from tasks.formats.records import (
     AngleOrder,
@@ -71,14 +72,15 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
     """
     with _opened(path) as database:
         names = _names(path, database)
+        number = {image: k for k, image in enumerate(names)}
         places = {}
         for entry, row in enumerate(_rows(path, database, "keypoints", "image_id, rows, cols, data"), 1):
             image, rows, columns = (_whole(path, value, entry) for value in row[:3])
             values = _array(path, row[3] or b"", "<f4", entry)
             if image not in names or columns < 2 or len(values) != rows * columns:
                 raise _damaged(path, entry)
-            places[image] = values.reshape(rows, columns)[:, :2].astype(np.float64)
-        image_of_end, xy = [np.zeros(0, np.int64)], [np.zeros((0, 2))]
+            places[image] = values.reshape(rows, columns)[:, :2].copy()
+        image_of_end, xy = [np.zeros(0, np.int32)], [np.zeros((0, 2), np.float32)]
         ends: tuple[list[Any], list[Any]] = ([], [])
         for entry, row in enumerate(_rows(path, database, "two_view_geometries", "pair_id, rows, data"), 1):
             pair, rows = _whole(path, row[0], entry), _whole(path, row[1], entry)
@@ -89,11 +91,15 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
                 index = matches.reshape(rows, 2)[:, side].astype(np.int64)
                 if image not in places or index.max() >= len(places[image]):
                     raise _damaged(path, entry)
-                ends[side].append((np.full(rows, image), places[image][index]))
+                ends[side].append((np.full(rows, number[image], np.int32), places[image][index]))
     for image, place in (*ends[0], *ends[1]):
         image_of_end.append(image)
         xy.append(place)
-    of_ends, measured = np.concatenate(image_of_end), np.concatenate(xy)
+    del places, ends
+    of_ends = np.concatenate(image_of_end)
+    measured = np.concatenate(xy)
+    image_of_end.clear()
+    xy.clear()
     if len(of_ends) == 0:
         raise InputError(
             "There is no verified match in the database (two_view_geometries).",
@@ -103,9 +109,9 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
     kept, track = joined_to_tracks(of_ends, measured)
     return image_points_of(
         path,
-        [names[int(image)] for image in of_ends[kept]],
-        [f"tie{number}" for number in track],
-        measured[kept],
+        pa.array(names.values(), pa.string()).take(pa.array(of_ends[kept])).dictionary_encode(),
+        tie_names(track),
+        measured[kept].astype(np.float64),
         range(1, len(kept) + 1),
     )
 
@@ -177,6 +183,8 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             connection.execute("PRAGMA trusted_schema = OFF")
             # A computed column could make values of any length out of nothing.
             connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, len(content))
+            # The database has a copy of its own.
+            del content
             yield connection
         except (sqlite3.Error, OverflowError, UnicodeDecodeError, MemoryError) as error:
             raise InputError(

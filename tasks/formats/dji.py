@@ -9,6 +9,7 @@ by their number.
 from __future__ import annotations
 
 import re
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +18,9 @@ import pyarrow as pa
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
-from tasks.formats.plain_records import exposures_of, number_of
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
+from tasks.formats.plain_records import exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 from tasks.formats.sbet import WEEK_S
 from tasks.formats.trajectory_records import Clock, EventRecords
@@ -42,7 +44,7 @@ class _Marks:
     time_s: Floats
     values: Floats
     solution: list[str | None]
-    line: list[int]
+    line: array[int]
 
 
 def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -96,8 +98,10 @@ def read_mrk_events(path: Path) -> EventRecords:
 
 
 def _marks(path: Path) -> _Marks:
-    image, time, values, solution, at = [], [], [], [], []
-    for number, line in enumerate(lines(path), start=1):
+    image: list[str] = []
+    solution: list[str | None] = []
+    time, values, at = array("d"), array("d"), array("q")
+    for number, line in numbered_lines(path):
         if not line.strip():
             continue
         found = _LINE.match(line.strip())
@@ -109,7 +113,7 @@ def _marks(path: Path) -> _Marks:
                 file=path,
                 line=number,
             )
-        second, week, *numbers = (number_of(path, text, number, "a number") for text in found.groups()[1:])
+        second, week, *numbers = numbers_of(path, found.groups()[1:], 12, number, "a number")
         if not (
             0.0 <= second <= WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
         ):
@@ -122,12 +126,12 @@ def _marks(path: Path) -> _Marks:
             )
         image.append(found[1])
         time.append(week * WEEK_S + second)
-        values.append(numbers[:9])
+        values.extend(numbers[:9])
         solution.append(_QUALITY.get(int(numbers[9])))
         at.append(number)
     if not image:
         raise InputError("There is no exposure in the file.", "Deliver it again.", file=path)
-    return _Marks(image, np.array(time), np.array(values), solution, at)
+    return _Marks(image, np.array(time), table_of(values, 9), solution, at)
 
 
 def _of_unknown_quality(path: Path, marks: _Marks) -> tuple[str, ...]:

@@ -6,15 +6,20 @@ tie point. A tie point with two places in one image contradicts itself and is le
 
 from __future__ import annotations
 
+from array import array
 from pathlib import PurePosixPath
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.formats.long_columns import table_of
 from tasks.formats.packed_folder import PackedFolder
-from tasks.formats.plain_records import image_points_of, numbers_of
+from tasks.formats.plain_records import image_points_of, names_of_numbers, numbers_of
 from tasks.formats.records import ImagePointRecords
 
 _HEAD, _TAIL = "Pastis", ".txt"
@@ -50,29 +55,38 @@ def homologous_points(folder: PackedFolder) -> ImagePointRecords:
     xy = np.concatenate(places)
     ends = np.concatenate([xy[:, :2], xy[:, 2:]])
     kept, track = joined_to_tracks(of_ends, ends)
-    listed = list(names)
     return image_points_of(
         folder.file,
-        [listed[number] for number in of_ends[kept]],
-        [f"tie{number}" for number in track],
+        pa.array(names, pa.string()).take(pa.array(of_ends[kept])).dictionary_encode(),
+        tie_names(track),
         ends[kept],
         range(1, len(kept) + 1),
     )
 
 
 def _rows(folder: PackedFolder, member: str) -> Floats:
-    found = []
+    found = array("d")
     text = folder.read(member).decode("latin-1")
     for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
         if line.strip():
             try:
-                found.append(numbers_of(folder.file, line.split(), 4, number, "x1 y1 x2 y2"))
+                found.extend(numbers_of(folder.file, line.split(), 4, number, "x1 y1 x2 y2"))
             except InputError as error:
                 raise InputError(error.what, error.remedy, folder.file, number, member) from error
-    return np.array(found).reshape(-1, 4)
+    return table_of(found, 4)
 
 
-def joined_to_tracks(image: NDArray[np.int64], xy: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def tie_names(track: NDArray[np.int64]) -> pa.DictionaryArray:
+    """Names of tie points (n,) by their numbers."""
+    numbers = names_of_numbers(track)
+    return pa.DictionaryArray.from_arrays(
+        numbers.indices, pc.binary_join_element_wise("tie", numbers.dictionary, "")
+    )
+
+
+def joined_to_tracks(
+    image: NDArray[np.integer[Any]], xy: NDArray[np.floating[Any]]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Of 2 k ends of k pairs, those that are kept, each place once, and their tie points, from 1.
 
     The first ends of all pairs come first, then the second ones.
@@ -81,10 +95,17 @@ def joined_to_tracks(image: NDArray[np.int64], xy: Floats) -> tuple[NDArray[np.i
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    keyed = np.column_stack([image.astype(np.float64), xy])
-    _, first, place = np.unique(keyed, axis=0, return_index=True, return_inverse=True)
-    count, half = len(first), len(image) // 2
-    place = place.reshape(-1)
+    order = np.lexsort((xy[:, 1], xy[:, 0], image))
+    differs = np.zeros(len(order), dtype=bool)
+    differs[:1] = True
+    for column in (image, xy[:, 0], xy[:, 1]):
+        ascending = column[order]
+        differs[1:] |= ascending[1:] != ascending[:-1]
+    first, half = order[differs], len(image) // 2
+    count = len(first)
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.cumsum(differs) - 1
+    del order, differs
     edges = coo_array((np.ones(half), (place[:half], place[half:])), shape=(count, count))
     track = connected_components(edges, directed=False)[1]
     pair, twice = np.unique(np.column_stack([track, image[first]]), axis=0, return_counts=True)

@@ -14,6 +14,7 @@ well-known text. Blocks that are not named here are passed over.
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
@@ -41,6 +43,8 @@ from tasks.formats.records import (
 _KEY = re.compile(r"\s*\$(\w+)\s*:(.*)$")
 _BLOCK = re.compile(r"\s*\$(\w+)\b(.*)$")
 _BLANK = re.compile(r"(?<!\\)\s+")
+# Lines of control points that are in memory together.
+_TOGETHER = 10_000
 _CAMERAS = ("CAMERA", "CAMERA_DEFINITION")
 
 
@@ -79,11 +83,11 @@ class _Block:
 def _blocks(path: Path) -> Iterator[_Block]:
     stack: list[_Block] = []
     key = ""
-    for number, line in enumerate(lines(path), start=1):
+    for number, line in numbered_lines(path):
         text = line.strip()
         if not text or text.startswith("#"):
             continue
-        value, opened = _KEY.match(line), _BLOCK.match(line)
+        value, opened = (_KEY.match(line), _BLOCK.match(line)) if "$" in line else (None, None)
         if value is not None and stack:
             key = value.group(1).upper()
             stack[-1].values.setdefault(key, [])
@@ -109,8 +113,14 @@ def _blocks(path: Path) -> Iterator[_Block]:
                 key = ""
             continue
         if stack and text:
-            words = [word.replace("\\ ", " ") for word in _BLANK.split(text)]
-            stack[-1].values.setdefault(key, []).append((number, words))
+            words = text.split()
+            if "\\" in text:
+                words = [word.replace("\\ ", " ") for word in _BLANK.split(text)]
+            rows = stack[-1].values.setdefault(key, [])
+            rows.append((number, words))
+            if len(rows) >= _TOGETHER and len(stack) == 1 and stack[0].name == "CONTROL_POINTS":
+                yield _Block("CONTROL_POINTS", number, {key: rows})
+                stack[0].values = {}
     if stack:
         raise InputError(
             f"The block ${stack[0].name} does not end.",
@@ -163,16 +173,18 @@ def read_inpho_image_points(path: Path) -> ImagePointRecords:
     InputError
         With file and line: no points, numbers missing.
     """
-    image, point, xy, at = [], [], [], []
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     for block in _blocks(path):
         if block.name != "PHOTO":
             continue
-        for number, words in block.values.get("PHOTO_POINTS", []):
-            image.append(block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE"))
+        rows = block.values.get("PHOTO_POINTS", [])
+        name = block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE") if rows else ""
+        for number, words in rows:
+            image.append(name)
             point.append(words[0])
-            xy.append(numbers_of(path, words[1:], 2, number, "column and row"))
+            xy.extend(numbers_of(path, words[1:], 2, number, "column and row"))
             at.append(number)
-    return image_points_of(path, image, point, xy, at)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
 
 
 def read_inpho_control(path: Path) -> ControlRecords:
@@ -183,7 +195,8 @@ def read_inpho_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no points, numbers missing.
     """
-    point, position, at = [], [], []
+    point: list[str] = []
+    position, at = array("d"), array("q")
     crs = None
     for block in _blocks(path):
         if block.name == "PROJECT":
@@ -192,13 +205,13 @@ def read_inpho_control(path: Path) -> ControlRecords:
             continue
         for one in block.inner:
             point.append(one.name_of(path, "ID"))
-            position.append(one.numbers(path, "POSITION", 3, "X, Y, Z"))
+            position.extend(one.numbers(path, "POSITION", 3, "X, Y, Z"))
             at.append(one.line)
         for number, words in block.values.get("", []):
             point.append(words[0])
-            position.append(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
+            position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
             at.append(number)
-    return control_of(path, point, position, at, states=FileStatement(crs=crs))
+    return control_of(path, point, table_of(position, 3), at, states=FileStatement(crs=crs))
 
 
 def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:

@@ -6,12 +6,14 @@ and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; unkn
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
@@ -20,6 +22,10 @@ from tasks.formats.records import (
     ExposureRecords,
     FileStatement,
 )
+
+_POINTS = "control_points"
+# Rows of control points that are in memory together.
+_TOGETHER = 10_000
 
 
 @dataclass
@@ -44,7 +50,7 @@ class _Entry:
 
 def _entries(path: Path, kind: str) -> Iterator[_Entry]:
     entry: _Entry | None = None
-    for number, line in enumerate(lines(path), start=1):
+    for number, line in numbered_lines(path):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
@@ -58,6 +64,12 @@ def _entries(path: Path, kind: str) -> Iterator[_Entry]:
                 entry = None
         elif entry is not None:
             entry.rows.append((number, words))
+            if kind == _POINTS:
+                # Of a list there are rows only, and it may be long.
+                if len(entry.rows) >= _TOGETHER:
+                    yield entry
+                    entry = _Entry(kind, entry.title, entry.line)
+                continue
             values = words[1:]
             if values and values[0] == ":":
                 values = values[1:]
@@ -117,9 +129,14 @@ def read_isat_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no points, numbers missing.
     """
-    rows = [row for entry in _entries(path, "control_points") for row in entry.rows]
-    positions = [numbers_of(path, words[1:], 3, number, "X, Y, Z") for number, words in rows]
-    return control_of(path, [words[0] for _, words in rows], positions, [number for number, _ in rows])
+    point: list[str] = []
+    position, at = array("d"), array("q")
+    for entry in _entries(path, _POINTS):
+        for number, words in entry.rows:
+            point.append(words[0])
+            position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
+            at.append(number)
+    return control_of(path, point, table_of(position, 3), at)
 
 
 def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:

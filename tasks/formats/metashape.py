@@ -15,6 +15,7 @@ Its P1 and P2 are p2 and p1 of ``brown-forward``; B1 and B2 are b1 and b2 times 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from array import array
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -23,6 +24,7 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
+from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,
@@ -62,17 +64,20 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         if (similarity := _similarity(path, item.find("transform"))) is not None
     }
     of_chunk = _similarity(path, root.find(".//chunk/transform"))
-    image, camera, pose, to_earth, at = [], [], [], [], []
+    image, camera, to_earth = [], [], []
+    pose, at = array("d"), array("q")
     for number, item in enumerate(root.iter("camera"), start=1):
         transform = item.findtext("transform")
         if transform is None or item.get("enabled") in ("false", "0") or "label" not in item.attrib:
             continue
-        pose.append(numbers_of(path, transform.split(), 16, number, "a 4 × 4 transform"))
+        pose.extend(numbers_of(path, transform.split(), 16, number, "a 4 × 4 transform"))
         image.append(item.attrib["label"])
         camera.append(sensors.get(item.get("sensor_id", "")))
         to_earth.append(placed.get(item.get("component_id"), of_chunk))
         at.append(number)
-    matrix = np.array(pose).reshape(-1, 4, 4)
+    matrix = table_of(pose, 16).reshape(-1, 4, 4)
+    # Its elements have been taken apart.
+    root.clear()
     rotation, centre = matrix[:, :3, :3] @ CV_AXES, matrix[:, :3, 3]
     states = FileStatement(crs="local", order="omega-phi-kappa")
     earthly = [one for one in to_earth if one is not None]
@@ -213,7 +218,7 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
     root = parsed_xml(path)
     markers = {item.get("id"): item.get("label") for item in root.iter("marker") if "label" in item.attrib}
     cameras = {item.get("id"): item.get("label") for item in root.iter("camera") if "label" in item.attrib}
-    image, point, xy, at = [], [], [], []
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     number = 0
     for item in root.iter("marker"):
         for location in item.findall("location"):
@@ -230,6 +235,6 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
                 )
             point.append(name)
             image.append(seen_in)
-            xy.append([number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy"])
+            xy.extend(number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy")
             at.append(number)
-    return image_points_of(path, image, point, xy, at)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)

@@ -5,12 +5,14 @@ Coordinates and angles are of the CRS and the grid that the export was made in.
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
@@ -26,15 +28,16 @@ def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: fields missing, angles that are not those of the rotation beside them.
     """
-    image, values, at = [], [], []
-    for number, line in enumerate(lines(path), start=1):
+    image: list[str] = []
+    values, at = array("d"), array("q")
+    for number, line in numbered_lines(path):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         fields = line.split("\t") if "\t" in line else line.split()
         image.append(fields[0].strip())
-        values.append(numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements"))
+        values.extend(numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements"))
         at.append(number)
-    table = np.array(values).reshape(-1, 15)
+    table = table_of(values, 15)
     angles = degrees_of_rotations(path, table[:, 6:].reshape(-1, 3, 3).transpose(0, 2, 1), image, at)
     away = np.abs((angles - table[:, 3:6] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
     if (away > _SAME_DEG).any():

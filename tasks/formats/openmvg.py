@@ -11,6 +11,7 @@ Tangential terms t1, t2 are p1, p2.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from tasks.errors import InputError
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_records import CV_AXES, degrees_of_rotations, exposures_of, image_points_of
 from tasks.formats.records import (
     AngleOrder,
@@ -115,7 +117,7 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
     """
     file = _opened(path)
     names = {view["id_view"].whole(): view["filename"].text() for view in _views(file)}
-    image, point, xy = [], [], []
+    image, point, xy = LongNames(), LongNames(), array("d")
     for key, prefix in (("structure", ""), ("control_points", "cp")):
         for one in file[key].items() if file.has(key) else []:
             name = f"{prefix}{one['key'].whole()}"
@@ -127,12 +129,13 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
                     )
                 image.append(view)
                 point.append(name)
-                xy.append(seen["value"]["x"].numbers(2))
-    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+                xy.extend(seen["value"]["x"].numbers(2))
+    table = table_of(xy, 2)
+    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
 
 
 def _opened(path: Path) -> JsonValue:
-    found = json_value(path, read_bytes(path))
+    found = json_value(path, read_bytes(path, "document"))
     if not found.has("sfm_data_version"):
         raise InputError("This is no sfm_data.json.", "Check that it is the file of OpenMVG.", file=path)
     return found

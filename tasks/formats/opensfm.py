@@ -13,6 +13,7 @@ A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point.
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,8 @@ from adjust.geometry.rotation import exp
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,
@@ -126,16 +128,16 @@ def read_opensfm_tracks(path: Path) -> ImagePointRecords:
     InputError
         With file and line: another version of the file, fields missing.
     """
-    rows = lines(path)
-    if not _TRACKS.match(rows[0].strip()):
+    rows = numbered_lines(path)
+    if not _TRACKS.match(next(rows)[1].strip()):
         raise InputError(
             "The file does not begin with OPENSFM_TRACKS_VERSION_v1 or v2.",
             "Check that it is tracks.csv.",
             file=path,
             line=1,
         )
-    image, point, xy, at = [], [], [], []
-    for number, line in enumerate(rows[1:], start=2):
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    for number, line in rows:
         if not line.strip():
             continue
         fields = line.split("\t")
@@ -143,9 +145,9 @@ def read_opensfm_tracks(path: Path) -> ImagePointRecords:
         image.append(fields[0])
         point.append(fields[1])
         # Their y counts downwards.
-        xy.append([x, 0.0 - y])
+        xy.extend((x, 0.0 - y))
         at.append(number)
-    return image_points_of(path, image, point, xy, at)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
 
 
 def read_odm_control(path: Path) -> ControlRecords:
@@ -156,9 +158,9 @@ def read_odm_control(path: Path) -> ControlRecords:
     InputError
         With file and line: fields missing, a name with two different coordinates.
     """
-    crs, entries = _gcp_list(path)
+    crs, rows = _with_crs(path)
     found: dict[str, tuple[list[float], int]] = {}
-    for name, position, _, _, number in entries:
+    for name, position, _, _, number in _gcp_list(path, rows):
         known = found.setdefault(name, (position, number))
         if not np.array_equal(known[0], position, equal_nan=True):
             raise InputError(
@@ -181,21 +183,20 @@ def read_odm_measurements(path: Path) -> ImagePointRecords:
     InputError
         With file and line: fields missing.
     """
-    _, entries = _gcp_list(path)
-    return image_points_of(
-        path,
-        [image for _, _, _, image, _ in entries],
-        [name for name, *_ in entries],
-        [xy for _, _, xy, _, _ in entries],
-        [number for *_, number in entries],
-    )
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    for name, _, column_row, seen_in, number in _gcp_list(path, _with_crs(path)[1]):
+        image.append(seen_in)
+        point.append(name)
+        xy.extend(column_row)
+        at.append(number)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
 
 
-def _gcp_list(path: Path) -> tuple[str, list[tuple[str, list[float], list[float], str, int]]]:
-    """CRS, and of every line name, coordinates, pixel, image and number."""
-    found = []
+def _gcp_list(
+    path: Path, rows: Iterator[tuple[int, str]]
+) -> Iterator[tuple[str, list[float], list[float], str, int]]:
+    """Of every line name, coordinates, pixel, image and number."""
     names: dict[tuple[float, ...], str] = {}
-    crs, rows = _with_crs(path)
     for number, line in rows:
         fields = line.split("\t") if line.count("\t") >= 5 else line.split()
         x, y = numbers_of(path, fields, 2, number, "x, y, z, column, row, image")
@@ -208,8 +209,7 @@ def _gcp_list(path: Path) -> tuple[str, list[tuple[str, list[float], list[float]
         key = (x, y, -1e15 if np.isnan(height) else height)
         name = fields[6].strip() if len(fields) > 6 and fields[6].strip() else None
         name = name or names.setdefault(key, f"gcp{len(names) + 1}")
-        found.append((name, [x, y, height], column_row, fields[5].strip(), number))
-    return crs, found
+        yield name, [x, y, height], column_row, fields[5].strip(), number
 
 
 def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -221,23 +221,28 @@ def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
         With file and line: fields missing.
     """
     crs, rows = _with_crs(path)
-    image, position, at = [], [], []
+    image: list[str] = []
+    position, at = array("d"), array("q")
     for number, line in rows:
         fields = line.split()
         image.append(fields[0])
-        position.append(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
+        position.extend(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
         at.append(number)
     return exposures_of(
-        path, image, position, np.full((len(image), 3), np.nan), at, states=FileStatement(crs=crs)
+        path,
+        image,
+        table_of(position, 3),
+        np.full((len(image), 3), np.nan),
+        at,
+        states=FileStatement(crs=crs),
     )
 
 
 def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:
     """The CRS of the first line as PROJ understands it, and the other lines that say anything."""
-    rows = [
-        (k, line) for k, line in enumerate(lines(path), start=1) if line.strip() and line.strip()[0] != "#"
-    ]
-    first = rows[0][1].strip() if rows else ""
+    rows = ((k, line) for k, line in numbered_lines(path) if line.strip() and line.strip()[0] != "#")
+    at, first = next(rows, (1, ""))
+    first = first.strip()
     utm = _UTM.match(first)
     if utm is not None:
         crs = f"+proj=utm +zone={utm.group(1)} {'+south ' if utm.group(2).upper() == 'S' else ''}+datum=WGS84"
@@ -250,9 +255,9 @@ def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:
             "The first line does not state a CRS.",
             'It is "EPSG:NUMBER", "WGS84", "WGS84 UTM 32N" or a text for PROJ.',
             file=path,
-            line=rows[0][0] if rows else 1,
+            line=at,
         )
-    return crs, iter(rows[1:])
+    return crs, rows
 
 
 def _reconstruction(path: Path) -> Mapping[str, object]:

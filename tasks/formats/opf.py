@@ -13,6 +13,7 @@ Cameras of a rig are read as they are calibrated, each for itself.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PureWindowsPath
@@ -25,6 +26,7 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.opf_tracks import Tracks, tracks_of
 from tasks.formats.packed_folder import PackedFolder, packed_folder
 from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, image_points_of
@@ -161,19 +163,21 @@ def read_opf_image_points(path: Path) -> ImagePointRecords:
     project = _Project(path)
     names = project.images()
     points = project.optional("input_control_points", "input-control-points")
-    image, point, xy = [], [], []
+    image, point, xy = LongNames(), LongNames(), array("d")
     for kind in ("gcps", "mtps"):
         for one in points[kind].items() if points is not None and points.has(kind) else []:
             for mark in one["marks"].items():
                 image.append(_named(mark["camera_id"], names))
                 point.append(one["id"].text())
-                xy.append(mark["position_px"].numbers(2))
+                xy.extend(mark["position_px"].numbers(2))
     tracks = project.tracks()
     if tracks is not None:
-        image += [_name_of(number, names, path) for number in tracks.camera]
-        point += [f"tie{number + 1}" for number in tracks.point.tolist()]
-        xy += tracks.xy.tolist()
-    return image_points_of(path, image, point, xy, range(1, len(image) + 1))
+        for number, tie in zip(tracks.camera, tracks.point.tolist(), strict=True):
+            image.append(_name_of(number, names, path))
+            point.append(f"tie{tie + 1}")
+        xy.frombytes(tracks.xy.tobytes())
+    table = table_of(xy, 2)
+    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
 
 
 class _Project:

@@ -10,18 +10,22 @@ hand; how many points are known in plan, height and both is said.
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
-from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, number_of, numbers_of
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
+from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, FileStatement
 
 _WIDTH = 16
 _END = "-99"
+_UNKNOWN = (np.nan, np.nan, np.nan)
 
 
 def read_patb_orientations(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -32,32 +36,40 @@ def read_patb_orientations(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: records that are cut off, or nine numbers that are no rotation.
     """
-    given = [(number, line) for number, line in enumerate(lines(path), start=1) if line.strip()]
-    given = [(number, line) for number, line in given if line.split() != [_END]]
-    if len(given) % 3:
-        raise InputError(
-            f"There are {len(given)} lines, and every image has three.",
-            "The file may have been cut off: deliver it again.",
-            file=path,
-            line=given[-1][0],
-        )
     image: list[str] = []
-    position: list[list[float]] = []
-    rotation: list[list[float]] = []
-    at: list[int] = []
-    for (number, first), (number_2, second), (number_3, third) in zip(
-        given[::3], given[1::3], given[2::3], strict=True
-    ):
+    position, rotation, at = array("d"), array("d"), array("q")
+    for (number, first), (number_2, second), (number_3, third) in _by_threes(path):
         name, coordinates = _station(path, first, number)
         elements = numbers_of(path, _fields(second, 5), 5, number_2, "five elements of a rotation")
         elements += numbers_of(path, _fields(third, 4), 4, number_3, "four elements of a rotation")
         image.append(name)
-        position.append(coordinates)
-        rotation.append(elements)
+        position.extend(coordinates)
+        rotation.extend(elements)
         at.append(number)
-    angles = degrees_of_rotations(path, np.array(rotation), image, at)
+    angles = degrees_of_rotations(path, table_of(rotation, 9), image, at)
     states = FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, position, angles, at, unit="deg", states=states)
+    return exposures_of(path, image, table_of(position, 3), angles, at, unit="deg", states=states)
+
+
+def _by_threes(path: Path) -> Iterator[list[tuple[int, str]]]:
+    """The three lines of every image."""
+    record: list[tuple[int, str]] = []
+    count = 0
+    for number, line in numbered_lines(path):
+        if not line.strip() or line.split() == [_END]:
+            continue
+        record.append((number, line))
+        count += 1
+        if len(record) == 3:
+            yield record
+            record = []
+    if record:
+        raise InputError(
+            f"There are {count} lines, and every image has three.",
+            "The file may have been cut off: deliver it again.",
+            file=path,
+            line=record[-1][0],
+        )
 
 
 def _station(path: Path, line: str, number: int) -> tuple[str, list[float]]:
@@ -86,39 +98,37 @@ def read_patb_control(path: Path) -> ControlRecords:
     InputError
         With file and line: a point twice in a list, fields that are no numbers.
     """
-    plan: dict[str, tuple[int, list[float]]] = {}
-    height: dict[str, tuple[int, float]] = {}
+    rows: dict[str, int] = {}
+    position, at = array("d"), array("q")
     lists = 0
-    for number, line in enumerate(lines(path), start=1):
+    for number, line in numbered_lines(path):
         fields = line.split()
         if not fields or fields[0].startswith("#"):
             continue
         if fields[0] == _END:
             lists += 1
             continue
-        values = [number_of(path, text, number, "a coordinate") for text in fields[1:]]
+        values = numbers_of(path, fields[1:], len(fields) - 1, number, "a coordinate")
         name, own = fields[0], len(values) - _has_group(fields[1:], 2 if lists == 0 else 1)
-        if own == 0 or own > 3 or name in (plan if lists == 0 else height):
+        row = rows.setdefault(name, len(at))
+        if row == len(at):
+            at.append(number)
+            position.extend(_UNKNOWN)
+        twice = not np.isnan(position[3 * row + (0 if lists == 0 else 2)])
+        if own == 0 or own > 3 or twice:
             raise InputError(
-                f"The point has {own} coordinates."
-                if name not in plan
-                else "The point is in this list twice.",
+                "The point is in this list twice." if twice else f"The point has {own} coordinates.",
                 "The first list has points with X and Y, the second with Z.",
                 file=path,
                 line=number,
                 entity=name,
             )
         if own >= 2:
-            plan[name] = (number, values[:2])
+            position[3 * row : 3 * row + 2] = array("d", values[:2])
         if own != 2:
-            height[name] = (number, values[own - 1])
-    names = list(dict.fromkeys((*plan, *height)))
-    missing: list[float] = [np.nan, np.nan]
-    position = np.array(
-        [[*plan.get(n, (0, missing))[1], height.get(n, (0, np.nan))[1]] for n in names]
-    ).reshape(-1, 3)
-    at = [plan[name][0] if name in plan else height[name][0] for name in names]
-    return control_of(path, names, position, at, remarks=(_counted(path, position),))
+            position[3 * row + 2] = values[own - 1]
+    table = table_of(position, 3)
+    return control_of(path, list(rows), table, at, remarks=(_counted(path, table),))
 
 
 def _has_group(texts: list[str], usual: int) -> bool:

@@ -7,22 +7,19 @@ project file declares: µm in old PATB projects, else mm.
 
 from __future__ import annotations
 
-import csv
-import io
-import re
+from array import array
+from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-
 from tasks.errors import InputError
-from tasks.formats.plain_lines import text_of
-from tasks.formats.plain_records import image_points_of
+from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.plain_lines import pieces_of_lines
+from tasks.formats.plain_records import image_points_of, numbers_of
 from tasks.formats.records import ImagePointRecords
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted
 
 _END = "-99"
-_COMMENT = re.compile(r"#[^\n]*")
 
 
 def read_photo_lists(path: Path) -> ImagePointRecords:
@@ -33,51 +30,55 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
     InputError
         With file and line: a point without two coordinates; a list that does not end.
     """
-    import pandas as pd
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    photo, first = "", 1
+    for lines in pieces_of_lines(path):
+        texts: list[str] = []
+        begin = len(at)
+        for number, line in enumerate(lines, start=first):
+            words = (line if "#" not in line else line.partition("#")[0]).split(None, 3)
+            if not words:
+                continue
+            if words[0] == _END:
+                photo = ""
+            elif not photo:
+                photo = words[0]
+            elif len(words) < 3:
+                raise _no_coordinates(path, words[0], number)
+            else:
+                image.append(photo)
+                point.append(words[0])
+                texts += words[1:3]
+                at.append(number)
+        xy.extend(_coordinates(path, texts, at[begin:], lines, first))
+        first += len(lines)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
 
-    # Emptied, and not left to the parser, which would not count their lines.
-    text = _COMMENT.sub("", text_of(path))
-    width = max(len(line.split()) for line in text.split("\n"))
-    if width < 3:
-        raise InputError(
-            "The file has no line with point, x and y.", "Check that it is a file of image points.", file=path
-        )
-    names = [str(k) for k in range(width)]
+
+def _coordinates(
+    path: Path, texts: list[str], at: array[int], lines: list[str], first: int
+) -> Iterable[float]:
+    """X and y of all rows, one behind the other."""
     try:
-        table = pd.read_csv(
-            io.StringIO(text),
-            sep=r"\s+",
-            header=None,
-            names=names,
-            usecols=names[:3],
-            dtype=str,
-            quoting=csv.QUOTE_NONE,
-            skip_blank_lines=False,
-            keep_default_na=False,
-            na_values=[""],
-        )
-    except pd.errors.ParserError as error:
-        raise InputError(
-            "The lines cannot be divided into fields.",
-            "Check that this is a file of image points.",
-            file=path,
-        ) from error
-    table = table[table["0"].notna()]
-    end = table["0"].to_numpy() == _END
-    first = np.concatenate([[True], end[:-1]]) & ~end
-    rows = np.flatnonzero(~end & ~first)
-    photo = np.maximum.accumulate(np.where(first, np.arange(len(table)), 0))[rows]
-    line = table.index.to_numpy(dtype=np.int64)[rows] + 1
-    given = table.iloc[rows]
-    xy = np.column_stack([pd.to_numeric(given[name], errors="coerce").to_numpy(float) for name in names[1:3]])
-    bad = ~(np.abs(xy) <= HUGE).all(axis=1)
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise InputError(
-            f"The point {quoted(str(given['0'].iloc[row]))} has no two coordinates.",
-            "Correct them; if this line is the first of a photo, the list above lacks its end, -99.",
-            file=path,
-            line=int(line[row]),
-        )
-    image = table["0"].iloc[photo].tolist()
-    return image_points_of(path, image, given["0"].tolist(), xy, line.tolist())
+        found = list(map(float, texts))
+    except ValueError:
+        found = []
+    # All at once, as nearly all are numbers; row by row to say which is none.
+    if len(found) == len(texts) and sum(map(abs, found)) <= HUGE and "_" not in "".join(texts):
+        return found
+    for row, number in enumerate(at):
+        try:
+            numbers_of(path, texts[2 * row : 2 * row + 2], 2, number, "x and y")
+        except InputError as error:
+            raise _no_coordinates(path, lines[number - first].split()[0], number) from error
+    # Each can be, and only all together are so much.
+    return map(float, texts)
+
+
+def _no_coordinates(path: Path, point: str, line: int) -> InputError:
+    return InputError(
+        f"The point {quoted(point)} has no two coordinates.",
+        "Correct them; if this line is the first of a photo, the list above lacks its end, -99.",
+        file=path,
+        line=line,
+    )

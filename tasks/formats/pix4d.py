@@ -11,11 +11,14 @@ The folder's ``…_tp_bingo.txt`` is read as ``bingo`` (mm, from the middle of t
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, PixelCamera
 
@@ -33,31 +36,25 @@ def read_pix4d_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: another header, fields missing.
     """
-    rows = lines(path)
-    if rows[0].lower().split() != _HEAD:
+    rows = numbered_lines(path)
+    if next(rows)[1].lower().split() != _HEAD:
         raise InputError(
             "The first line is not 'imageName X Y Z Omega Phi Kappa'.",
             "Check that this is …_calibrated_external_camera_parameters.txt.",
             file=path,
             line=1,
         )
-    image, values, at = [], [], []
-    for number, line in enumerate(rows[1:], start=2):
+    image: list[str] = []
+    values, at = array("d"), array("q")
+    for number, line in rows:
         fields = line.rsplit(maxsplit=6)
         if not fields:
             continue
-        values.append(numbers_of(path, fields[1:], 6, number, "X, Y, Z, ω, φ, κ"))
+        values.extend(numbers_of(path, fields[1:], 6, number, "X, Y, Z, ω, φ, κ"))
         image.append(fields[0].strip())
         at.append(number)
-    return exposures_of(
-        path,
-        image,
-        [row[:3] for row in values],
-        [row[3:] for row in values],
-        at,
-        unit="deg",
-        states=FileStatement(order="omega-phi-kappa"),
-    )
+    table, states = table_of(values, 6), FileStatement(order="omega-phi-kappa")
+    return exposures_of(path, image, table[:, :3], table[:, 3:], at, unit="deg", states=states)
 
 
 def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -68,8 +65,8 @@ def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
     InputError
         With file and line: another header, numbers missing, or pixels that are not square.
     """
-    rows = lines(path)
-    if rows[0].strip() != _CAMERA_HEAD:
+    rows = numbered_lines(path)
+    if next(rows)[1].strip() != _CAMERA_HEAD:
         raise InputError(
             f"The first line is not '{_CAMERA_HEAD}'.",
             "Check that this is …_calibrated_camera_parameters.txt.",
@@ -77,17 +74,21 @@ def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
             line=1,
         )
     # The head explains the lines of an image, and ends with an empty line.
-    begin = next((k for k, row in enumerate(rows) if not row.strip()), len(rows))
-    filled = [(k, row.split()) for k, row in enumerate(rows, start=1) if k > begin and row.strip()]
+    next((number for number, row in rows if not row.strip()), None)
+    filled = ((number, row.split()) for number, row in rows if row.strip())
     known: dict[str, PixelCamera] = {}
-    for at in range(0, len(filled), _LINES_OF_CAMERA + 1):
-        number, words = filled[at]
-        if len(words) < 3 or at + _LINES_OF_CAMERA >= len(filled):
+    seen: set[tuple[object, ...]] = set()
+    for number, words in filled:
+        body = list(islice(filled, _LINES_OF_CAMERA))
+        if len(words) < 3 or len(body) < _LINES_OF_CAMERA:
             raise InputError(
                 "An image is not complete.", "The file may have been cut off: deliver it again.", path, number
             )
-        camera = _camera(path, number, words, filled[at + 1 : at + 6])
-        if camera not in known.values():
+        camera = _camera(path, number, words, body)
+        values = (camera.columns, camera.rows, camera.focal_length_px, camera.principal_point_px)
+        different = (*values, *sorted(camera.additional_parameters.items()))
+        if different not in seen:
+            seen.add(different)
             known[" ".join(words[:-2])] = camera
     if not known:
         raise InputError("There is no camera in the file.", "Deliver the file again.", file=path)

@@ -1,7 +1,9 @@
-"""Text files of other programs as a whole, whatever their encoding and line ends."""
+"""Text files of other programs, whatever their encoding and line ends."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from tasks.formats.text_lines import DeliveredLines
@@ -15,17 +17,35 @@ def text_of(path: Path) -> str:
     InputError
         If the file is missing, empty, or has lines of a length that no row has.
     """
-    # Files mix CR LF with "CR blank LF"; alone, CR ends lines.
-    text = DeliveredLines.of(path, lone_return=b"")
-    return b"".join(text.pieces()).decode("utf-8" if text.is_utf8 else "latin-1")
+    return "\n".join(line for some in pieces_of_lines(path) for line in some)
 
 
-def lines(path: Path) -> list[str]:
-    """The lines of a file; line k of an editor is element k − 1.
+def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of every line, from 1; only a piece of the file is in memory.
 
     Raises
     ------
     InputError
         As `text_of`.
     """
-    return text_of(path).split("\n")
+    return enumerate(chain.from_iterable(pieces_of_lines(path)), start=1)
+
+
+def pieces_of_lines(path: Path) -> Iterator[list[str]]:
+    """The lines of a file, some thousands together; behind the last line feed stands one more, empty line.
+
+    Raises
+    ------
+    InputError
+        As `text_of`.
+    """
+    # Files mix CR LF with "CR blank LF"; alone, CR ends lines.
+    text = DeliveredLines.of(path, lone_return=b"")
+    encoding = "utf-8" if text.is_utf8 else "latin-1"
+    rest = b""
+    for piece in text.pieces():
+        # Where a quotation mark stays open, a piece ends within a line.
+        whole, feed, rest = (rest + piece).rpartition(b"\n")
+        if feed:
+            yield whole.decode(encoding).split("\n")
+    yield [rest.decode(encoding)]

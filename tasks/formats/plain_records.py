@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Bools, Floats
@@ -15,6 +16,7 @@ from adjust.geometry.rotation import to_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.files.delivered_file import file_limits
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.formats.text_table import first_trouble
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
 
@@ -204,7 +206,15 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
             file=path,
             line=line,
         )
-    return [number_of(path, text, line, what) for text in texts[:count]]
+    wanted = texts[:count]
+    try:
+        found = list(map(float, wanted))
+    except ValueError:
+        found = []
+    # All at once, as nearly all are numbers; one by one to say which is none.
+    if sum(map(abs, found)) <= HUGE and len(found) == count and "_" not in "".join(wanted):
+        return found
+    return [number_of(path, text, line, what) for text in wanted]
 
 
 def _refuse_none(path: Path, count: int, what: str) -> None:
@@ -219,11 +229,11 @@ def _kept_once(
 ) -> pa.DictionaryArray:
     if not isinstance(names, pa.DictionaryArray):
         return _names(path, names, line).dictionary_encode()
-    for code, name in enumerate(names.dictionary.to_pylist()):
-        trouble = _trouble(name)
-        if trouble is not None:
-            row = int(np.argmax(names.indices.to_numpy() == code))
-            raise InputError(trouble, _REMEDY, file=path, line=int(line[row]))
+    empty = pc.index(names.dictionary, "").as_py()
+    found = first_trouble(names.dictionary) if empty < 0 else (empty, _trouble(""))
+    if found is not None:
+        row = pc.index(names.indices, found[0]).as_py()
+        raise InputError(found[1] or "", _REMEDY, file=path, line=int(line[row]))
     return names
 
 

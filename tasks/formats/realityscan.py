@@ -8,14 +8,16 @@ export and does not stand in the file.
 from __future__ import annotations
 
 import csv
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from adjust.geometry.rotation import about_x, about_y, about_z
 from tasks.errors import InputError
-from tasks.formats.plain_lines import lines
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of, number_of
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
+from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
 _NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll")
@@ -29,8 +31,8 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
     InputError
         With file and line: columns or fields missing.
     """
-    rows = lines(path)
-    head = [name.strip().lower() for name in rows[0].lstrip("#").split(",")]
+    rows = numbered_lines(path)
+    head = [name.strip().lower() for name in next(rows)[1].lstrip("#").split(",")]
     missing = [name for name in _NEEDED if name not in head]
     if missing:
         raise InputError(
@@ -40,8 +42,9 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
             line=1,
         )
     places = [head.index(name) for name in _NEEDED]
-    image, values, at = [], [], []
-    for number, line in enumerate(rows[1:], start=2):
+    image: list[str] = []
+    values, at = array("d"), array("q")
+    for number, line in rows:
         if not line.strip():
             continue
         fields = next(csv.reader([line]))
@@ -53,9 +56,11 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
                 line=number,
             )
         image.append(fields[places[0]].strip())
-        values.append([number_of(path, fields[place], number, head[place]) for place in places[1:]])
+        values.extend(
+            numbers_of(path, [fields[place] for place in places[1:]], 6, number, ", ".join(_NEEDED[1:]))
+        )
         at.append(number)
-    table = np.array(values).reshape(-1, 6)
+    table = table_of(values, 6)
     heading, pitch, roll = np.radians(table[:, 3:]).T
     angles = degrees_of_rotations(path, about_z(-heading) @ about_x(pitch) @ about_y(roll), image, at)
     states = FileStatement(order="omega-phi-kappa")

@@ -9,6 +9,7 @@ PPP.
 from __future__ import annotations
 
 import re
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,15 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.calendar_time import seconds_of_date
-from tasks.formats.plain_lines import lines
-from tasks.formats.plain_records import number_of
+from tasks.formats.long_columns import table_of
+from tasks.formats.plain_lines import numbered_lines
+from tasks.formats.plain_records import number_of, numbers_of
 from tasks.formats.records import FileStatement
 from tasks.formats.sbet import SHORTEST_STEP_S, WEEK_S
 from tasks.formats.trajectory_records import SOLUTIONS, Clock, TrajectoryRecords
 
 _QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp"}
+_SOLUTION = np.array([-1, *(SOLUTIONS.index(name) for name in _QUALITY.values())])
 _PLACE = ("latitude(deg)", "longitude(deg)", "height(m)")
 _SIGMA = ("sde(m)", "sdn(m)", "sdu(m)")
 _VELOCITY = ("ve(m/s)", "vn(m/s)", "vu(m/s)")
@@ -39,10 +42,8 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
         With file and line: headings or fields missing, another clock, times that do not ascend.
     """
     head: list[str] = []
-    time: list[float] = []
-    values: list[list[float]] = []
-    at: list[int] = []
-    for number, line in enumerate(lines(path), start=1):
+    time, values, at = array("d"), array("d"), array("q")
+    for number, line in numbered_lines(path):
         if line.startswith("%"):
             named = _split(line.lstrip("%"))
             head = named if "Q" in named else head
@@ -53,6 +54,8 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
             raise _no_heading(path, number)
         if not at:
             _refuse_headings(path, head, number)
+            # The time is one heading and two fields.
+            places = [head.index(name) + 1 for name in _names(head)]
         fields = _split(line)
         if len(fields) < len(head) + 1:
             raise InputError(
@@ -62,21 +65,19 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
                 line=number,
             )
         time.append(_time(path, fields, number))
-        # The time is one heading and two fields.
-        values.append([number_of(path, text, number, name) for name, text in _named(head, fields)])
+        values.extend(numbers_of(path, [fields[k] for k in places], len(places), number, "a solution"))
         at.append(number)
     if not at:
         raise InputError("There is no solution in the file.", "Deliver it again.", file=path)
-    return _records(path, head, np.array(time), np.array(values), at)
+    return _records(path, head, np.array(time), table_of(values, len(places)), at)
 
 
 def _split(line: str) -> list[str]:
     return _FIELDS.split(line.strip())
 
 
-def _named(head: list[str], fields: list[str]) -> list[tuple[str, str]]:
-    wanted = (*_NEEDED, *_SIGMA, *_VELOCITY)
-    return [(name, fields[head.index(name) + 1]) for name in wanted if name in head]
+def _names(head: list[str]) -> list[str]:
+    return [name for name in (*_NEEDED, *_SIGMA, *_VELOCITY) if name in head]
 
 
 def _time(path: Path, fields: list[str], line: int) -> float:
@@ -113,8 +114,8 @@ def _refuse_headings(path: Path, head: list[str], line: int) -> None:
         )
 
 
-def _records(path: Path, head: list[str], time: Floats, values: Floats, at: list[int]) -> TrajectoryRecords:
-    names = [name for name in (*_NEEDED, *_SIGMA, *_VELOCITY) if name in head]
+def _records(path: Path, head: list[str], time: Floats, values: Floats, at: array[int]) -> TrajectoryRecords:
+    names = _names(head)
 
     def columns(wanted: tuple[str, ...]) -> Floats | None:
         if not set(wanted) <= set(names):
@@ -146,6 +147,6 @@ def _records(path: Path, head: list[str], time: Floats, values: Floats, at: list
         np.column_stack([longitude, latitude, values[:, 2]]),
         columns(_VELOCITY),
         sigma_position=None if sigma is None else np.where(sigma > 0.0, sigma, np.nan),
-        solution=np.array([SOLUTIONS.index(_QUALITY[int(code)]) for code in quality]),
+        solution=_SOLUTION[quality.astype(np.int64)],
         states=FileStatement(heights="ellipsoidal"),
     )

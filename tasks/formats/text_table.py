@@ -73,7 +73,7 @@ class TextTable:
         if not may_be_empty and column.null_count:
             row = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
             raise self._error(row, f"The column '{name}' is empty here.", "Fill it in.")
-        found = _first_trouble(column.dictionary)
+        found = first_trouble(column.dictionary)
         if found is not None:
             number, trouble = found
             row = pc.index(column.indices, number).as_py()
@@ -149,8 +149,8 @@ class TextTable:
         return InputError(what, remedy, file=self.layout.file, line=int(self.line[row]))
 
 
-def _first_trouble(names: pa.Array) -> tuple[int, str] | None:
-    """Number of the first name that nobody can read, and why; None: all are names."""
+def first_trouble(names: pa.Array) -> tuple[int, str] | None:
+    """Number of the first of distinct names that nobody can read, and why; None: all are names."""
     for begin in range(0, len(names), _MANY):
         some = names.slice(begin, _MANY)
         # Nearly all are ordinary, which is known for all of them at once.

@@ -6,7 +6,11 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import file_limits
 from tasks.formats.text_table import read_bytes
+
+# Characters that are parsed together.
+_PIECE = 100_000
 
 
 def parsed_xml(path: Path) -> ElementTree.Element:
@@ -17,7 +21,7 @@ def parsed_xml(path: Path) -> ElementTree.Element:
     InputError
         If the file is no well-formed XML, or declares document types or entities.
     """
-    return parsed_xml_content(path, read_bytes(path, "document"))
+    return _parsed(path, _plain_text(path, read_bytes(path, "document"), None), None)
 
 
 def parsed_xml_content(path: Path, content: bytes, entity: str | None = None) -> ElementTree.Element:
@@ -26,12 +30,22 @@ def parsed_xml_content(path: Path, content: bytes, entity: str | None = None) ->
     Raises
     ------
     InputError
-        As `parsed_xml`.
+        As `parsed_xml`; if it is larger than a document.
     """
-    text = _plain_text(path, content, entity)
+    trouble = file_limits().trouble(path, len(content), "document")
+    if trouble is not None:
+        raise trouble
+    return _parsed(path, _plain_text(path, content, entity), entity)
+
+
+def _parsed(path: Path, text: str, entity: str | None) -> ElementTree.Element:
+    parser = ElementTree.XMLParser()
     try:
-        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
-        return ElementTree.fromstring(text)
+        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed. In pieces,
+        # as the parser keeps what it is given several times.
+        for begin in range(0, len(text), _PIECE):
+            parser.feed(text[begin : begin + _PIECE])
+        return parser.close()
     except ElementTree.ParseError as error:
         raise InputError(
             f"This is not well-formed XML ({error.msg}).",
