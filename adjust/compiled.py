@@ -75,9 +75,7 @@ def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     A call hands over every array as seven numbers: for one ray that would cost more than the lines do.
     """
-    return _compiled_once(
-        numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(function)
-    )
+    return _compiled_once(numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(function))
 
 
 def _compiled_once(dispatcher: Any) -> Callable[..., Any]:
