@@ -3,19 +3,30 @@
 numba's own cache looks at the file of a kernel only: after a change in a callee elsewhere it would
 serve stale machine code. The cache folder therefore carries a digest of every source file of
 ``adjust`` in its name, so any change compiles afresh.
+
+Processes that need the same kernel at the same time compile it once: one compiles, the others wait for
+its machine code. numba's own cache would have each compile it, and the last one to end would drop from the
+index what the others have added.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numba
 import platformdirs
+from numba.core.compiler_lock import global_compiler_lock
+
+#: How often it is looked whether another process has compiled a kernel, s.
+_LOOK_S = 0.02
 
 
 def source_digest() -> str:
@@ -56,8 +67,7 @@ def is_warm() -> bool:
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of arrays and numbers on its first call; cached, no fastmath, GIL released."""
-    compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    return compiled
+    return _compiled_once(numba.njit(cache=True, error_model="numpy", nogil=True)(function))
 
 
 def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -65,7 +75,51 @@ def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     A call hands over every array as seven numbers: for one ray that would cost more than the lines do.
     """
-    compiled: Callable[..., Any] = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(
-        function
-    )
-    return compiled
+    return _compiled_once(numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(function))
+
+
+def _compiled_once(dispatcher: Any) -> Callable[..., Any]:
+    """The kernel, which only one process at a time compiles or loads."""
+    own_compile = getattr(dispatcher, "compile", None)
+    if own_compile is not None:  # None: NUMBA_DISABLE_JIT is set
+        name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
+
+        def compile_or_load(signature: Any) -> Any:
+            # numba's own lock first: otherwise two threads could each hold what the other one waits for.
+            with global_compiler_lock, _lock_of(name):
+                return own_compile(signature)
+
+        dispatcher.compile = compile_or_load
+    kernel: Callable[..., Any] = dispatcher
+    return kernel
+
+
+@contextmanager
+def _lock_of(name: str) -> Iterator[None]:
+    """Hold the operating system's lock of a kernel; none where the cache folder cannot be written."""
+    try:
+        handle = os.open(CACHE_FOLDER / f"{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError:
+        yield
+        return
+    try:
+        # Not in the system call: a signal that comes just before it would be heard of only after it.
+        while not _locked(handle):
+            time.sleep(_LOOK_S)
+        yield
+    finally:
+        # A forked process shares the lock, so closing alone would not end it.
+        with suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_UN)
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    """Whether there is nothing to wait for any more: the lock is held, or the file system has no locks."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 import subprocess
@@ -40,6 +41,17 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # The same examples in every run, and no test that fails because the machine has other work.
 hypothesis.settings.register_profile("aerocal", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("aerocal")
+
+
+def pytest_collection_finish() -> None:
+    """Keep the collector of cycles from what lives to the end anyway; the command does the same.
+
+    By default it looks after every 700 new objects, and one table of pandas makes more.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000)
+
 
 #: A small valid project.
 PROJECT = """

@@ -50,14 +50,18 @@ def replace_in(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
+def environment_of(folder: Path, cache: Path) -> dict[str, str]:
+    """That of a process with these sources and this cache."""
+    own = {"AEROCAL_KERNEL_CACHE": str(cache), "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    return {**os.environ, **own}
+
+
 def run(folder: Path, cache: Path) -> tuple[str, list[float]]:
     """Name of the cache folder and the heights, from a fresh process."""
-    environment = {**os.environ, "AEROCAL_KERNEL_CACHE": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment["PYTHONPATH"] = str(folder)
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM],
         cwd=folder,
-        env=environment,
+        env=environment_of(folder, cache),
         capture_output=True,
         text=True,
         check=True,
@@ -92,12 +96,40 @@ def test_without_the_digest_in_the_folder_name_stale_code_would_be_served(tmp_pa
     assert first == second == [100.0, 200.0]
 
 
+def test_processes_that_start_at_one_moment_compile_a_kernel_once(tmp_path: Path) -> None:
+    folder, cache, begin = copy_of_adjust(tmp_path / "sources"), tmp_path / "cache", tmp_path / "begin"
+    program = f"""
+import pathlib, sys, time
+import numpy as np
+from adjust.callee_kernel import height
+from adjust.caller_kernel import heights
+print("ready", flush=True)
+while not pathlib.Path({str(begin)!r}).exists():
+    time.sleep(0.001)
+assert heights(np.array([1000.0])) == [100.0]
+print(*(sum(one.stats.cache_misses.values()) for one in (height, heights)))
+"""
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", program],
+            env=environment_of(folder, cache),
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    assert [process.stdout.readline() for process in processes if process.stdout] == ["ready\n"] * 2
+    begin.touch()
+    compiled = sorted(process.communicate(timeout=120)[0] for process in processes)
+    assert compiled == ["0 0\n", "1 1\n"]
+
+
 def test_a_cache_that_cannot_be_written_gives_way_to_the_temporary_folder(tmp_path: Path) -> None:
     folder, occupied = copy_of_adjust(tmp_path / "sources"), tmp_path / "a_file"
     occupied.write_text("not a folder")
     program = "from adjust.compiled import CACHE_FOLDER; print(CACHE_FOLDER)"
-    environment = {**os.environ, "AEROCAL_KERNEL_CACHE": str(occupied), "TMPDIR": str(tmp_path)}
-    environment["PYTHONPATH"] = str(folder)
+    environment = {**environment_of(folder, occupied), "TMPDIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", program],
         cwd=folder,

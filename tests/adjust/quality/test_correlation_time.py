@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -189,10 +190,16 @@ def test_with_known_sigmas_the_most_likely_correlation_time_is_found() -> None:
     assert result.variance_components == ()
 
 
+@functools.cache
+def together(seed: int, seconds: float, factor: float) -> AdjustmentResult:
+    """Estimated correlation times of 12 s and 30 s, with the σ, from others."""
+    scene = four_strips(seed, gnss_s=12.0, ins_s=30.0)
+    return estimated(scene, with_times(scene.observations, seconds, factor), variance_components=True)
+
+
 def test_correlation_times_and_sigmas_are_found_together_from_wrong_ones() -> None:
-    for seed in (1, 2):
-        scene = four_strips(seed, gnss_s=12.0, ins_s=30.0)
-        result = estimated(scene, with_times(scene.observations, 60.0, 2.0), variance_components=True)
+    for seed, seconds in ((1, 60.0), (2, 200.0)):
+        result = together(seed, seconds, 2.0)
         assert result.test.sigma0 == pytest.approx(1.0, abs=0.02)
         times = {item.name: item for item in result.correlation_times}
         for name, truth in (("gnss_positions", 12.0), ("ins_attitudes", 30.0)):
@@ -208,11 +215,7 @@ def test_correlation_times_and_sigmas_are_found_together_from_wrong_ones() -> No
 
 
 def test_the_start_has_no_influence_on_what_is_found() -> None:
-    scene = four_strips(3, gnss_s=12.0, ins_s=30.0)
-    one, other = (
-        estimated(scene, with_times(scene.observations, seconds, factor), variance_components=True)
-        for seconds, factor in ((4.0, 1.0), (200.0, 2.0))
-    )
+    one, other = together(2, 4.0, 1.0), together(2, 200.0, 2.0)
     for first, second in zip(one.correlation_times, other.correlation_times, strict=True):
         assert second.seconds == pytest.approx(first.seconds, rel=0.05), first.name
     for a, b in zip(one.variance_components, other.variance_components, strict=True):
