@@ -5,20 +5,19 @@ from __future__ import annotations
 from flows.runs.stage import stage
 from flows.stories.block_preparation import PreparedBlock, prepare_block
 from tasks.documents.report.provenance import delivered_names
-from tasks.handover import declared
 from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.settings.trust_map import TrustMapSettings
-from tasks.stages import bundle_adjustment_stage, report, trust_map
+from tasks.stages import bundle_adjustment_stage, delivery, report, trust_map_stage
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store
 
 adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
-draw_trust_map = stage(trust_map.draw_trust_map)
+draw_trust_map = stage(trust_map_stage.draw_trust_map)
 write_report = stage(report.write_report)
 publish = stage(publishing.publish)
-deliver = stage(declared.deliver)
+write_deliveries = stage(delivery.deliver)
 
 
 def aerial_triangulation(project: Project, store: Store) -> Summary:
@@ -28,6 +27,11 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     stages = (*block.stages, adjusted, *trust_map_of(project, store, adjusted))
     summary = publish(store, project, (*stages, report_of(project, store, stages)))
     return deliver(store, project, summary)
+
+
+def deliver(store: Store, project: Project, summary: Summary) -> Summary:
+    """Write the deliveries that the project declares, if any."""
+    return write_deliveries(store, project, summary) if project.deliver else summary
 
 
 def adjusted_block(

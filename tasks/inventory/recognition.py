@@ -26,12 +26,14 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.register import (
+    ACCURACY_FORMATS,
     CAMERA_FORMATS,
     CONTROL_FORMATS,
     DISTANCE_FORMATS,
     EXPOSURE_FORMATS,
     IMAGE_POINT_FORMATS,
     TABLE,
+    TRAJECTORY_FORMATS,
     read_control,
     read_exposures,
     read_image_points,
@@ -111,10 +113,24 @@ def recognised(path: Path) -> FoundFile:
         tried = _shortened(path, beginning, Path(folder))
         found = _read_as_it_stands(tried, beginning) or _read_as_foreign_table(tried, beginning)
         if tried == path:
-            return FoundFile(path, tuple(found), "" if found else "no reader reads it")
+            return FoundFile(path, tuple(found), "" if found else _part_of_trajectory(path))
+        if not found:
+            return FoundFile(path, (), _part_of_trajectory(path))
     again = [_again(path, content) for content in found]
     contents = tuple(content for content in again if content is not None)
     return FoundFile(path, contents, "" if contents else "no reader reads it to its end")
+
+
+def _part_of_trajectory(path: Path) -> str:
+    """What a file is that is none by itself: a trajectory gives exposures at the moments of events only."""
+    for what, readers in (("trajectory", TRAJECTORY_FORMATS), ("accuracies", ACCURACY_FORMATS)):
+        for name, read in readers.items():
+            try:
+                read(path)
+            except InputError:
+                continue
+            return f"{name}: {what}; declare it with its events, see docs/import.md"
+    return "no reader reads it"
 
 
 def _shortened(path: Path, beginning: bytes, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""The trust map as a stage: ``trust_map.tif`` and its figures, which the gates test."""
+"""The trust map: ``trust_map.tif`` and its figures, which the gates test."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.trust_map import TrustMapSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, read_notes, write_notes
-from tasks.store.store import stored
 from tasks.tables.parquet import read_table
 from tasks.tables.schemas import TRUST_MAP_CELLS
 
@@ -25,16 +24,10 @@ _XYZ = ("x", "y", "z")
 _PLACES = ("row", "column", "x_m", "y_m", "z_m")
 
 
-@stored("trust_map")
-def draw_trust_map(
-    folder: Path, *, cells: Artifact, notes: Artifact, project: ProjectSettings, settings: TrustMapSettings
+def write_trust_map_raster(
+    folder: Path, cells: Artifact, notes: Artifact, project: ProjectSettings, settings: TrustMapSettings
 ) -> None:
-    """Write trust_map.tif: a band for every column of trust_map_cells.parquet.
-
-    Parameters
-    ----------
-    cells, notes : of the adjustment.
-    """
+    """Write trust_map.tif and its figures; see `tasks.stages.trust_map_stage`."""
     table, grid = read_table(cells), figures_of(read_notes(notes).figures).trust_map_grid
     assert grid is not None  # written together with the cells
     write_geotiff(

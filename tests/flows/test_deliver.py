@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -83,8 +84,10 @@ def test_a_refused_delivery_is_said_and_fails_its_gate(outcome: RunOutcome) -> N
     assert not (outcome.directory / "export" / "patb").exists()
 
 
-def test_a_folder_that_holds_something_else_is_left_alone(project_file: Path) -> None:
-    out = project_file.parent / "results"
+def test_a_folder_that_holds_something_else_is_left_alone(
+    project_file: Path, outcome: RunOutcome, tmp_path: Path
+) -> None:
+    out = Path(shutil.copytree(outcome.directory, tmp_path / "results"))
     own = out / "client" / "own"
     own.mkdir(parents=True)
     (own / "letter.txt").write_text("kept")
