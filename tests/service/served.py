@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from playwright.sync_api import Page
+
 from flows.server.api import Api
 from flows.server.server_process import SERVER_PASSWORD, free_port
 from flows.server.state_file import kept_password
@@ -62,6 +64,11 @@ class Served:
     def link(self) -> str:
         """What lets a browser in."""
         return (self.folder / "state" / "link").read_text().strip()
+
+    def let_in(self, page: Page) -> None:
+        """Open the link and wait until the browser has the cookie: a page asked for before is the door's."""
+        page.goto(self.link, timeout=60_000)
+        page.wait_for_url(f"http://127.0.0.1:{self.port}/v2/**", timeout=60_000)
 
     @property
     def api(self) -> Api:

@@ -94,8 +94,7 @@ def browser() -> Iterator[Browser]:
 def seen(server: Served, browser: Browser, tmp_path: Path) -> Iterator[Seen]:
     context = browser.new_context(viewport={"width": 1500, "height": 1000})
     door = context.new_page()
-    door.goto(server.link)
-    door.wait_for_url(f"http://127.0.0.1:{server.port}/v2/**")
+    server.let_in(door)
     door.close()
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)

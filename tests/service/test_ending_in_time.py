@@ -87,7 +87,7 @@ def test_while_a_form_is_open_in_a_browser(tmp_path: Path) -> None:
             executable_path=os.environ.get("CHROMIUM", "/usr/bin/chromium"), args=list(QUIET)
         )
         page = browser.new_page()
-        page.goto(server.link, wait_until="commit")
+        server.let_in(page)
         found = server.api.get(f"/deployments/name/{MANUAL}")
         page.goto(f"http://127.0.0.1:{server.port}/deployments/deployment/{found['id']}/run")
         page.get_by_text("project", exact=False).first.wait_for(timeout=60_000)

@@ -131,8 +131,7 @@ def known(server: Served) -> Iterator[BrowserContext]:
         chromium = playwright.chromium.launch(executable_path=program, args=rules)
         context = chromium.new_context()
         page = context.new_page()
-        page.goto(server.link)
-        page.wait_for_url(f"http://127.0.0.1:{server.port}/v2/**")
+        server.let_in(page)
         page.close()
         yield context
         chromium.close()
