@@ -97,9 +97,14 @@ def test_killed_additions_leave_the_registry_whole(tmp_path: Path) -> None:
         calibration = record(changed(number))
         file.write_text(SealedRecord.of(calibration).content, encoding="utf-8")
         process = aerocal(*words[:-1], calibration.digest)
+        began = time.monotonic()
         time.sleep(moments.uniform(0.5, 1.0) * whole)
         process.send_signal(signal.SIGKILL)
-        hits += ended(process)[0] == -signal.SIGKILL
+        if ended(process)[0] == -signal.SIGKILL:
+            hits += 1
+        else:
+            # The first one made the registry, or the machine was busier then.
+            whole = min(whole, 0.9 * (time.monotonic() - began))
         found = Registry.at(registry_address(str(place))).verified()
         assert not found.findings
         if hits == HITS:
