@@ -35,8 +35,9 @@ service-deps:
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils systemd
 
 # A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
+# Two at a time, because most of the time is waiting; no more, because some of them measure how long an end takes.
 service-test: $(STAMP)
-	$(BIN)/python -m pytest -m service -p no:randomly $(OPTIONS)
+	$(BIN)/python -m pytest -m service -p no:randomly --numprocesses 2 --dist loadfile $(OPTIONS)
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow $(OPTIONS)
