@@ -8,9 +8,9 @@ with ∇ the smallest error that its test finds. One solution of the normal equa
 a point, y = Q Fᵀ (the adjoint), gives this for all observations at once. Object points follow their
 exposures: y_p = −N_p⁻¹ Cᵀ y.
 
-Counted are positions, attitudes, control points and observed parameters with enough control: their effects
-change slowly over the ground, so that some hundred points are enough. Not counted are the image points of
-the block, whose effects are local, distances, and what is uncontrolled.
+The effects of positions, attitudes, control points and observed parameters change slowly over the ground,
+so that some hundred points are enough. Those of the image points of the block are local, see
+`adjust.trust_map.ray_errors`. Not counted are distances, and what is uncontrolled.
 """
 
 from __future__ import annotations
@@ -30,9 +30,24 @@ from adjust.solve.gauss_newton import Solution
 from adjust.solve.whitening import add_border_columns
 from adjust.trust_map.accuracy import JointSolution, new_rays
 from adjust.trust_map.cells import GroundCells, Sight
+from adjust.trust_map.ray_errors import BlockRays, images_around
 
 # Points that are solved for together.
 _TOGETHER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class BlockErrors:
+    """Largest effects of an undetected error in the block on k points, along the axes of the cells, metres.
+
+    Attributes
+    ----------
+    of_orientation : (k, 3) in a position, an attitude, a control point or an observed parameter.
+    of_rays : (k, 3) in an image point around the cell.
+    """
+
+    of_orientation: Floats
+    of_rays: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,28 +77,29 @@ class _Adjoint:
 
 def block_errors(
     solution: JointSolution, result: AdjustmentResult, cells: GroundCells, sight: Sight, chosen: Ints
-) -> Floats:
-    """Largest effects (k, 3) of an undetected error in the block on points in some cells (k,), metres.
-
-    Along the axes of the cells; the cells are seen by at least two images.
-    """
+) -> BlockErrors:
+    """Effects on points in some cells (k,), which at least two images see."""
     system = solution.system
     solved = Solution(solution.state, solution.factorization.normals, solution.factorization, ())
     groups = _groups(solution, result)
     touched = [term.index for item in groups for term in item.equations.terms if term.block == OBJECT_POINT]
     points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touched]))
     points = points[(points >= 0) & system.active_point[np.maximum(points, 0)]]
-    found = np.zeros((len(chosen), 3))
+    found = BlockErrors(np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3)))
     with threadpool_limits(limits=1):
         mixed = mixed_parts(system, solved, points)
+        around = images_around(sight.only(chosen), system.pattern)
+        rays = BlockRays.seen_from(around.image, solution, result.groups[0])
         for first in range(0, len(chosen), _TOGETHER):
             part = chosen[first : first + _TOGETHER]
             adjoint = _adjoint(solution, cells, sight, part, points, mixed)
             for item in groups:
                 effect = np.abs(_effects(solution, item, adjoint)).max(axis=(0, 1), initial=0.0)
-                found[first : first + len(part)] = np.maximum(
-                    found[first : first + len(part)], effect.reshape(-1, 3)
-                )
+                own = found.of_orientation[first : first + len(part)]
+                np.maximum(own, effect.reshape(-1, 3), out=own)
+            found.of_rays[first : first + len(part)] = rays.largest_effects(
+                around.only(np.arange(first, first + len(part))), adjoint.of_exposures, adjoint.of_border
+            )
     return found
 
 
@@ -103,9 +119,8 @@ def _adjoint(
 ) -> _Adjoint:
     """Y = Q Fᵀ for the coordinates of some cells (d,)."""
     system, d = solution.system, len(part)
-    rays = [np.arange(sight.start[j], sight.start[j + 1]) for j in part]
-    cell = np.repeat(np.arange(d), [len(own) for own in rays])
-    image = sight.image[np.concatenate(rays)]
+    seen = sight.only(part)
+    cell, image = np.repeat(np.arange(d), seen.rays), seen.image
     state = replace(solution.state, object_point=cells.x_in_local[part])
     equations = new_rays(system.observations.image_points, state, image, cell, 1.0).linearize(state)
     of = {term.block: term for term in equations.terms}

@@ -46,6 +46,14 @@ class Sight:
         """(m,) number of images that see each cell."""
         return np.diff(self.start)
 
+    def only(self, chosen: Ints) -> Sight:
+        """That of some cells (k,), in their order."""
+        count = self.rays[chosen]
+        start = np.append(0, np.cumsum(count))
+        return Sight(
+            start, self.image[np.repeat(self.start[chosen] - start[:-1], count) + np.arange(start[-1])]
+        )
+
 
 def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
     """The images in whose format each cell lies.

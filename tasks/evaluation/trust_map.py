@@ -12,7 +12,7 @@ from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.trust_map.accuracy import CellAccuracy, NewMeasurement, cell_accuracy, joint_solution
-from adjust.trust_map.block_errors import block_errors
+from adjust.trust_map.block_errors import BlockErrors, block_errors
 from adjust.trust_map.cells import Sight, sight_of
 from tasks.evaluation.ground_cells import MapCells, map_cells
 from tasks.evaluation.result_tables import AdjustedBlock, xyz_columns
@@ -56,7 +56,10 @@ def write_trust_map(
     accuracy = cell_accuracy(solution, ground, sight, measurement, result.cofactor.considered)
     chosen = cells.spread(_SOLVED_FOR)
     errors = block_errors(solution, result, ground, sight, chosen)
-    _write(folder, adjusted, cells, accuracy, cells.interpolated(chosen, errors))
+    everywhere = BlockErrors(
+        cells.interpolated(chosen, errors.of_orientation), cells.interpolated(chosen, errors.of_rays)
+    )
+    _write(folder, adjusted, cells, accuracy, everywhere)
     grid = cells.grid
     return TrustMapGrid(
         west_m=grid.west,
@@ -92,12 +95,11 @@ def _seen(cells: MapCells, sight: Sight) -> tuple[MapCells, Sight]:
     """The cells that at least two images see."""
     rays = sight.rays
     kept = rays >= 2
-    start = np.concatenate([[0], np.cumsum(rays[kept])]).astype(np.int64)
-    return cells.only(kept), Sight(start, sight.image[np.repeat(kept, rays)])
+    return cells.only(kept), sight.only(np.flatnonzero(kept))
 
 
 def _write(
-    folder: Path, adjusted: AdjustedBlock, cells: MapCells, accuracy: CellAccuracy, errors: Floats
+    folder: Path, adjusted: AdjustedBlock, cells: MapCells, accuracy: CellAccuracy, errors: BlockErrors
 ) -> None:
     m = len(cells.number)
     pieces = [np.arange(first, min(first + _PIECE, m)) for first in range(0, m, _PIECE)]
@@ -110,7 +112,7 @@ def _write(
     )
 
 
-def _columns(cells: MapCells, accuracy: CellAccuracy, errors: Floats, piece: Ints) -> Mapping[str, Any]:
+def _columns(cells: MapCells, accuracy: CellAccuracy, errors: BlockErrors, piece: Ints) -> Mapping[str, Any]:
     row, column = np.divmod(cells.number[piece], cells.grid.columns)
 
     def of(pattern: str, values: Floats) -> dict[str, Floats]:
@@ -125,6 +127,7 @@ def _columns(cells: MapCells, accuracy: CellAccuracy, errors: Floats, piece: Int
         **of("pair_sigma_{}_m", accuracy.sigma_of_pair),
         **of("relative_sigma_{}_m", accuracy.sigma_relative),
         **of("external_{}_m", accuracy.external),
-        **of("block_error_{}_m", errors),
+        **of("block_error_{}_m", errors.of_orientation),
+        **of("ray_error_{}_m", errors.of_rays),
         "uncontrolled": np.maximum(accuracy.uncontrolled[piece], 0),
     }

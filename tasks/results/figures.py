@@ -249,7 +249,8 @@ class TrustMapFigure(Figure):
     relative_sigma_m : median of the differences from the next cell.
     external_m : at the share, largest error that an undetected gross error causes, in the new image
         coordinates or in the block; x, y, z.
-    block_error_m : at the share, the same of errors in the block alone.
+    block_error_m : at the share, the same of errors in orientations and control points of the block alone.
+    ray_error_m : at the share, the same of errors in image points of the block alone.
     uncontrolled : part of the cells in which an image coordinate has no control.
     """
 
@@ -264,6 +265,7 @@ class TrustMapFigure(Figure):
     relative_sigma_m: Values
     external_m: Values
     block_error_m: Values
+    ray_error_m: Values
     uncontrolled: float
 
 

@@ -65,8 +65,9 @@ def _bands(table: pd.DataFrame, grid: TrustMapGrid) -> Mapping[str, Grids]:
 def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> TrustMapFigure:
     """The figures of a map from its cells."""
     uncontrolled = table["uncontrolled"].to_numpy(np.int64) > 0
-    of_rays, of_block = (_columns(table, pattern) for pattern in ("external_{}_m", "block_error_{}_m"))
-    external = np.where(uncontrolled[:, None], np.inf, np.fmax(of_rays, of_block))
+    patterns = ("external_{}_m", "block_error_{}_m", "ray_error_{}_m")
+    of_new, of_block, of_rays = (_columns(table, pattern) for pattern in patterns)
+    external = np.where(uncontrolled[:, None], np.inf, np.fmax(np.fmax(of_new, of_block), of_rays))
     return TrustMapFigure(
         cells=len(table),
         cell_m=grid.cell_m,
@@ -79,6 +80,7 @@ def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> T
         relative_sigma_m=_at(_known(_columns(table, "relative_sigma_{}_m")), 0.5),
         external_m=_at(external, share),
         block_error_m=_at(of_block, share),
+        ray_error_m=_at(of_rays, share),
         uncontrolled=float(uncontrolled.mean()),
     )
 

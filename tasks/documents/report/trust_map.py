@@ -27,7 +27,8 @@ _ROWS = (
     ("pair_sigma_{}_m", "σ, measured in the best pair"),
     ("relative_sigma_{}_m", "σ relative to the next cell"),
     ("external_{}_m", "undetected error of a new image coordinate"),
-    ("block_error_{}_m", "undetected error in the block"),
+    ("block_error_{}_m", "undetected error of an orientation or a control point"),
+    ("ray_error_{}_m", "undetected error of an image point of the block"),
 )
 
 

@@ -36,6 +36,11 @@ TRUST_MAP_CELLS = TableSchema(
             "largest error of {} that an undetected gross error in a position, attitude or control point of "
             "the block causes; interpolated between some hundred cells",
         ),
+        *_of(
+            "ray_error_{}_m",
+            "largest error of {} that an undetected gross error in an image point around the cell causes; "
+            "interpolated between some hundred cells",
+        ),
         count(
             "uncontrolled",
             "number of new image coordinates with control below 0.1: no residual shows an error",

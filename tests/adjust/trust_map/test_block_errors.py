@@ -15,12 +15,13 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
-from adjust.result import ObservationStatus
+from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.system import Observations
 from adjust.trust_map.accuracy import joint_solution, new_rays
 from adjust.trust_map.block_errors import block_errors
-from adjust.trust_map.cells import sight_of
-from tests.adjust.scenes import two_strips
+from adjust.trust_map.cells import GroundCells, Sight, sight_of
+from adjust.trust_map.ray_errors import images_around
+from tests.adjust.scenes import Scene, two_strips
 from tests.adjust.trust_map.grids import cells_over
 
 
@@ -48,6 +49,23 @@ def point_of(rays: ImagePoints, measured: State, used: State, place: Floats, ima
     return found
 
 
+def effects_of(
+    wrong: Observations,
+    scene: Scene,
+    result: AdjustmentResult,
+    cells: GroundCells,
+    sight: Sight,
+    chosen: Ints,
+) -> Floats:
+    """Effects (k, 3) on points in some cells of an adjustment with wrong observations."""
+    state = estimate_block(scene.block, wrong).state
+    effect = np.zeros((len(chosen), 3))
+    for k, cell in enumerate(chosen):
+        place, image = cells.x_in_local[cell], sight.image[sight.start[cell] : sight.start[cell + 1]]
+        effect[k] = point_of(scene.observations.image_points, result.state, state, place, image) - place
+    return effect
+
+
 @pytest.mark.parametrize("correlated", [None, 30.0])
 def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_that_is_found(
     correlated: float | None,
@@ -65,7 +83,7 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     chosen = np.flatnonzero(sight.rays >= 3)[::3]
     found = block_errors(solution, result, cells, sight, chosen)
 
-    expected = np.zeros_like(found)
+    expected = np.zeros_like(found.of_orientation)
     for number, (group, tested) in enumerate(zip(scene.observations.others, result.groups[1:], strict=True)):
         for i, component in np.argwhere(tested.status == ObservationStatus.USED):
             error = np.zeros(group.stochastic.sigma.shape)
@@ -73,12 +91,38 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
             wrong = list(scene.observations.others)
             wrong[number] = with_error(group, error)
             observations = Observations(scene.observations.image_points, tuple(wrong))
-            state = estimate_block(scene.block, observations).state
-            rays = scene.observations.image_points
-            for k, cell in enumerate(chosen):
-                place, image = cells.x_in_local[cell], sight.image[sight.start[cell] : sight.start[cell + 1]]
-                effect = point_of(rays, result.state, state, place, image) - place
-                expected[k] = np.maximum(expected[k], np.abs(effect))
-    np.testing.assert_allclose(found, expected, rtol=0.02, atol=2e-5)
+            effect = effects_of(observations, scene, result, cells, sight, chosen)
+            expected = np.maximum(expected, np.abs(effect))
+    np.testing.assert_allclose(found.of_orientation, expected, rtol=0.02, atol=2e-5)
     assert len(chosen) >= 3
-    assert found.min() > 0.0
+    assert found.of_orientation.min() > 0.0
+
+
+def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_error() -> None:
+    scene = two_strips(
+        free={INTERIOR_ORIENTATION: [[True, False, False]]},
+        control=("full", "full", "full"),
+        ins=False,
+    )
+    result = adjust_block(scene.block, scene.observations)
+    cells = cells_over(scene.truth.object_point, 5, 5)
+    sight = sight_of(scene.block, result.state, cells)
+    solution = joint_solution(scene.block, result, sight, AdjustmentOptions())
+    chosen = np.flatnonzero(sight.rays == sight.rays.max())[:2]
+    found = block_errors(solution, result, cells, sight, chosen)
+
+    rays, tested = scene.observations.image_points, result.groups[0]
+    around = images_around(sight.only(chosen), solution.system.pattern)
+    of_cell = [np.isin(rays.image, around.only(np.array([k])).image) for k in range(len(chosen))]
+    expected = np.zeros_like(found.of_rays)
+    counted = (tested.status == ObservationStatus.USED) & np.any(of_cell, axis=0)[:, None]
+    for i, component in np.argwhere(counted):
+        xy = rays.xy.copy()
+        xy[i, component] += tested.detectable[i, component]
+        observations = replace(scene.observations, image_points=replace(rays, xy=xy))
+        effect = np.abs(effects_of(observations, scene, result, cells, sight, chosen))
+        for k, there in enumerate(of_cell):
+            if there[i]:
+                expected[k] = np.maximum(expected[k], effect[k])
+    np.testing.assert_allclose(found.of_rays, expected, rtol=0.02, atol=2e-5)
+    assert found.of_rays.min() > 0.0
