@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
@@ -82,11 +82,13 @@ class MapCells:
     grid : the whole grid.
     number : (m,) row · columns + column of each cell, ascending.
     x_in_map : (m, 3) its middle.
+    wanted : number of cells of the area to be mapped, known or not; None: whatever is known.
     """
 
     grid: MapGrid
     number: Ints
     x_in_map: Floats
+    wanted: int | None = None
 
     def ground(self, adjusted: AdjustedBlock) -> GroundCells:
         """The cells in the frame of the adjustment, with the axes of the map."""
@@ -120,23 +122,61 @@ class MapCells:
 
     def only(self, chosen: Bools) -> MapCells:
         """Some of the cells (m,)."""
-        return MapCells(self.grid, self.number[chosen], self.x_in_map[chosen])
+        return replace(self, number=self.number[chosen], x_in_map=self.x_in_map[chosen])
 
 
-def map_cells(adjusted: AdjustedBlock, cell: float | None) -> MapCells | None:
-    """The cells between the object points of a block; None where the points span no area."""
+def map_cells(adjusted: AdjustedBlock, cell: float | None, area: Floats | None = None) -> MapCells | None:
+    """The cells between the object points of a block, in an area (k, 2) if there is one.
+
+    Returns
+    -------
+    cells : None where the points span no area.
+
+    Raises
+    ------
+    InputError
+        If the area holds nothing of the block, or too many cells.
+    """
     points = adjusted.result.state.object_point[adjusted.result.active_point]
     x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, points)
-    grid = MapGrid.over(x_in_map, cell)
+    grid = MapGrid.over(x_in_map if area is None else area, cell)
     thinned = _thinned(x_in_map)
     middle = thinned.mean(axis=0)
     if len(thinned) < 3 or np.linalg.matrix_rank(thinned[:, :2] - middle[:2], tol=grid.cell) < 2:
         return None
     heights = LinearNDInterpolator(thinned[:, :2] - middle[:2], thinned[:, 2])
     plan = grid.middles
-    z = heights(plan - middle[:2])
-    known = np.flatnonzero(np.isfinite(z))
-    return MapCells(grid, known.astype(np.int64), np.column_stack([plan[known], z[known]]))
+    chosen = np.arange(len(plan)) if area is None else np.flatnonzero(inside(area, plan))
+    z = heights(plan[chosen] - middle[:2])
+    known = np.isfinite(z)
+    if area is not None and not known.any():
+        raise InputError(
+            f"The area of the trust map, {_extent(area)}, holds nothing of the block: its object points "
+            f"lie in {_extent(x_in_map)}.",
+            "Check trust_map.area_m: east and north in the CRS of the project, m.",
+        )
+    return MapCells(
+        grid,
+        chosen[known].astype(np.int64),
+        np.column_stack([plan[chosen[known]], z[known]]),
+        None if area is None else len(chosen),
+    )
+
+
+def _extent(points: Floats) -> str:
+    (west, south), (east, north) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    return f"east {west:.0f} to {east:.0f} m, north {south:.0f} to {north:.0f} m"
+
+
+def inside(corners: Floats, points: Floats) -> Bools:
+    """Which of the points (n, 2) lie in a polygon (k, 2)."""
+    # A ray to the east crosses an odd number of its sides.
+    found = np.zeros(len(points), dtype=bool)
+    x, y = points.T
+    for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if y1 != y2:
+            found ^= ((y1 > y) != (y2 > y)) & (x < x1 + (y - y1) * (x2 - x1) / (y2 - y1))
+    return found
 
 
 def _thinned(points: Floats) -> Floats:

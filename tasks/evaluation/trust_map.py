@@ -41,7 +41,8 @@ def write_trust_map(
     free = adjusted.result.free_network
     if free is not None and free.defect:
         return None
-    cells = map_cells(adjusted, settings.cell_m)
+    area = None if settings.area_m is None else np.array(settings.area_m)
+    cells = map_cells(adjusted, settings.cell_m, area)
     if cells is None:
         return None
     result = adjusted.result
@@ -69,11 +70,19 @@ def write_trust_map(
         columns=grid.columns,
         sigma_image_um=1e6 * sigma,
         added_pairs=solution.added_pairs,
+        cells=len(cells.number),
+        area_cells=cells.wanted,
     )
 
 
 def trust_map_problems(grid: TrustMapGrid | None) -> tuple[str, ...]:
-    """A sentence where a map was wanted and there is none."""
+    """A sentence where there is no map, or not of the whole area."""
+    if grid is not None and grid.unmapped:
+        return (
+            f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map are not "
+            "mapped: fewer than two images see them, or there are no object points around. They count as "
+            "beyond every limit.",
+        )
     if grid is not None:
         return ()
     return (

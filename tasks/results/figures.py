@@ -227,7 +227,14 @@ class RegisteredCalibrationFigure(Figure):
 
 
 class TrustMapGrid(Figure):
-    """The grid of a trust map, and σ of its rays; ``added_pairs`` see a cell, but no common point."""
+    """The grid of a trust map, and σ of its rays.
+
+    Attributes
+    ----------
+    added_pairs : pairs of images that see a cell, but no common point.
+    cells : that are mapped.
+    area_cells : cells of the area that was to be mapped; null: no area was given.
+    """
 
     west_m: float
     north_m: float
@@ -236,6 +243,13 @@ class TrustMapGrid(Figure):
     columns: int
     sigma_image_um: float
     added_pairs: int
+    cells: int
+    area_cells: int | None = None
+
+    @property
+    def unmapped(self) -> int:
+        """Cells of the area that are not mapped."""
+        return 0 if self.area_cells is None else self.area_cells - self.cells
 
 
 class TrustMapFigure(Figure):
@@ -244,6 +258,7 @@ class TrustMapFigure(Figure):
     Attributes
     ----------
     cells : that at least two images see, of ``cell_m`` each.
+    unmapped : part of the area's cells that are not among them, which count as beyond every limit.
     median_sigma_m, sigma_m : of a point measured in all images, median and at the share; x, y, z.
     pair_sigma_m : at the share, measured in the best pair.
     relative_sigma_m : median of the differences from the next cell.
@@ -255,6 +270,7 @@ class TrustMapFigure(Figure):
     """
 
     cells: int
+    unmapped: float
     cell_m: float
     share: float
     sigma_image_um: float

@@ -18,6 +18,12 @@ class TrustMapSettings(Settings):
         description="Side of the cells, m. Default: a hundredth of the longer side of the block, rounded "
         "down to 1, 2 or 5 times a power of ten.",
     )
+    area_m: Annotated[tuple[tuple[Real, Real], ...], Field(min_length=3)] | None = Field(
+        default=None,
+        description="Corners of the area to be mapped, east and north in the CRS, m. Cells in it that fewer "
+        "than two images see, or without object points around, count as beyond every limit. Default: all "
+        "cells between the object points that two images see.",
+    )
     sigma_image_um: Positive | None = Field(
         default=None,
         description="Standard deviation of an image coordinate of a new point, µm. Default: the median of "

@@ -68,19 +68,26 @@ def trust_map_figure(table: pd.DataFrame, grid: TrustMapGrid, share: float) -> T
     patterns = ("external_{}_m", "block_error_{}_m", "ray_error_{}_m")
     of_new, of_block, of_rays = (_columns(table, pattern) for pattern in patterns)
     external = np.where(uncontrolled[:, None], np.inf, np.fmax(np.fmax(of_new, of_block), of_rays))
+    cells = len(table) + grid.unmapped
+
+    def not_exceeded(values: Floats) -> tuple[float | None, ...]:
+        return _at(values, max(int(np.ceil(share * cells)) - 1, 0))
+
+    relative = _known(_columns(table, "relative_sigma_{}_m"))
     return TrustMapFigure(
         cells=len(table),
+        unmapped=grid.unmapped / cells,
         cell_m=grid.cell_m,
         share=share,
         sigma_image_um=grid.sigma_image_um,
         median_rays=float(table["rays"].median()),
-        median_sigma_m=_at(_columns(table, "sigma_{}_m"), 0.5),
-        sigma_m=_at(_columns(table, "sigma_{}_m"), share),
-        pair_sigma_m=_at(_columns(table, "pair_sigma_{}_m"), share),
-        relative_sigma_m=_at(_known(_columns(table, "relative_sigma_{}_m")), 0.5),
-        external_m=_at(external, share),
-        block_error_m=_at(of_block, share),
-        ray_error_m=_at(of_rays, share),
+        median_sigma_m=_at(_columns(table, "sigma_{}_m"), (len(table) - 1) // 2),
+        sigma_m=not_exceeded(_columns(table, "sigma_{}_m")),
+        pair_sigma_m=not_exceeded(_columns(table, "pair_sigma_{}_m")),
+        relative_sigma_m=_at(relative, (len(relative) - 1) // 2),
+        external_m=not_exceeded(external),
+        block_error_m=not_exceeded(of_block),
+        ray_error_m=not_exceeded(of_rays),
         uncontrolled=float(uncontrolled.mean()),
     )
 
@@ -93,10 +100,9 @@ def _known(values: Floats) -> Floats:
     return values[np.isfinite(values).all(axis=1)]
 
 
-def _at(values: Floats, share: float) -> tuple[float | None, ...]:
-    """What a share of the values (n, 3) does not exceed, for each of the three; unknown ones are worst."""
-    if not len(values):
+def _at(values: Floats, place: int) -> tuple[float | None, ...]:
+    """The values (n, 3) at a place of each sorted column, unknown ones last; null where nothing limits it."""
+    if not 0 <= place < len(values):
         return (None, None, None)
     ascending = np.sort(np.where(np.isfinite(values), values, np.inf), axis=0)
-    found = ascending[max(int(np.ceil(share * len(values))) - 1, 0)]
-    return tuple(float(value) if np.isfinite(value) else None for value in found)
+    return tuple(float(value) if np.isfinite(value) else None for value in ascending[place])

@@ -87,6 +87,37 @@ def test_the_raster_has_a_band_for_every_value(outcome: RunOutcome, table: pd.Da
     assert np.isfinite(band).sum() == len(table)
 
 
+def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
+    table: pd.DataFrame, block: Path
+) -> None:
+    # Half of the area lies west of the block, where no image is.
+    west, east = float(table["x_m"].min()), float(table["x_m"].max())
+    south, north = float(table["y_m"].quantile(0.3)), float(table["y_m"].quantile(0.7))
+    corners = [[2 * west - east, south], [east, south], [east, north], [2 * west - east, north]]
+    given = SETTINGS.replace("0.001", "1.0") + f"area_m = {corners}\n"
+    block.write_text(block.read_text() + given)
+    found = carry_out(aerial_triangulation, RunRequest(block))
+    assert found.error is None, found.error
+    summary = json.loads((found.directory / "summary.json").read_text())
+    assert 0.4 < summary["trust_map"]["unmapped"] < 0.7
+    assert summary["trust_map_height_m"] is None
+    assert not {gate["name"]: gate for gate in summary["gates"]}["trust_map_height_m"]["passed"]
+    assert any("count as beyond every limit" in problem for problem in summary["problems"])
+    inner = pd.read_parquet(found.directory / "trust_map_cells.parquet")
+    assert inner["y_m"].between(south, north).all()
+    # The same cells as without the area have the same values.
+    both = table.merge(inner, on=["x_m", "y_m"])
+    assert len(both) > 50
+    np.testing.assert_allclose(both["sigma_z_m_x"], both["sigma_z_m_y"], rtol=1e-6)
+
+
+def test_an_area_elsewhere_is_an_error(block: Path) -> None:
+    block.write_text(block.read_text() + "[trust_map]\narea_m = [[9e5, 0.0], [9e5, 900.0], [9.1e5, 900.0]]\n")
+    outcome = carry_out(aerial_triangulation, RunRequest(block))
+    assert outcome.error is not None
+    assert "holds nothing of the block" in str(outcome.error)
+
+
 def test_a_gate_without_its_map_is_an_error(block: Path) -> None:
     block.write_text(block.read_text() + "trust_map_height_m = { max = 0.05 }\n")
     outcome = carry_out(aerial_triangulation, RunRequest(block))

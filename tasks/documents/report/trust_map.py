@@ -36,6 +36,8 @@ def trust_map_table(material: Material) -> Table:
     """Median, value at the share of the area, and largest value of everything the map shows."""
     table, figure = material.trust_map, material.figures.trust_map
     share = 0.95 if figure is None else figure.share
+    grid = material.figures.trust_map_grid
+    unmapped = 0 if grid is None else grid.unmapped
     rows = []
     for pattern, words in _ROWS:
         names = [pattern.format(axis) for axis in _AXES]
@@ -44,7 +46,7 @@ def trust_map_table(material: Material) -> Table:
         values = table[names].to_numpy(np.float64)
         values = values[np.isfinite(values).all(axis=1)]
         if len(values):
-            rows.append(_row(pattern, words, values, share))
+            rows.append(_row(pattern, words, values, share, unmapped))
     columns = (
         text_column("quantity", "quantity"),
         Column("cells", "cells"),
@@ -55,9 +57,11 @@ def trust_map_table(material: Material) -> Table:
     return Table("trust-map", "Accuracy and reliability of new points over the ground", columns, tuple(rows))
 
 
-def _row(pattern: str, words: str, values: Floats, share: float) -> Row:
-    place = max(int(np.ceil(share * len(values))) - 1, 0)
-    cells_of = (np.median(values, axis=0), np.sort(values, axis=0)[place], values.max(axis=0))
+def _row(pattern: str, words: str, values: Floats, share: float, unmapped: int) -> Row:
+    place = max(int(np.ceil(share * (len(values) + unmapped))) - 1, 0)
+    # Of cells that are not mapped nothing is known.
+    at_share = np.sort(values, axis=0)[place] if place < len(values) else np.full(3, np.nan)
+    cells_of = (np.median(values, axis=0), at_share, values.max(axis=0))
     shown = [number for row in cells_of for number in numbers(row, 3)]
     return Row(pattern.removesuffix("_{}_m"), (words, *numbers((float(len(values)),), 0), *shown))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tasks.errors import InputError
-from tasks.evaluation.ground_cells import MapCells, MapGrid
+from tasks.evaluation.ground_cells import MapCells, MapGrid, inside
 
 
 def cells(rows: int, columns: int) -> MapCells:
@@ -52,3 +52,13 @@ def test_a_plane_is_interpolated_exactly_between_the_chosen_cells() -> None:
     ).all(axis=1)
     np.testing.assert_allclose(found[inside], plane[inside], rtol=1e-9, atol=1e-9)
     assert np.isfinite(found).all()
+
+
+def test_a_point_is_inside_a_polygon_with_a_bay() -> None:
+    # A U: the bay between its arms is outside.
+    corners = np.array([[0, 0], [6, 0], [6, 6], [4, 6], [4, 2], [2, 2], [2, 6], [0, 6]], dtype=np.float64)
+    points = np.array([[1, 5], [3, 5], [5, 5], [3, 1], [-1, 1], [7, 1], [3, 7]], dtype=np.float64)
+    expected = np.array([True, False, True, True, False, False, False])
+    np.testing.assert_array_equal(inside(corners, points), expected)
+    # The other way round, and beginning elsewhere, it is the same polygon.
+    np.testing.assert_array_equal(inside(np.roll(corners[::-1], 3, axis=0), points), expected)
