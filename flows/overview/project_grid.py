@@ -103,6 +103,11 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         _figure("rmse_x", "RMSE x [m]", "RMSE of the check points, x [m]", 62),
         _figure("rmse_y", "RMSE y [m]", "RMSE of the check points, y [m]", 62),
         _figure("rmse_z", "RMSE z [m]", "RMSE of the check points, z [m]", 62),
+        *(
+            _figure(f"trust_{name}", f"σ new {name} [m]", f"Trust map: σ of new points {words}", 70)
+            | {"hide": not any(row.trust_map_m[at] is not None for row in rows)}
+            for at, (name, words) in enumerate((("plan", "in plan"), ("height", "in height")))
+        ),
         {"field": "gates", "headerName": "Gates passed", "width": 148, "cellRenderer": "GatesCell",
          "tooltipField": "gates", "comparator": {"function": "byGates"}},
         {"field": "problem", "headerName": "First problem", "minWidth": 260, "flex": 1,
@@ -147,7 +152,11 @@ def _figure(field: str, label: str, told: str, width: int) -> Column:
 
 
 #: Gates by the column whose figure they limit.
-_GATE_OF_COLUMN = {"sigma0": "sigma0", **{f"rmse_{axis}": f"rmse_check_m_{axis}" for axis in "xyz"}}
+_GATE_OF_COLUMN = {
+    "sigma0": "sigma0",
+    **{f"rmse_{axis}": f"rmse_check_m_{axis}" for axis in "xyz"},
+    **{f"trust_{name}": f"trust_map_{name}_m" for name in ("plan", "height")},
+}
 
 
 def row_data(row: ProjectRow) -> dict[str, Any]:
@@ -171,6 +180,8 @@ def row_data(row: ProjectRow) -> dict[str, Any]:
         "rmse_x": x,
         "rmse_y": y,
         "rmse_z": z,
+        "trust_plan": row.trust_map_m[0],
+        "trust_height": row.trust_map_m[1],
         "gates": f"{passed} of {len(row.gates)}" + (f": {', '.join(failed)}" if failed else "")
         if row.gates
         else None,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tasks.errors import InputError
 from tasks.files.delivered_file import Kind, changed, read_delivered
+from tasks.formats.cut_off import refuse_short_last_number
 from tasks.formats.joined_names import joined_names, room_of_names
 from tasks.formats.records import Lines
 from tasks.formats.text_lines import DeliveredLines, line_feeds
@@ -212,7 +213,8 @@ def read_table_text(
     Raises
     ------
     InputError
-        As of `tasks.formats.text_rows.rows_of`; or naming the file: no rows, columns larger than that.
+        As of `tasks.formats.text_rows.rows_of`; the last number is cut off; or naming the file: no rows,
+        columns larger than that.
     """
     size = most_rows * (_NUMBER * len(layout.numeric) + _CODE * len(layout.texts) + _CODE)
     _refuse_larger(size, most_bytes, most_rows, layout.file)
@@ -220,8 +222,10 @@ def read_table_text(
     values = np.empty((most_rows, len(layout.numeric)))
     texts: list[list[pa.DictionaryArray]] = [[] for _ in layout.texts]
     lines: list[tuple[int, NDArray[np.int32] | range]] = []
-    count = 0
+    count, before = 0, b""
     for piece in pieces:
+        refuse_short_last_number(before, piece, layout, first_line)
+        before = piece
         rows = rows_of(piece, layout, first_line)
         end = count + len(rows.values)
         if end > most_rows:

@@ -44,6 +44,7 @@ class ProjectRow:
     attempts : how often it was started.
     sigma0 : a posteriori / a priori.
     rmse_check_m : of the check points.
+    trust_map_m : σ of new points in plan and height over the area, by the trust map; None without one.
     gates : the limits that were tested.
     problem : the sentence to be read first; None: there is nothing to say.
     runs : runs of this story on this project file.
@@ -65,6 +66,7 @@ class ProjectRow:
     attempts: int
     sigma0: float | None
     rmse_check_m: Axes
+    trust_map_m: tuple[float | None, float | None]
     gates: tuple[GateResult, ...]
     problem: str | None
     runs: int
@@ -122,6 +124,7 @@ def project_row(
         run.attempts,
         _number(summary.get("sigma0")),
         _axes(summary.get("rmse_check_m")),
+        (_number(summary.get("trust_map_plan_m")), _number(summary.get("trust_map_height_m"))),
         gates_of(summary),
         _problem(run),
         runs,

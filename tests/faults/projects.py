@@ -86,9 +86,9 @@ class Simulated:
 
 
 def simulated(folder: Path, number: int, first_seed: int = 1, *, faulty: bool = True) -> list[Simulated]:
-    """Write so many projects, adjust each by hand; one of seven is `faulty` (at least one, in turn)."""
+    """Write so many projects, adjust each by hand; every seventh is `faulty` (of fewer the last), in turn."""
     kinds = list(FAULTS)
-    every = max(1, min(7, number // 2))
+    every = min(7, number)
     made = []
     for index in range(number):
         place = folder / f"block-{first_seed + index:03d}"
@@ -96,7 +96,7 @@ def simulated(folder: Path, number: int, first_seed: int = 1, *, faulty: bool = 
         simulate_project(load_simulation(preset, (), first_seed + index), place)
         shutil.rmtree(place / "truth", ignore_errors=True)
         is_faulty = faulty and index % every == every - 1
-        fault = kinds[(index // every) % len(kinds)] if is_faulty else None
+        fault = kinds[(index // every + first_seed) % len(kinds)] if is_faulty else None
         if fault is not None:
             FAULTS[fault](place)
         made.append(_expected(place, folder / "by-hand" / place.name, fault))

@@ -50,6 +50,7 @@ def _outlasted(
     """Deliver projects, inject a fault while one is computed, and hold the ends against runs by hand."""
     made = running.folder / f"made-{fault.replace(' ', '-')}"
     expected = simulated(made, NUMBER, next(_SEEDS))
+    assert [project.fault is None for project in expected] == [True, True, False]
     started = time.monotonic()
     for project in expected:
         deliver(made / project.name, running.inbox)

@@ -120,6 +120,16 @@ def test_a_short_row_is_found_wherever_it_stands(file, monkeypatch):
         assert refused(read_csv_image_points, file("\n".join(["image,point,x,y", *cut]))).line == number + 2
 
 
+@pytest.mark.parametrize("last", ["20.9", "20.", "20", "-0.001"])
+def test_a_file_cut_off_inside_its_last_number_is_refused(file, last):
+    rows = ["image,point,x,y", *(f"I,P{i:03d},1.5,{i}.{100_000 + i}" for i in range(100))]
+    error = refused(read_csv_image_points, file("\n".join([*rows, f"I,Q,1.5,{last}"])))
+    assert (error.line, "cut off" in error.remedy) == (102, True)
+    # With the end of a line it was meant; and a zero at the end of a number may be left out.
+    for sound in (f"I,Q,1.5,{last}\n", "I,Q,1.5,20.10001"):
+        assert len(read_csv_image_points(file("\n".join([*rows, sound]))).line) == 101
+
+
 def test_an_open_quotation_mark_is_an_error(file):
     assert (
         "quotation mark" in refused(read_csv_image_points, file('image,point,x,y\nI,"P,1,2\nI,Q,1,2\n')).what

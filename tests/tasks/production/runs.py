@@ -32,6 +32,7 @@ def summary(sigma0: float = 1.02, limit: float = 1.2, problems: tuple[str, ...] 
         "status": "done" if sigma0 <= limit else "gate_failed",
         "sigma0": sigma0,
         "rmse_check_m": [0.011, 0.012, 0.031],
+        "trust_map_height_m": 0.043,
         "gates": [gate("sigma0", sigma0, limit), gate("rmse_check_m_z", 0.031, 0.05, "m")],
         "problems": list(problems),
     }

@@ -26,6 +26,7 @@ def test_a_row_is_the_latest_run_of_a_story_on_a_project(records: Records) -> No
     row = rows["aerial-triangulation"]
     assert (row.runs, row.state, row.failed_gates) == (2, "GateFailed", ("sigma0",))
     assert (row.sigma0, row.rmse_check_m) == (1.4, (0.011, 0.012, 0.031))
+    assert row.trust_map_m == (None, 0.043)
     assert (row.limit("sigma0"), row.limit("rmse_check_m_x")) == (1.2, None)
     assert row.documents == ("report.html",)
     assert set(row.stages.values()) == {"done"}
