@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.record import RESULTS, Record, keep, read_records, show
-from benchmarks.workload import COMMANDS, GROWTH, SELECTIONS, WORKLOADS, Workload
+from benchmarks.workload import COMMANDS, GROWTH, SELECTIONS, TRUST_MAPS, WORKLOADS, Workload
 
 
 def main() -> None:
@@ -48,6 +48,10 @@ def _records(options: argparse.Namespace) -> Iterable[Record]:
 
         for workload in _chosen(SELECTIONS, options.workload, large=True):
             yield selection(workload, options.runs)
+    elif options.command == "trust-map":
+        from benchmarks.trust_map import trust_map
+
+        yield from map(trust_map, _chosen(TRUST_MAPS, options.workload, options.large))
     elif options.command == "sweep":
         from benchmarks.sweep import sweep
 
@@ -61,11 +65,21 @@ def _chosen(workloads: Iterable[Workload], names: list[str], large: bool) -> lis
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = ["compare", "growth", "start-up", "command", "import", "selection", "sweep", "show"]
+    commands = [
+        "compare",
+        "growth",
+        "start-up",
+        "command",
+        "import",
+        "selection",
+        "trust-map",
+        "sweep",
+        "show",
+    ]
     parser.add_argument("command", choices=commands)
     parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
     parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
-    parser.add_argument("--large", action="store_true", help="growth: the largest blocks, too")
+    parser.add_argument("--large", action="store_true", help="growth, trust-map: the largest blocks, too")
     parser.add_argument("--results", type=Path, default=RESULTS, help="file of the results")
     return parser.parse_args()
 

@@ -18,6 +18,8 @@ _SWEEP = "sweep-"
 IMPORT = "import-"
 #: How the names of selections of additional parameters begin.
 SELECTION = "selection-"
+#: How the names of trust maps begin.
+TRUST_MAP = "trust-map-"
 #: How the names of the whole command begin.
 COMMAND = "command-"
 
@@ -102,7 +104,8 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
     sweeps = [record for record in records if record.name.startswith(_SWEEP)]
     imports = [record for record in records if record.name.startswith(IMPORT)]
     selections = [record for record in records if record.name.startswith(SELECTION)]
-    others = [*sweeps, *imports, *selections]
+    maps = [record for record in records if record.name.startswith(TRUST_MAP)]
+    others = [*sweeps, *imports, *selections, *maps]
     plain = [record for record in records if record.phases_s is None and record not in others]
     commands = [record for record in records if record.name.startswith(COMMAND)]
     grown = [record for record in records if record.phases_s is not None and record not in commands]
@@ -113,7 +116,9 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
     if imports:
         console.print(_imports(imports))
     if selections:
-        console.print(_selections(selections))
+        console.print(_multiples("12 parameters selected, data snooping", "bare adjustment", selections))
+    if maps:
+        console.print(_multiples("trust map of a million cells", "adjustment with statistics", maps))
     if commands:
         console.print(_commands(commands))
     if grown:
@@ -152,10 +157,10 @@ def _sweeps(records: list[Record]) -> Table:
     return table
 
 
-def _selections(records: list[Record]) -> Table:
-    """How much longer than the bare adjustment of the same block they take."""
-    table = Table(title="12 parameters selected, data snooping: processor seconds")
-    for heading in ("", "images", "image points", "seconds", "bare adjustment", "times"):
+def _multiples(title: str, own: str, records: list[Record]) -> Table:
+    """How much longer than an adjustment of our own of the same block they take."""
+    table = Table(title=f"{title}: processor seconds")
+    for heading in ("", "images", "image points", "seconds", own, "times", "MiB"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for record in records:
         table.add_row(
@@ -165,6 +170,7 @@ def _selections(records: list[Record]) -> Table:
             _spread(record.ours_s, record.ours_min_s, record.ours_max_s),
             "" if record.peer_s is None else f"{record.peer_s:.2f}",
             "" if record.ratio is None else f"{record.ratio:.1f}",
+            _count(None if record.peak_memory_mib is None else round(record.peak_memory_mib)),
         )
     return table
 

@@ -75,6 +75,9 @@ GROWTH = (
 #: The whole command: what starting costs, and the operational block.
 COMMANDS = (Workload("18", 3, 6), Workload("2448", 36, 68))
 
+#: Trust maps of a million cells.
+TRUST_MAPS = (Workload("2448", 36, 68), Workload("50000", 200, 250, large=True))
+
 #: Selection of additional parameters with data snooping.
 SELECTIONS = (Workload("608", 8, 76), Workload("2448", 36, 68))
 
