@@ -114,6 +114,7 @@ PAUSES_S: Mapping[State, tuple[int, ...]] = {
     "Crashed": (0, 30, 2 * _MINUTE, 10 * _MINUTE),
     "Failed": (_MINUTE, 5 * _MINUTE, 15 * _MINUTE, _HOUR, _HOUR, _HOUR, _HOUR, _HOUR),
 }
+LONGEST_PAUSE_S = max(pause for pauses in PAUSES_S.values() for pause in pauses)
 
 
 def next_beginning(state: State, attempts: int, now: datetime) -> datetime | None:

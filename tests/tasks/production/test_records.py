@@ -130,6 +130,9 @@ def test_what_may_pass_is_tried_again_and_what_may_not_is_not(records: Records) 
     records.end("one", "Failed", "No space left.", may_pass=True)
     assert [run.id for run in records.due(later)] == ["one"]
     assert records.due(datetime.now(UTC)) == (), "somebody has to make room first"
+    assert records.due(datetime.now(UTC) - timedelta(minutes=30)) == ()
+    behind = datetime.now(UTC) - timedelta(hours=2)
+    assert [run.id for run in records.due(behind)] == ["one"], "the clock of the runner was ahead"
     records.give_up("one")
     assert records.due(later) == ()
     for state in ("Cancelled", "TimedOut"):
