@@ -11,10 +11,10 @@ import os
 import socket
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from sqlalchemy import Connection, Engine, Row, func, insert, inspect, select, text, update
 
@@ -23,20 +23,18 @@ from tasks.database.engine import connected_for_reading, connected_for_writing, 
 from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
-from tasks.files.json_text import JSON, finite, from_json, json_text
+from tasks.files.json_text import JSON, finite, json_text
 from tasks.production.notice import Notice, notice_of_run
+from tasks.production.record_rows import as_record, as_row, ending, stages_text, time_text
 from tasks.production.run_record import (
     DECIDED,
     ENDED,
     LONGEST_PAUSE_S,
-    PAUSES_S,
     PUBLISHING,
     SWEEP,
     RunRecord,
     StageTime,
     State,
-    next_beginning,
-    with_prospect,
 )
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
@@ -45,7 +43,6 @@ from tasks.production.variable import RECORDS_VARIABLE
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F72756E
-_TIMES = ("scheduled", "begun", "ended", "again_at")
 #: Numbers of runs that are asked for in one statement.
 _BATCH = 500
 # A sweep beside an adjustment replaces none of its files, and the other way round.
@@ -99,14 +96,14 @@ class Records:
         with self.writing() as connection:
             known = _row_of(connection, run.id)
             if known is None:
-                connection.execute(insert(RUNS).values(**_as_row(run)))
+                connection.execute(insert(RUNS).values(**as_row(run)))
             elif known.delivery is None and run.delivery is not None:
                 # It was started before whoever scheduled it came to note it.
                 _update(connection, run.id, {"delivery": run.delivery})
 
     def begin(self, run: RunRecord) -> None:
         """Note that a run begins in this process, for the first time or again."""
-        values = {**_as_row(run), "state": "Running", "begun": _text(datetime.now(UTC)), "ended": None}
+        values = {**as_row(run), "state": "Running", "begun": time_text(datetime.now(UTC)), "ended": None}
         values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1, "again_at": None}
         with self.writing() as connection:
             known = _row_of(connection, run.id)
@@ -167,14 +164,14 @@ class Records:
         may_pass : whether the reason lies with the machine and may be gone another time.
         """
         values = {
-            "stages": _stages_text(stages),
+            "stages": stages_text(stages),
             "failed_stage": failed_stage,
             "summary": None if summary is None else json_text(finite(summary)),
         }
         with self.writing() as connection:
             known = _row_of(connection, run_id)
             if known is not None and known.state not in DECIDED:
-                _update(connection, run_id, {**_ending(known, state, message, may_pass), **values})
+                _update(connection, run_id, {**ending(known, state, message, may_pass), **values})
                 _tell(connection, run_id, summary)
 
     def lose(self, run_id: str, state: State, message: str, *, may_pass: bool = True) -> None:
@@ -187,7 +184,7 @@ class Records:
         with self.writing() as connection:
             known = _row_of(connection, run_id)
             if known is not None and known.ended is None:
-                _update(connection, run_id, _ending(known, state, message, may_pass))
+                _update(connection, run_id, ending(known, state, message, may_pass))
                 _tell(connection, run_id, None)
 
     def runs(
@@ -205,7 +202,7 @@ class Records:
         if states is not None:
             chosen = chosen.where(RUNS.c.state.in_(sorted(states)))
         if since is not None:
-            chosen = chosen.where(RUNS.c.scheduled >= _text(since))
+            chosen = chosen.where(RUNS.c.scheduled >= time_text(since))
         return self._read(chosen)
 
     def due(self, now: datetime) -> tuple[RunRecord, ...]:
@@ -214,7 +211,7 @@ class Records:
         One that is due later than any pause is long was written by a clock that runs ahead: it is due.
         """
         beyond = now + timedelta(seconds=LONGEST_PAUSE_S)
-        due = (RUNS.c.again_at <= _text(now)) | (RUNS.c.again_at > _text(beyond))
+        due = (RUNS.c.again_at <= time_text(now)) | (RUNS.c.again_at > time_text(beyond))
         return self._read(select(RUNS).where(due).order_by(RUNS.c.again_at))
 
     def run(self, run_id: str) -> RunRecord | None:
@@ -274,7 +271,7 @@ class Records:
             pass
 
     def _read(self, statement: Any) -> tuple[RunRecord, ...]:
-        return tuple(_as_record(row) for row in self.rows(statement))
+        return tuple(as_record(row) for row in self.rows(statement))
 
     def rows(self, statement: Any) -> tuple[Row[Any], ...]:
         """The rows that a statement finds in one state of the database; none where there is none yet."""
@@ -335,7 +332,7 @@ def project_name(project_file: Path) -> str:
 def write_notice(connection: Connection, notice: Notice) -> None:
     """Put a notice into the outbox; nothing if it is known."""
     if connection.execute(select(NOTICES.c.id).where(NOTICES.c.id == notice.id)).first() is None:
-        values = {"id": notice.id, "written": _text(datetime.now(UTC)), "content": notice.to_text()}
+        values = {"id": notice.id, "written": time_text(datetime.now(UTC)), "content": notice.to_text()}
         connection.execute(insert(NOTICES).values(**values))
 
 
@@ -348,44 +345,9 @@ def _update(connection: Connection, run_id: str, values: Mapping[str, object]) -
     connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
 
 
-def _ending(known: Row[Any], state: State, message: str, may_pass: bool) -> dict[str, object]:
-    """What is noted of every end."""
-    now = datetime.now(UTC)
-    ended = {"state": state, "ended": _text(now)}
-    if not may_pass or state not in PAUSES_S:
-        return {**ended, "message": message, "again_at": None}
-    again_at = next_beginning(state, known.attempts, now)
-    told = with_prospect(message, known.attempts, again_at)
-    return {**ended, "message": told, "again_at": None if again_at is None else _text(again_at)}
-
-
 def _tell(connection: Connection, run_id: str, summary: Mapping[str, JSON] | None) -> None:
     """Put into the outbox how a run has ended, unless it is started again by itself."""
     run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
     notice = None if run.again_at is not None else notice_of_run(dict(run._mapping), summary, run.ended)
     if notice is not None:
         write_notice(connection, notice)
-
-
-def _as_row(run: RunRecord) -> dict[str, object]:
-    times = {name: _text(value) for name in _TIMES if (value := getattr(run, name))}
-    plain = {column.name: getattr(run, column.name) for column in RUNS.columns}
-    summary = None if run.summary is None else json_text(finite(run.summary))
-    return {**plain, "stages": _stages_text(run.stages), "summary": summary, **times}
-
-
-def _as_record(row: Row[Any]) -> RunRecord:
-    content = dict(row._mapping)
-    for name in _TIMES:
-        content[name] = None if content[name] is None else datetime.fromisoformat(content[name])
-    content["stages"] = tuple(StageTime(**stage) for stage in from_json(content["stages"]))
-    content["summary"] = None if content["summary"] is None else from_json(content["summary"])
-    return RunRecord(**content)
-
-
-def _stages_text(stages: Sequence[StageTime]) -> str:
-    return json_text(cast(JSON, [asdict(stage) for stage in stages]))
-
-
-def _text(time: datetime) -> str:
-    return time.astimezone(UTC).isoformat(timespec="milliseconds")
