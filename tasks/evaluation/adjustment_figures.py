@@ -13,7 +13,6 @@ from tasks.evaluation.free_network_figures import free_network_figures, free_net
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.evaluation.surveyed_differences import (
     left_out_figures,
-    misfitting_control,
     rejected_control,
     surveyed_differences,
 )
@@ -27,7 +26,7 @@ from tasks.evaluation.weak_modes import weak_mode_sentences
 from tasks.files.json_text import JSON
 from tasks.quantities import group_words
 from tasks.results.figures import DatumFigure, GlobalTestFigure, GroupFigure
-from tasks.settings.adjustment import AdjustmentSettings, Rejection
+from tasks.settings.adjustment import AdjustmentSettings
 
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _GROUP_LIMITS = (0.7, 1.4)
@@ -191,7 +190,7 @@ def _mostly_rejected(result: AdjustmentResult) -> list[str]:
 def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
     result = adjusted.result
     if settings.rejection.critical_value is None:
-        return _misfitting(adjusted)
+        return []
     counts = [
         f"{group.rejected:,} {group_words(group.group.name)}" for group in result.groups if group.rejected
     ]
@@ -217,21 +216,6 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
             f"image points is wrong: {names}{f' and {more:,} more' if more > 0 else ''}."
         )
     return sentences
-
-
-def _misfitting(adjusted: AdjustedBlock) -> list[str]:
-    """What a rejection would have said of the control points; it is off."""
-    usual = Rejection().critical_value
-    assert usual is not None
-    found = misfitting_control(adjusted, usual)
-    if not found:
-        return []
-    more = len(found) - _MOST_NAMES
-    return [
-        f"Control points that contradict the others: {', '.join(found[:_MOST_NAMES])}"
-        f"{f' and {more:,} more' if more > 0 else ''}. The rejection is off, so they bear on the result; "
-        "check their coordinates and their measurement in the images, the first one above all."
-    ]
 
 
 def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:

@@ -47,6 +47,23 @@ _KINDS: Mapping[str, _Kind] = {
         "up z)",
         "Check their datum, base station and antenna height, or free the shift.",
     ),
+    "gnss_position": _Kind(
+        "The GNSS position of image {entity} contradicts the rest by {size} (observed − adjusted; east x, "
+        "north y, up z)",
+        "Check its time and its solution, or reject gross errors (adjustment.rejection).",
+        ("x", "y", "z"),
+    ),
+    "ins_attitude": _Kind(
+        "The INS attitude of image {entity} contradicts the rest by {size} (observed − adjusted)",
+        "Check its time, or reject gross errors (adjustment.rejection).",
+        ("roll", "pitch", "yaw"),
+    ),
+    "control_point": _Kind(
+        "Control point {entity} contradicts the rest by {size} (given − adjusted; east x, north y, up z)",
+        "Check its coordinates and its measurement in the images, or reject gross errors "
+        "(adjustment.rejection).",
+        ("x", "y", "z"),
+    ),
     "gnss_height_scale": _Kind(
         "The heights of the GNSS positions have another scale than the rest: {size}",
         "Check whether these heights are ellipsoidal and in metres.",

@@ -80,19 +80,6 @@ def rejected_control(adjusted: AdjustedBlock) -> tuple[str, ...]:
     return tuple(sorted(adjusted.block.points[point] for point in _rejected(adjusted)))
 
 
-def misfitting_control(adjusted: AdjustedBlock, critical_value: float) -> tuple[str, ...]:
-    """Control points that took part although they do not fit, with their w, the worst first."""
-    found: list[tuple[float, str]] = []
-    for group in adjusted.result.groups:
-        if isinstance(group.group, ControlPoints):
-            w = np.nan_to_num(np.abs(group.standardized)).max(axis=1, initial=0.0)
-            found += [
-                (float(w[row]), adjusted.block.points[group.group.point[row]])
-                for row in np.flatnonzero(w > critical_value)
-            ]
-    return tuple(f"{name} (|w| {w:.1f})" for w, name in sorted(found, reverse=True))
-
-
 def _rejected(adjusted: AdjustedBlock) -> Ints:
     """Object points whose survey was rejected."""
     found = [

@@ -59,6 +59,7 @@ from tasks.evaluation.self_calibration_tables import (
     self_calibration_sentences,
     write_self_calibration,
 )
+from tasks.evaluation.single_errors import single_errors
 from tasks.evaluation.strip_error_table import write_strip_errors
 from tasks.evaluation.surveyed_differences import write_control_residuals
 from tasks.evaluation.trust_map import trust_map_problems, write_trust_map
@@ -238,7 +239,10 @@ def _examined_model(
 ) -> ExaminedModel:
     """The alternatives of the model, tested at the adjusted values."""
     block = adjusted.block
-    alternatives = model_alternatives(block, prepared.given, prepared.observations, prepared.cameras)
+    alternatives = (
+        *model_alternatives(block, prepared.given, prepared.observations, prepared.cameras),
+        *single_errors(adjusted),
+    )
     models = [item.model for item in alternatives]
     found = examined_model(block, adjusted.result, models, _options(settings))
     return ExaminedModel(adjusted, alternatives, found)
