@@ -70,6 +70,7 @@ class Alternative:
     scope, part : in which exposures: of which flight, height, direction or strip; all of them.
     unit, factor : of its size in the tables, and the factor from SI and radians.
     model : what is tested.
+    critical : |t| above which it is significant, where that does not depend on the other alternatives.
     """
 
     quantity: str
@@ -79,6 +80,7 @@ class Alternative:
     unit: str
     factor: float
     model: ModelAlternative
+    critical: float | None = None
 
     @property
     def key(self) -> tuple[str, str, str, str]:

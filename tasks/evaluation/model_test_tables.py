@@ -63,13 +63,16 @@ class ExaminedModel:
 
         The probability of a false alarm is shared in proportion to how far an error that is just found would
         move a calibrated parameter, 1 to 30 σ (weighted Bonferroni; Genovese, Roeder and Wasserman 2006).
+        Single errors have the critical value of their group.
         """
-        tested = self.found.tests.distinguishable
+        own = np.array([np.nan if item.critical is None else item.critical for item in self.alternatives])
+        tested = self.found.tests.distinguishable & np.isnan(own)
         alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER
         moved = np.abs(self._moved_sigmas).max(axis=0, initial=0.0) * self.found.tests.sigma * self.scale
         weight = np.where(tested, np.clip(alike * np.nan_to_num(moved), *_GRAVITY), 0.0)
         share = weight / max(weight.sum(), 1.0)
-        return np.asarray(special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY * np.where(tested, share, 1.0)))
+        shared = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY * np.where(tested, share, 1.0))
+        return np.where(np.isnan(own), shared, own)
 
     @property
     def found_from(self) -> Floats:

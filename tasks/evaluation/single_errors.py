@@ -53,7 +53,7 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
             name = group.components[axis]
             factor, unit = (float(np.rad2deg(1.0)), "deg") if group.unit == "rad" else (1.0, "m")
             model = ObservationAlternative(group.name, change)
-            yield Alternative(f"{kind}_{name}", entities[number], "all", "", unit, factor, model)
+            yield Alternative(f"{kind}_{name}", entities[number], "all", "", unit, factor, model, limit)
 
 
 def _named(adjusted: AdjustedBlock, group: ObservationGroup) -> tuple[str, list[str]] | None:
