@@ -56,6 +56,7 @@ def test_what_production_installs_is_a_part_of_what_is_tested() -> None:
 def test_everything_the_package_declares_is_locked_in_a_version_it_takes() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     declared = [(text, "requirements.lock") for text in project["dependencies"]]
+    declared += [(text, "requirements.lock") for text in project["optional-dependencies"]["images"]]
     declared += [(text, "requirements-dev.lock") for text in project["optional-dependencies"]["dev"]]
     declared += [(text, "requirements-bench.lock") for text in project["optional-dependencies"]["bench"]]
     for text, lock in declared:

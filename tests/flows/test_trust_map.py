@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import rasterio
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
@@ -77,7 +78,6 @@ def test_the_report_draws_the_map_and_its_histogram(outcome: RunOutcome) -> None
 
 
 def test_the_raster_has_a_band_for_every_value(outcome: RunOutcome, table: pd.DataFrame) -> None:
-    rasterio = pytest.importorskip("rasterio")
     with rasterio.open(outcome.directory / "trust_map.tif") as raster:
         band = raster.read(raster.descriptions.index("sigma_z_m") + 1)
         column, row = ~raster.transform @ (table["x_m"].to_numpy(), table["y_m"].to_numpy())

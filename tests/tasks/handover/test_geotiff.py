@@ -1,4 +1,4 @@
-"""GeoTIFF read back by its own structure, and by GDAL where it is installed."""
+"""GeoTIFF read back by its own structure, and by GDAL."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 
 from tasks.coordinates.crs import MapFrame
 from tasks.handover.geotiff import GridPlace, write_geotiff
@@ -83,7 +84,6 @@ CUSTOM = "+proj=tmerc +lat_0=48 +lon_0=9.3 +k=0.99995 +x_0=20000 +y_0=30000 +ell
 
 @pytest.mark.parametrize("crs", ["EPSG:2154", CUSTOM, "local"])
 def test_gdal_reads_numbers_names_place_and_crs(tmp_path: Path, crs: str) -> None:
-    rasterio = pytest.importorskip("rasterio")
     bands = grids()
     write_geotiff(tmp_path / "map.tif", bands, PLACE, frame(crs), "A <test>.")
     with rasterio.open(tmp_path / "map.tif") as found:

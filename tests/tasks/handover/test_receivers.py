@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rasterio
+from rasterio import warp
 
 from adjust.geometry.earth import CartesianFrame
 from tasks.handover.block_points import no_points
@@ -84,8 +86,6 @@ def test_pyopf_reads_the_project(tmp_path):
     ],
 )
 def test_gdal_warps_an_image_by_its_polynomials_onto_the_rigorous_ground(case, tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    warp = pytest.importorskip("rasterio.warp")
     results, points = flown(case)
     write(delivered(results, points, "rpc"), "rpc", tmp_path)
     # An image that shows where on the ground its pixels are.
