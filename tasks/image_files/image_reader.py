@@ -85,7 +85,7 @@ class ImageReader:
         InputError
             If the file is damaged there.
         """
-        return self._of_file(self.dataset.read, rows, columns)
+        return np.asarray(self._of_file(self.dataset.read, rows, columns))
 
     def valid(self, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> Bools | None:
         """Which pixels (1 or bands, r, c) of a window are valid; None: all are.
