@@ -86,6 +86,7 @@ class GivenOrientations:
     angle_sigma : (n, 3) radians.
     is_heading : (n,) which of the two.
     rates : (n, 3) of the body about its axes forward, right, down, rad/s; NaN where not delivered.
+    velocity : (n, 3) in the local frame, m/s; NaN where not delivered.
     position_observed : (n,) whether the position was delivered; else it is approximate.
     attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
     """
@@ -105,6 +106,7 @@ class GivenOrientations:
     angle_sigma: Floats
     is_heading: Bools
     rates: Floats
+    velocity: Floats
     position_observed: Bools
     attitude_observed: Bools
 
@@ -128,6 +130,8 @@ class GivenOrientations:
         sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
         sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
         sigma_position = exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+        local_from_enu = np.array(frame.local_from_enu(observed))
+        velocity = exposures[[f"velocity_{way}_m_s" for way in ("east", "north", "up")]].to_numpy(np.float64)
         angles, sigma = np.where(choose, heading, grid), np.where(choose, sigma_heading, sigma_grid)
         delivered = cls(
             mountings,
@@ -140,11 +144,12 @@ class GivenOrientations:
             observed,
             sigma_position,
             local_from_grid(map_frame, frame, x_in_map),
-            np.array(frame.local_from_enu(observed)),
+            local_from_enu,
             np.deg2rad(angles),
             np.deg2rad(sigma),
             is_heading,
             np.deg2rad(exposures[[f"rate_{name}_deg_s" for name in _BODY]].to_numpy(np.float64)),
+            np.einsum("nij,nj->ni", local_from_enu, velocity),
             np.isfinite(sigma_position).all(axis=1),
             np.isfinite(angles + sigma).all(axis=1),
         )
@@ -259,6 +264,7 @@ class GivenOrientations:
             angle_sigma=self.angle_sigma[index],
             is_heading=self.is_heading[index],
             rates=self.rates[index],
+            velocity=self.velocity[index],
             position_observed=self.position_observed[index],
             attitude_observed=self.attitude_observed[index],
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import StochasticModel
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import StripMotion
@@ -12,13 +12,16 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
+# What has velocities needs neither strips nor times for a time offset.
+_OR_TRAJECTORY = {"gnss_strip_bias": "", "gnss_drift": "", "time_offset": ", or deliver a trajectory"}
+
 
 def strip_motion(given: GivenOrientations) -> StripMotion:
     """Strip, time since its middle and velocity of every exposure.
 
-    The velocity is the derivative of the observed positions by time (central differences, one-sided at
-    the ends of a strip; heads that exposed at one moment share theirs); times and velocities are zero where
-    the delivery has no times or no strips.
+    The velocity is the delivered one (that of a trajectory), else the derivative of the observed positions
+    by time (central differences, one-sided at the ends of a strip; heads that exposed at one moment share
+    theirs). Without strips or times there are no times since the middle, and no derivatives: they are zero.
     """
     since, velocity = np.zeros(len(given.image)), np.zeros_like(given.observed)
     strip = given.strip_of_image
@@ -31,7 +34,12 @@ def strip_motion(given: GivenOrientations) -> StripMotion:
             mean = np.zeros((len(time), 3))
             np.add.at(mean, place, given.observed[index] / count[place, None])
             velocity[index] = np.gradient(mean, time, axis=0)[place]
-    return StripMotion(strip, since, velocity)
+    return StripMotion(strip, since, np.where(_moves(given)[:, None], given.velocity, velocity))
+
+
+def _moves(given: GivenOrientations) -> Bools:
+    """Images (n,) whose velocity was delivered."""
+    return np.asarray(np.isfinite(given.velocity).all(axis=1))
 
 
 def strips_in_time(strip: Ints, time: Floats) -> list[Ints]:
@@ -57,22 +65,26 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     ------
     InputError
         If a strip bias, drift or time offset is free without strips, or one of the last two without times;
-        if a correlation time is given without either, or with two exposures of a strip at the same time.
+        if a correlation time is given without either, or with two exposures of a strip at the same time. A
+        time offset needs neither where velocities were delivered.
     """
     given = given.only(given.position_observed) if given.position_observed.any() else given
     require_successive_times(given, settings)
-    for parameter in ("gnss_strip_bias", "gnss_drift", "time_offset"):
-        if parameter in settings.free and not all(given.strip):
+    still = given.only(~_moves(given))
+    for parameter, needs in (("gnss_strip_bias", given), ("gnss_drift", given), ("time_offset", still)):
+        if parameter in settings.free and not all(needs.strip):
             raise InputError(
                 "The exposures name no strips.",
-                "Add a strip column to the exposures, or take it out of adjustment.free.",
+                f"Add a strip column to the exposures{_OR_TRAJECTORY[parameter]}, or take it out of "
+                "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
-    for parameter in ("gnss_drift", "time_offset"):
-        if parameter in settings.free and not np.isfinite(given.time_s).all():
+    for parameter, needs in (("gnss_drift", given), ("time_offset", still)):
+        if parameter in settings.free and not np.isfinite(needs.time_s).all():
             raise InputError(
                 "The exposures have no times.",
-                "Add a time column (seconds) to the exposures, or take it out of adjustment.free.",
+                f"Add a time column (seconds) to the exposures{_OR_TRAJECTORY[parameter]}, or take it out of "
+                "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
 

@@ -62,6 +62,7 @@ class _Converted:
     sigma_position: Floats
     angles: ConvertedAngles
     rates: Floats
+    velocity: Floats
     kind: str
     problems: tuple[str, ...]
     path: TrajectoryPath | None
@@ -101,6 +102,7 @@ def exposure_columns(
         ("heading_deg pitch_deg roll_deg", [a.heading_pitch_roll for a in angles]),
         ("sigma_heading_deg sigma_pitch_deg sigma_roll_deg", [a.sigma_heading_pitch_roll for a in angles]),
         ("rate_roll_deg_s rate_pitch_deg_s rate_yaw_deg_s", [entry.rates for entry in inputs]),
+        ("velocity_east_m_s velocity_north_m_s velocity_up_m_s", [entry.velocity for entry in inputs]),
     ):
         columns |= dict(zip(suffix.split(), np.concatenate(arrays).T, strict=True))
     problems = (*(problem for entry in inputs for problem in entry.problems), *about_extra(records))
@@ -156,6 +158,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
         sigma,
         angles,
         body_rates(records, source.angles),
+        np.full_like(records.position, np.nan) if records.velocity is None else records.velocity,
         source.position,
         (
             *records.remarks,

@@ -179,21 +179,23 @@ def _samples(records: TrajectoryRecords) -> ExposureRecords:
         line=np.arange(1, count + 1),
         states=records.states,
         solution=_solutions(records, *(np.arange(count),) * 3, count),
+        velocity=records.velocity,
     )
 
 
 def _exposures(
     records: TrajectoryRecords, events: EventRecords, found: _Found, poses: Poses, from_antenna: Floats | None
 ) -> ExposureRecords:
-    """The events with positions, angles and rates; without σ."""
+    """The events with positions, velocities, angles and rates; without σ."""
     rows, count = np.flatnonzero(found.inside), len(found.time)
     geodetic = geodetic_from_ecef(WGS84, poses.position)
     axes = ecef_from_enu(geodetic[:, 0], geodetic[:, 1])
     if from_antenna is not None:
         moved = poses.position + np.einsum("nij,nj->ni", axes, from_antenna[rows])
         geodetic = geodetic_from_ecef(WGS84, moved)
-    position, angles, nothing = (np.full((count, 3), np.nan) for _ in range(3))
+    position, velocity, angles, nothing = (np.full((count, 3), np.nan) for _ in range(4))
     position[rows] = in_degrees(geodetic)
+    velocity[rows] = np.einsum("nji,nj->ni", axes, poses.velocity)
     rates = None
     if poses.attitude is not None and poses.rate is not None:
         ned_from_body = ENU_FROM_NED.T @ np.swapaxes(axes, 1, 2) @ poses.attitude
@@ -218,6 +220,7 @@ def _exposures(
         extra=events.extra,
         states=records.states,
         solution=_solutions(records, rows, found.first[rows], found.first[rows] + 1, count),
+        velocity=velocity,
     )
 
 

@@ -91,6 +91,8 @@ class ExposureRecords:
     remarks : sentences for the user about what the file says besides.
     solution : kind of the GNSS solution of each position (`tasks.formats.trajectory_records`), text (n,);
         None: the file does not say.
+    velocity : (n, 3) true east, north, up, m/s, of the point that the positions are of; None: not known, NaN
+        where an exposure has none.
     """
 
     file: Path
@@ -110,6 +112,7 @@ class ExposureRecords:
     states: FileStatement = FileStatement()
     remarks: tuple[str, ...] = ()
     solution: pa.Array | None = None
+    velocity: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

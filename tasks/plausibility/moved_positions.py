@@ -144,7 +144,12 @@ def _fitted_time(delivered: Delivered, misses: TieMisses) -> list[tuple[float, M
 
 
 def velocities(given: GivenOrientations) -> Floats | None:
-    """Velocity (n, 3) of each image from its neighbours in the strip, m/s; None without times or strips."""
+    """Velocity (n, 3) of each image, m/s: as delivered, else from its neighbours in the strip.
+
+    None where some have neither: no velocity, and no times or strips.
+    """
+    if np.isfinite(given.velocity).all():
+        return given.velocity
     if not np.isfinite(given.time_s).all():
         return None
     result = np.zeros_like(given.observed)

@@ -138,6 +138,10 @@ EXPOSURES = TableSchema(
             )
             for name, way in (("roll", "forward"), ("pitch", "right"), ("yaw", "down"))
         ),
+        *(
+            number(f"velocity_{way}_m_s", "m/s", f"velocity of the position, {words}", nullable=True)
+            for way, words in (("east", "true east"), ("north", "true north"), ("up", "up"))
+        ),
         text(
             "position", "point to which the position refers", values=("projection_centre", "antenna", "imu")
         ),
