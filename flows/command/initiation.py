@@ -19,6 +19,9 @@ _KINDS = {
     "image_points": "image points",
     "control": "control points",
     "distances": "distances",
+    "trajectory": "samples of a trajectory",
+    "accuracy": "accuracies of a trajectory",
+    "events": "moments of exposures",
 }
 
 

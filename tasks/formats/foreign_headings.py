@@ -41,7 +41,7 @@ _ALIASES: Mapping[str, tuple[str, ...]] = {
     "roll": ("rolldeg",),
     "camera": ("cameraid", "cam", "sensor"),
     "strip": ("line", "stripid", "run", "flightline"),
-    "time": ("gpstime", "times", "timestamp"),
+    "time": ("gpstime", "times", "timestamp", "eventtime", "gpsseconds", "secondsofweek", "sow", "gpssow"),
 }  # fmt: skip
 #: What a project file can declare in the place of a column.
 _INSTEAD = {

@@ -9,6 +9,7 @@ from typing import cast
 
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
 from tasks.formats.records import CameraRecord, ExposureRecords, PixelCamera
+from tasks.formats.trajectory_records import EventRecords
 from tasks.inventory.recognition import FoundFile
 from tasks.settings.declare import open_value
 
@@ -63,8 +64,9 @@ def _delivered(files: Sequence[FoundFile]) -> list[_Delivered]:
 
 
 def _named(file: FoundFile) -> list[str]:
-    """Names of cameras in the exposures of a file."""
-    records = [content.records for content in file.contents if isinstance(content.records, ExposureRecords)]
+    """Names of cameras in the exposures or events of a file."""
+    contents = (content.records for content in file.contents)
+    records = [one for one in contents if isinstance(one, ExposureRecords | EventRecords)]
     return [
         cast(str, name) for one in records for name in one.camera.unique().to_pylist() if name is not None
     ]

@@ -78,11 +78,12 @@ def _files(root: Path) -> list[Path]:
 
 def _refuse_nothing(files: Sequence[FoundFile], root: Path) -> None:
     kinds = {content.kind for file in files for content in file.contents}
-    if "image_points" in kinds or "exposures" in kinds:
+    if kinds & {"image_points", "exposures", "trajectory"}:
         return
     seen = ", ".join(f"{file.path.name}: {file.remark or 'other'}" for file in files[:8])
+    shown = f" ({seen})" if seen else ""
     raise InputError(
-        f"None of the {len(files)} files has image points or exposures{f' ({seen})' if seen else ''}.",
+        f"None of the {len(files)} files has image points, exposures or a trajectory{shown}.",
         "Put the files of the delivery there; docs/import.md lists the formats that are read.",
         file=root,
     )

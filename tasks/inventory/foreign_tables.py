@@ -10,7 +10,7 @@ import csv
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from tasks.formats.foreign_headings import alike
 from tasks.formats.records import AngleOrder
@@ -19,15 +19,20 @@ from tasks.formats.table_layout import MARKS, Separator, TableLayout
 # Lines above the headings that are tried as none.
 _MOST_SKIPPED = 15
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+TableKind: TypeAlias = Literal["exposures", "image_points", "control", "events"]
 _OMEGA, _HEADING = ("omega", "phi", "kappa"), ("heading", "pitch", "roll")
 # The columns that each kind of table needs, the most telling kind first.
-_KINDS: tuple[tuple[Literal["exposures", "image_points", "control"], tuple[str, ...]], ...] = (
+_KINDS: tuple[tuple[TableKind, tuple[str, ...]], ...] = (
     ("exposures", ("image", "x", "y", "z", *_OMEGA)),
     ("exposures", ("image", "x", "y", "z", *_HEADING)),
     ("image_points", ("image", "point", "x", "y")),
     ("control", ("point", "x", "y", "z")),
+    ("events", ("image", "time")),
 )
-_OF_EXPOSURES = ("camera", "strip", "time", "flight")
+_OPTIONAL: Mapping[TableKind, tuple[str, ...]] = {
+    "exposures": ("camera", "strip", "time", "flight"),
+    "events": ("camera", "strip", "flight"),
+}
 _INSTEAD = ("camera", "strip")
 
 
@@ -42,7 +47,7 @@ class ProposedTable:
     order : of the angles, if it has headings and no ω, φ, κ.
     """
 
-    kind: Literal["exposures", "image_points", "control"]
+    kind: TableKind
     layout: TableLayout
     order: AngleOrder | None = None
 
@@ -96,8 +101,11 @@ def _fields(line: str, separator: Separator, quote: str) -> list[str]:
 
 def _kinds(fields: list[str], layout: TableLayout) -> Iterator[ProposedTable]:
     for kind, needed in _KINDS:
-        optional = _OF_EXPOSURES if kind == "exposures" else ()
+        optional = _OPTIONAL.get(kind, ())
         own = {field.lower(): field for field in fields}
+        # Moments have no coordinates: what has some is another table, even if its reader refuses it.
+        if kind == "events" and ({"x", "y"} & own.keys() or alike(("x", "y"), fields)):
+            continue
         missing = [name for name in (*needed, *optional) if name not in own]
         others = [field for field in fields if field.lower() not in (*needed, *optional)]
         found = alike(missing, others)

@@ -30,23 +30,31 @@ from tasks.formats.register import (
     CAMERA_FORMATS,
     CONTROL_FORMATS,
     DISTANCE_FORMATS,
+    EVENT_FORMATS,
     EXPOSURE_FORMATS,
     IMAGE_POINT_FORMATS,
     TABLE,
     TRAJECTORY_FORMATS,
     read_control,
+    read_events,
     read_exposures,
     read_image_points,
 )
 from tasks.formats.table_layout import TableLayout
+from tasks.formats.trajectory_records import AccuracyRecords, Count, EventRecords, TrajectoryRecords
 from tasks.inventory.foreign_tables import proposed_layouts
 
-Kind: TypeAlias = Literal["camera", "exposures", "image_points", "control", "distances"]
+Kind: TypeAlias = Literal[
+    "camera", "exposures", "image_points", "control", "distances", "trajectory", "accuracy", "events"
+]
 Records: TypeAlias = (
     ImagePointRecords
     | ExposureRecords
     | ControlRecords
     | DistanceRecords
+    | TrajectoryRecords
+    | AccuracyRecords
+    | EventRecords
     | Mapping[str, CameraRecord | PixelCamera]
 )
 
@@ -59,6 +67,8 @@ _END_OF_LIST = re.compile(rb"^\s*-99\s*$", re.MULTILINE)
 _LISTS_OF_CONTROL = 2
 _OURS = TableLayout()
 _LISTS = ("patb", "bingo", "pix4d")
+_COUNTS: tuple[Count, ...] = ("week", "date")
+_COORDINATES = {"x", "y", "z", "omega", "heading"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,25 +122,11 @@ def recognised(path: Path) -> FoundFile:
     with tempfile.TemporaryDirectory(prefix="aerocal-init-") as folder:
         tried = _shortened(path, beginning, Path(folder))
         found = _read_as_it_stands(tried, beginning) or _read_as_foreign_table(tried, beginning)
-        if tried == path:
-            return FoundFile(path, tuple(found), "" if found else _part_of_trajectory(path))
-        if not found:
-            return FoundFile(path, (), _part_of_trajectory(path))
+        if tried == path or not found:
+            return FoundFile(path, tuple(found), "" if found else "no reader reads it")
     again = [_again(path, content) for content in found]
     contents = tuple(content for content in again if content is not None)
     return FoundFile(path, contents, "" if contents else "no reader reads it to its end")
-
-
-def _part_of_trajectory(path: Path) -> str:
-    """What a file is that is none by itself: a trajectory gives exposures at the moments of events only."""
-    for what, readers in (("trajectory", TRAJECTORY_FORMATS), ("accuracies", ACCURACY_FORMATS)):
-        for name, read in readers.items():
-            try:
-                read(path)
-            except InputError:
-                continue
-            return f"{name}: {what}; declare it with its events, see docs/import.md"
-    return "no reader reads it"
 
 
 def _shortened(path: Path, beginning: bytes, folder: Path) -> Path:
@@ -150,16 +146,22 @@ def _trials() -> Iterator[tuple[Kind, str, AngleOrder | None]]:
     yield from (("image_points", name, None) for name in IMAGE_POINT_FORMATS)
     yield from (("control", name, None) for name in CONTROL_FORMATS)
     yield from (("distances", name, None) for name in DISTANCE_FORMATS)
+    yield from (("trajectory", name, None) for name in TRAJECTORY_FORMATS)
+    yield from (("accuracy", name, None) for name in ACCURACY_FORMATS)
+    yield from (("events", name, None) for name in EVENT_FORMATS)
 
 
 def _read_as_it_stands(path: Path, beginning: bytes) -> list[Content]:
     ends = len(_END_OF_LIST.findall(beginning))
-    found = []
+    found: list[Content] = []
     for kind, name, order in _trials():
         # Photos are many lists; control points two, plan and height.
         if (kind == "image_points" and name in _LISTS and ends == 0) or (
             kind == "control" and name == "patb" and ends > _LISTS_OF_CONTROL
         ):
+            continue
+        # Exposures and points may have times, too.
+        if kind == "events" and name == TABLE and found:
             continue
         records = _read(path, kind, name, order, _OURS)
         if records is not None:
@@ -179,16 +181,35 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
             records = read_image_points(name, path, layout)
         elif kind == "control":
             records = read_control(name, path, layout)
-        else:
+        elif kind == "distances":
             records = DISTANCE_FORMATS[name](path)
+        elif kind == "trajectory":
+            records = TRAJECTORY_FORMATS[name](path)
+        elif kind == "accuracy":
+            records = ACCURACY_FORMATS[name](path)
+        else:
+            return _events(path, name, layout)
     except InputError:
         return None
     return records if rows_of(records) else None
 
 
+def _events(path: Path, name: str, layout: TableLayout) -> EventRecords | None:
+    """Events with seconds or dates; a table with coordinates is another one, which its reader has refused."""
+    for count in _COUNTS:
+        try:
+            events = read_events(name, path, count, layout)
+        except InputError:
+            continue
+        return events if len(events.line) and not _COORDINATES & set(events.extra) else None
+    return None
+
+
 def rows_of(records: Records) -> int:
-    """Number of cameras or rows."""
-    return len(records) if isinstance(records, Mapping) else len(records.line)
+    """Number of cameras, samples or rows."""
+    if isinstance(records, Mapping):
+        return len(records)
+    return len(records.time_s if isinstance(records, TrajectoryRecords | AccuracyRecords) else records.line)
 
 
 def _most_telling(found: list[Content]) -> list[Content]:
