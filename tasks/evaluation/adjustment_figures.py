@@ -7,9 +7,16 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.quality.detectability import UNCONTROLLED
+from adjust.quality.global_test import GlobalTest
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlation_matrix
 from tasks.evaluation.free_network_figures import free_network_figures, free_network_sentences
+from tasks.evaluation.remark_words import (
+    global_test_words,
+    misfit_words,
+    rejected_control_words,
+    some_names,
+)
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.evaluation.surveyed_differences import (
     left_out_figures,
@@ -28,10 +35,6 @@ from tasks.quantities import group_words
 from tasks.results.figures import DatumFigure, GlobalTestFigure, GroupFigure
 from tasks.settings.adjustment import AdjustmentSettings
 
-# σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
-_GROUP_LIMITS = (0.7, 1.4)
-_GROUP_REDUNDANCY = 10.0
-_MOST_NAMES = 5
 # Fewer rejected observations are gross errors, whatever part of their group they are.
 _SEVERAL = 3
 
@@ -77,9 +80,7 @@ def adjustment_figures(
         "taken_back": result.taken_back,
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
-        "global_test": GlobalTestFigure(
-            lower=test.lower, upper=test.upper, confidence=test.confidence, passed=test.passed
-        ).to_json(),
+        "global_test": _global_test(test).to_json(),
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
         "correlation_times": correlation_figures(result, settings.correlation_times_s),
@@ -90,6 +91,12 @@ def adjustment_figures(
         "free_network": free_network_figures(result),
         "frame": adjusted.map_frame.description,
     }
+
+
+def _global_test(test: GlobalTest) -> GlobalTestFigure:
+    return GlobalTestFigure(
+        lower=test.lower, upper=test.upper, confidence=test.confidence, passed=test.passed
+    )
 
 
 def _group_figure(group: GroupResult) -> GroupFigure:
@@ -145,21 +152,9 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
     if test.redundancy <= 0:
         problems.append("The block has no redundancy: nothing controls the observations.")
     elif not test.passed:
-        problems.append(
-            f"The global test fails: σ0 is {test.sigma0:.3f}, the stated σ allow {test.lower:.3f} to "
-            f"{test.upper:.3f} ({100 * test.confidence:g} %)."
-        )
+        problems.append(global_test_words(test.sigma0, _global_test(test)))
     problems += _mostly_rejected(result)
-    for group in result.groups:
-        if group.redundancy_sum >= _GROUP_REDUNDANCY and not (
-            _GROUP_LIMITS[0] <= group.sigma0 <= _GROUP_LIMITS[1]
-        ):
-            words = group_words(group.group.name)
-            verdict = "worse" if group.sigma0 > 1.0 else "better"
-            problems.append(
-                f"The {words} fit {verdict} than their σ say: σ0 of the group is {group.sigma0:.2f} "
-                f"(redundancy {group.redundancy_sum:,.0f})."
-            )
+    problems += [words for group in result.groups if (words := misfit_words(_group_figure(group)))]
     problems += variance_sentences(result)
     problems += correlation_sentences(result, settings.correlation_times_s)
     problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
@@ -202,18 +197,12 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
         f"{settings.rejection.critical_value:g}){back}."
     ]
     if rejected := rejected_control(adjusted):
-        more = len(rejected) - _MOST_NAMES
-        sentences.append(
-            f"Rejected control points: {', '.join(rejected[:_MOST_NAMES])}"
-            f"{f' and {more:,} more' if more > 0 else ''}. They count as no control; check their coordinates "
-            "and their measurement in the images."
-        )
+        sentences.append(rejected_control_words(rejected))
     if len(result.given_up):
-        names = ", ".join(adjusted.block.points[point] for point in result.given_up[:_MOST_NAMES])
-        more = len(result.given_up) - _MOST_NAMES
+        names = [adjusted.block.points[point] for point in result.given_up]
         sentences.append(
-            f"{len(result.given_up):,} object points were given up, because it cannot be told which of their "
-            f"image points is wrong: {names}{f' and {more:,} more' if more > 0 else ''}."
+            f"{len(names):,} object points were given up, because it cannot be told which of their "
+            f"image points is wrong: {some_names(names)}."
         )
     return sentences
 

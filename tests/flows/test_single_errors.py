@@ -22,30 +22,49 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_project(simulation, tmp_path_factory.mktemp("flight")).project_file
 
 
-def findings(
-    flight: Path, out: Path, file: str, row: int, changes: dict[str, float]
-) -> list[dict[str, object]]:
-    """What the tests of the model find after some numbers of a row of a delivery were changed."""
+def carried_out(
+    flight: Path, out: Path, file: str, rows: slice, changes: dict[str, float], rejection: str = '"none"'
+) -> Path:
+    """The results after some numbers in rows of a delivery were changed."""
     folder = flight.parent
     table = pd.read_csv(folder / file, dtype={"point": str, "image": str})
     for column, error in changes.items():
-        table.loc[row, column] += error
+        table.iloc[rows, table.columns.get_loc(column)] += error
     delivered = out.parent / file
     table.to_csv(delivered, index=False)
     key = {"control.csv": "control", "exposures.csv": "exposures"}[file]
     found = carry_out(
         aerial_triangulation,
         RunRequest(
-            flight, out, overrides=(f'inputs.{key}.file="{delivered}"', 'adjustment.rejection="none"')
+            flight,
+            out,
+            overrides=(f'inputs.{key}.file="{delivered}"', f"adjustment.rejection={rejection}"),
         ),
     )
     assert found.error is None, found.error
-    summary = json.loads((found.directory / "summary.json").read_text())
-    return list(summary["model_findings"])
+    return found.directory
 
 
-def test_a_sound_block_has_no_finding(flight: Path, tmp_path: Path) -> None:
-    assert findings(flight, tmp_path / "results", "control.csv", 0, {}) == []
+def findings(results: Path) -> list[dict[str, object]]:
+    """What the tests of the model found."""
+    return list(json.loads((results / "summary.json").read_text())["model_findings"])
+
+
+def top_of_report(results: Path) -> tuple[str, str]:
+    """The tone of the verdict, and all that stands before the problems of the report."""
+    html = (results / "report.html").read_text(encoding="utf-8")
+    tone = re.search(r'class="verdict (\w+)"', html)
+    assert tone is not None
+    text = re.sub(r"<[^>]+>", "", html[tone.start() : html.index("<nav>")])
+    return tone.group(1), text
+
+
+def test_a_sound_block_has_no_finding_and_a_green_verdict(flight: Path, tmp_path: Path) -> None:
+    results = carried_out(flight, tmp_path / "results", "control.csv", slice(0), {})
+    assert findings(results) == []
+    tone, text = top_of_report(results)
+    assert tone == "good"
+    assert "Look at" not in text
 
 
 @pytest.mark.parametrize(
@@ -59,7 +78,8 @@ def test_a_sound_block_has_no_finding(flight: Path, tmp_path: Path) -> None:
 def test_a_single_mistake_is_named_and_nothing_else(
     flight: Path, tmp_path: Path, file: str, row: int, changes: dict[str, float], quantity: str, axis: str
 ) -> None:
-    (found,) = findings(flight, tmp_path / "results", file, row, changes)
+    results = carried_out(flight, tmp_path / "results", file, slice(row, row + 1), changes)
+    (found,) = findings(results)
     entity = pd.read_csv(flight.parent / file, dtype=str).iloc[row, 0]
     assert (found["quantity"], found["entity"]) == (quantity, entity)
     assert f"contradicts the rest by {axis}" in str(found["sentence"])
@@ -67,3 +87,41 @@ def test_a_single_mistake_is_named_and_nothing_else(
     size = re.search(r"by \w+ ([+-][\d.]+) ±", str(found["sentence"]))
     assert size is not None
     assert float(size.group(1)) == pytest.approx(error, rel=0.25)
+    tone, text = top_of_report(results)
+    assert tone == "attention"
+    place = f"control point {entity}" if file == "control.csv" else f"image {entity}"
+    assert re.findall("Look at ([^.]+)\\.", text) == [place]
+    assert str(found["sentence"]) in text
+
+
+@pytest.mark.parametrize(
+    ("file", "row", "changes", "words"),
+    [
+        ("exposures.csv", 20, {"y": 2.0}, "Its GNSS position was rejected: observed − adjusted y +"),
+        ("exposures.csv", 33, {"roll": 0.2}, "Its INS attitude was rejected: observed − adjusted roll +"),
+        ("control.csv", 6, {"z": -1.5}, "counts as no control: observed − adjusted z -"),
+    ],
+)
+def test_what_was_rejected_is_named_first_and_once(
+    flight: Path, tmp_path: Path, file: str, row: int, changes: dict[str, float], words: str
+) -> None:
+    results = carried_out(flight, tmp_path / "results", file, slice(row, row + 1), changes, "{}")
+    entity = pd.read_csv(flight.parent / file, dtype=str).iloc[row, 0]
+    tone, text = top_of_report(results)
+    assert tone == "attention"
+    assert len(re.findall("Look at ", text)) == 1
+    assert f"{entity}. " in text
+    assert words in text
+
+
+@pytest.mark.parametrize("rejection", ['"none"', "{}"])
+def test_a_shifted_strip_is_one_cause(flight: Path, tmp_path: Path, rejection: str) -> None:
+    exposures = pd.read_csv(flight.parent / "exposures.csv", dtype=str)
+    strip = exposures["strip"].unique()[1]
+    rows = exposures.index[exposures["strip"] == strip]
+    results = carried_out(
+        flight, tmp_path / "results", "exposures.csv", slice(rows[0], rows[-1] + 1), {"x": 0.6}, rejection
+    )
+    tone, text = top_of_report(results)
+    assert tone == "attention"
+    assert re.findall("Look at ([^.]+)\\.", text) == [f"strip {strip}"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
+from tasks.documents.report.causes import Cause
 from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import Material
 from tasks.quantities import group_words, unit_words
@@ -27,8 +28,8 @@ class Verdict:
     sentence: str
 
 
-def verdict(material: Material) -> Verdict:
-    """Gates and global test in one sentence."""
+def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
+    """Gates, global test and how much else contradicts, in one sentence."""
     gates = material.summary.gates
     free = material.figures.free_network
     what = "The free network" if free is not None and free.defect else "The block"
@@ -39,6 +40,10 @@ def verdict(material: Material) -> Verdict:
         test, good = f"the {missed} are beyond their limits, and {test}", False
     if any(item.contradicted for item in material.figures.registered_calibrations):
         test, good = f"{test}; it contradicts a calibration of the registry", False
+    link = "and" if good else "but"
+    if causes:
+        things = "one thing contradicts" if len(causes) == 1 else f"{len(causes)} things contradict"
+        test, good = f"{test}, {'but' if good else 'and'} {things} the rest", False
     if failed:
         named = "; ".join(failed)
         of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
@@ -48,7 +53,6 @@ def verdict(material: Material) -> Verdict:
         kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
     else:
         kept = "no limits are set in the project"
-    link = "and" if good else "but"
     return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
 
 

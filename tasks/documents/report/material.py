@@ -45,6 +45,7 @@ class Material:
     trust_map : trust_map_cells; empty without a trust map.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
     exposures, trajectories : the tables of these names; empty if no exposures come from a trajectory.
+    suspicions : those of the problems that say the delivery itself is wrong.
     """
 
     project: Project
@@ -69,6 +70,7 @@ class Material:
     exposures: pd.DataFrame = field(default_factory=pd.DataFrame)
     trajectories: pd.DataFrame = field(default_factory=pd.DataFrame)
     trust_map: pd.DataFrame = field(default_factory=pd.DataFrame)
+    suspicions: tuple[str, ...] = ()
 
     @cached_property
     def figures(self) -> AdjustmentFigures:
@@ -182,9 +184,10 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         pd.DataFrame() if (table := tables.get(name)) is None else read_table(table) for name in optional
     )
     camera_table = read_table(tables["cameras"])
+    notes = [read_notes(outputs["notes"]) for outputs in stages]
     return Material(
         project=project,
-        summary=summary_of([read_notes(outputs["notes"]) for outputs in stages], project.gates, {}),
+        summary=summary_of(notes, project.gates, {}),
         cameras=frame_cameras(camera_table),
         camera_table=camera_table,
         self_calibration=offered,
@@ -192,5 +195,6 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         trust_map=trusted,
         exposures=read_table(tables["exposures"]) if "trajectories" in tables else pd.DataFrame(),
         trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
+        suspicions=tuple(dict.fromkeys(sentence for note in notes for sentence in note.suspicions)),
         **read,
     )

@@ -14,6 +14,7 @@ from tasks.document_kit.table import Table
 from tasks.documents.report import (
     block_map,
     calibration,
+    causes,
     correlations,
     datum,
     grid_iteration,
@@ -68,14 +69,18 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     pairs = image_errors_plot.before_and_after(material)
     of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
     tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
+    found = causes.causes(material)
+    first, more_causes = causes.shown(found)
     page: str = (
         environment()
         .get_template("page.html.j2")
         .render(
             name=name,
             frame=material.figures.frame,
-            verdict=key_figures.verdict(material),
-            problems=material.summary.problems,
+            verdict=key_figures.verdict(material, found),
+            causes=first,
+            more_causes=more_causes,
+            problems=causes.remarks(material, found),
             figures=material.figures,
             summary=material.summary,
             tables=tables,

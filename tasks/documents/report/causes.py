@@ -1,0 +1,227 @@
+"""Where to look first: the strip, image or point behind what the block contradicts, one sentence for each.
+
+From the tests of the model, from what was rejected besides image points, from images whose points do not
+fit, from check points beyond their σ, and from suspicions that the delivery itself is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
+from tasks.documents.report.surveyed_points import AXES, differences
+from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
+from tasks.quantities import group_words, unit_words
+from tasks.results.figures import ModelFinding
+
+#: Causes on the first screen; more are in the tables.
+MOST_CAUSES = 6
+# Of calling any check point of a sound block wrong.
+_ERROR_PROBABILITY = 0.005
+# So many observations of a strip, and more than half of them, have one cause.
+_SEVERAL = 3
+# So many points of an image, and this part of them, do not fit by chance in no block.
+_LEAST_POINTS, _LEAST_SHARE = 5, 0.2
+# Beyond this a standardized residual is a gross error where nothing was rejected: 1 of 27,000 by chance.
+_GROSS = 4.13
+_OF_IMAGES = {"gnss_position": "gnss_positions", "ins_attitude": "ins_attitudes"}
+_ITS_OWN = {"gnss_positions": "GNSS position", "ins_attitudes": "INS attitude"}
+_GROUPS = {
+    **_OF_IMAGES,
+    "gnss_shift": "gnss_positions",
+    "boresight": "ins_attitudes",
+    "control_point": "control_points",
+}
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something to look at.
+
+    Attributes
+    ----------
+    place : ``strip E05``, ``image E06_003``, ``control point C038``; ``all`` of something.
+    sentence : what is wrong there, and what to check.
+    group : the observations in which it shows; empty: not known.
+    images : those behind it; empty: it is of no images.
+    """
+
+    place: str
+    sentence: str
+    group: str = ""
+    images: frozenset[str] = frozenset()
+
+
+def causes(material: Material) -> tuple[Cause, ...]:
+    """The causes, the likeliest first; what one of them explains is not named again."""
+    found = [_of_finding(material, finding) for finding in material.figures.model_findings]
+    found += [Cause("the delivery", sentence) for sentence in material.suspicions]
+    for cause in chain(_rejected(material), _unfit_images(material), _check_points(material)):
+        if not any(_explains(known, cause) for known in found):
+            found.append(cause)
+    return tuple(found)
+
+
+def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
+    """The problems of the run without what verdict and causes have said."""
+    said = {cause.sentence for cause in found}
+    sigma0, test = material.summary.sigma0, material.figures.global_test
+    if sigma0 is not None and test is not None and test.lower is not None:
+        said.add(global_test_words(sigma0, test))
+    explained = {cause.group for cause in found}
+    said |= {misfit_words(group) or "" for group in material.figures.groups if group.group in explained}
+    said.add(rejected_control_words(_rejected_control(material)))
+    return tuple(sentence for sentence in material.summary.problems if sentence not in said)
+
+
+def _explains(known: Cause, cause: Cause) -> bool:
+    """Whether a cause is another sight of one that is known."""
+    if known.place == cause.place:
+        return True
+    return bool(cause.images) and cause.images <= known.images and known.group in (cause.group, "")
+
+
+def _of_finding(material: Material, finding: ModelFinding) -> Cause:
+    group = _GROUPS.get(finding.quantity, "")
+    if finding.quantity in _OF_IMAGES:
+        return Cause(f"image {finding.entity}", finding.sentence, group, frozenset([finding.entity]))
+    if finding.quantity == "control_point":
+        return Cause(f"control point {finding.entity}", finding.sentence, group)
+    if finding.scope != "all":
+        place = f"{finding.scope} {finding.part}"
+        images = material.oriented
+        if finding.scope not in ("strip", "flight"):
+            return Cause(f"the {place}", finding.sentence, group)
+        own = images["image"][images[finding.scope] == finding.part]
+        return Cause(place, finding.sentence, group, frozenset(own))
+    if finding.quantity.startswith("control_"):
+        return Cause("the control points", finding.sentence, "control_points")
+    if finding.entity in material.cameras:
+        return Cause(f"camera {finding.entity}", finding.sentence, group)
+    return Cause("all exposures", finding.sentence, group)
+
+
+def _rejected(material: Material) -> Iterator[Cause]:
+    """Strips and single observations that were rejected, image points apart, the largest |v|/σ first."""
+    table = material.residuals
+    if table.empty:
+        return
+    table = table[(table["group"] != IMAGE_POINTS) & (table["status"] != "not_used")]
+    if not (table["status"] == "rejected").any():
+        return
+    images = material.oriented
+    strips = dict(zip(images["image"], images["strip"], strict=True))
+    table = table.assign(
+        strip=table["image"].map(strips).fillna(""),
+        ratio=(table["residual"] / table["sigma"]).abs(),
+        rejected=table["status"] == "rejected",
+    )
+    rejected = table[table["rejected"]].sort_values("ratio", ascending=False, kind="stable")
+    of_strips = _rejected_strips(table)
+    yield from of_strips.values()
+    worst = rejected.drop_duplicates(["group", "image", "point"])
+    alone = ~pd.MultiIndex.from_frame(worst[["group", "strip"]]).isin(list(of_strips))
+    for row in worst[alone].to_dict("records"):
+        yield _rejected_one(row)
+
+
+def _rejected_strips(table: pd.DataFrame) -> dict[tuple[str, str], Cause]:
+    """Strips of which most observations of a group were rejected, by group and strip."""
+    images = table[table["strip"] != ""].groupby(["group", "strip", "image"])["rejected"].any()
+    counted = images.groupby(["group", "strip"]).agg(["sum", "size"])
+    many = counted[(counted["sum"] >= _SEVERAL) & (counted["sum"] > 0.5 * counted["size"])]
+    found = {}
+    for (group, strip), few, every in zip(many.index, many["sum"], many["size"], strict=True):
+        own = table[(table["group"] == group) & (table["strip"] == strip)]
+        sizes = own.groupby("component", sort=True)["residual"].median()
+        unit = unit_words(str(own["unit"].iloc[0]))
+        size = ", ".join(f"{name} {-value:+.3g}" for name, value in sizes.items())
+        found[group, strip] = Cause(
+            f"strip {strip}",
+            f"{few} of its {every} {group_words(group)} were rejected; median of observed − adjusted: "
+            f"{size} {unit}. So many have one cause, such as their datum, base station or times.",
+            group,
+            frozenset(own["image"]),
+        )
+    return found
+
+
+def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
+    """A single observation that was rejected."""
+    image, point = (row[name] if isinstance(row[name], str) else "" for name in ("image", "point"))
+    group, unit = str(row["group"]), unit_words(str(row["unit"]))
+    size = (
+        f"observed − adjusted {row['component']} {-float(row['residual']):+.3g} {unit}, "
+        f"{float(row['ratio']):.1f} times its σ"
+    )
+    words = group_words(group)
+    if group == "control_points":
+        sentence = f"It was rejected and counts as no control: {size}. Check its coordinates and its images."
+        return Cause(f"control point {point}", sentence, group)
+    if image:
+        words = _ITS_OWN.get(group, words)
+        sentence = f"Its {words} was rejected: {size}. Check its time and its solution."
+        return Cause(f"image {image}", sentence, group, frozenset([image]))
+    return Cause(f"point {point}" if point else words, f"Rejected: {size}.", group)
+
+
+def _rejected_control(material: Material) -> list[str]:
+    table = material.residuals
+    if table.empty:
+        return []
+    own = table[(table["group"] == "control_points") & (table["status"] == "rejected")]
+    return sorted(set(own["point"]))
+
+
+def _unfit_images(material: Material) -> Iterator[Cause]:
+    """Images of which many points were rejected or, where nothing was, do not fit."""
+    table = material.residuals
+    if table.empty:
+        return
+    tested = material.figures.critical_value is not None
+    own = table[table["group"] == IMAGE_POINTS]
+    own = own[own["status"].isin([*TOOK_PART, "rejected"])]
+    bad = (own["status"] == "rejected") | (own["standardized"].abs() > _GROSS)
+    names, places = np.unique(own["image"].to_numpy(dtype=object), return_inverse=True)
+    # Two rows a point, one a component: a point is rejected with both, and seldom beyond a limit in both.
+    count = np.bincount(places, minlength=len(names)) / 2.0
+    unfit = np.bincount(places[bad.to_numpy()], minlength=len(names)) / (2.0 if tested else 1.0)
+    unfit = np.minimum(unfit, count)
+    share = np.divide(unfit, count, out=np.zeros(len(names)), where=count > 0)
+    found = np.flatnonzero((unfit >= _LEAST_POINTS) & (share >= _LEAST_SHARE))
+    for k in found[np.argsort(-share[found], kind="stable")].tolist():
+        what = "were rejected" if tested else "have residuals that are no chance"
+        sentence = (
+            f"{unfit[k]:.0f} of its {count[k]:.0f} image points {what}. Check whether its name, its "
+            "orientation and its image points belong together."
+        )
+        yield Cause(f"image {names[k]}", sentence, IMAGE_POINTS, frozenset([str(names[k])]))
+
+
+def _check_points(material: Material) -> Iterator[Cause]:
+    """Check points farther from their given coordinates than their σ allow, if no finding moves them."""
+    if material.check_points.empty or material.figures.model_findings:
+        return
+    table = differences(material, is_check=True)
+    tests = int(table[[f"{axis}_ratio" for axis in AXES]].notna().to_numpy().sum())
+    limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1))
+    for row in table[table["largest"] > limit].sort_values("largest", ascending=False).to_dict("records"):
+        size = ", ".join(f"{axis} {row[f'{axis}_m']:+.3f} m" for axis in AXES if row[f"{axis}_ratio"] > limit)
+        sentence = (
+            f"Computed − given {size}, {row['largest']:.1f} times its σ. Check its coordinates and its "
+            "measurement in the images."
+        )
+        yield Cause(f"check point {row['point']}", sentence)
+
+
+def shown(found: Sequence[Cause]) -> tuple[tuple[Cause, ...], int]:
+    """The causes of the first screen, and how many more there are."""
+    first = tuple(islice(found, MOST_CAUSES))
+    return first, len(found) - len(first)

@@ -1,0 +1,249 @@
+"""Where the report says to look first, from small tables with one mistake each."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tasks.documents.report.causes import causes, remarks, shown
+from tasks.documents.report.key_figures import verdict
+from tasks.documents.report.material import Material
+from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
+from tasks.files.json_text import JSON
+from tasks.results.figures import GlobalTestFigure, GroupFigure
+from tasks.results.summary import summary_of
+from tasks.settings.project import Project
+from tasks.settings.quality import Gates
+from tasks.store.notes import Notes
+
+NOTHING = pd.DataFrame()
+IMAGES = [f"{strip}{k}" for strip in "AB" for k in range(5)]
+
+
+def _residuals(rejected: dict[tuple[str, str], float], points: int = 10) -> pd.DataFrame:
+    """Positions and points of ten images in two strips, and three control points.
+
+    Parameters
+    ----------
+    rejected : by group and name, the residual of the observation.
+    """
+    rows: list[dict[str, object]] = []
+    names = [
+        *(("gnss_positions", image, None, "m") for image in IMAGES),
+        *(("control_points", None, point, "m") for point in ("1", "2", "3")),
+        *(("image_points", image, f"p{k}", "um") for image in IMAGES for k in range(points)),
+    ]
+    for group, image, point, unit in names:
+        for component in "xy":
+            name = f"{image}:{point}" if group == "image_points" else str(image or point)
+            out = (group, name) in rejected
+            rows.append(
+                {
+                    "group": group,
+                    "image": image,
+                    "point": point,
+                    "component": component,
+                    "residual": rejected.get((group, name), 0.01),
+                    "sigma": 0.05,
+                    "unit": unit,
+                    "redundancy": 0.6,
+                    "standardized": np.nan if out else 0.3,
+                    "status": "rejected" if out else "used",
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _material(
+    residuals: pd.DataFrame,
+    figures: dict[str, JSON] | None = None,
+    problems: tuple[str, ...] = (),
+    suspicions: tuple[str, ...] = (),
+) -> Material:
+    test: dict[str, JSON] = {"lower": 0.98, "upper": 1.02, "confidence": 0.95, "passed": True}
+    known: dict[str, JSON] = {"sigma0": 1.0, "critical_value": 4.13, "global_test": test, **(figures or {})}
+    images = pd.DataFrame(
+        {
+            "image": IMAGES,
+            "camera": "C",
+            "flight": "1",
+            "strip": [image[0] for image in IMAGES],
+            "x_m": 0.0,
+            "z_m": 900.0,
+            "height_above_ground_m": 800.0,
+        }
+    )
+    nothing = dict.fromkeys(
+        (
+            "camera_table",
+            "image_points",
+            "control_points",
+            "parameters",
+            "correlations",
+            "control_residuals",
+            "check_points",
+            "distance_residuals",
+            "model_alternatives",
+            "residual_grid",
+            "residual_autocorrelation",
+            "self_calibration",
+        ),
+        NOTHING,
+    )
+    summary = summary_of([Notes(problems, known)], Gates(), {})
+    material = Material(
+        project=Project.model_construct(),
+        summary=summary,
+        cameras={},
+        images=images,
+        object_points=pd.DataFrame({"z_m": [0.0]}),
+        residuals=residuals,
+        suspicions=suspicions,
+        **nothing,
+    )
+    # The ground sampling distance needs a camera, which is of no matter here.
+    vars(material)["oriented"] = images
+    return material
+
+
+def _finding(sentence: str, **changes: object) -> dict[str, JSON]:
+    found: dict[str, JSON] = {
+        "rank": 1, "quantity": "gnss_shift", "entity": "1", "scope": "strip", "part": "A", "t": 9.0,
+        "moves": "", "moved_by": 0.0, "sentence": sentence,
+    }  # fmt: skip
+    return found | changes  # type: ignore[operator]
+
+
+def test_a_sound_block_has_no_cause() -> None:
+    assert causes(_material(_residuals({}))) == ()
+
+
+def test_a_rejected_strip_is_one_cause_with_the_sign_of_the_observations() -> None:
+    strip = {("gnss_positions", f"A{k}"): -0.3 for k in range(4)}
+    (found,) = causes(_material(_residuals(strip)))
+    assert found.place == "strip A"
+    assert "4 of its 5 GNSS positions were rejected" in found.sentence
+    assert "x +0.3, y +0.3 m" in found.sentence
+
+
+def test_two_rejected_positions_of_a_strip_are_two_images_the_larger_first() -> None:
+    both = {("gnss_positions", "A1"): -0.3, ("gnss_positions", "A3"): 0.9}
+    found = causes(_material(_residuals(both)))
+    assert [cause.place for cause in found] == ["image A3", "image A1"]
+
+
+def test_a_rejected_control_point_is_named_and_its_remark_is_not_repeated() -> None:
+    own = rejected_control_words(["2"])
+    material = _material(_residuals({("control_points", "2"): 0.3}), problems=(own, "Something else."))
+    found = causes(material)
+    assert [cause.place for cause in found] == ["control point 2"]
+    assert "6.0 times its σ" in found[0].sentence
+    assert remarks(material, found) == ("Something else.",)
+    assert verdict(material, found).tone == "attention"
+
+
+def test_what_a_finding_explains_is_said_once() -> None:
+    group: dict[str, JSON] = {
+        "group": "gnss_positions", "observations": 30, "redundancy": 20.0, "sigma0": 2.0,
+    }  # fmt: skip
+    test: dict[str, JSON] = {"lower": 0.98, "upper": 1.02, "confidence": 0.95, "passed": False}
+    said = (
+        "The strip is shifted.",
+        global_test_words(1.1, GlobalTestFigure(lower=0.98, upper=1.02, confidence=0.95, passed=False)),
+        str(misfit_words(GroupFigure(group="gnss_positions", observations=30, redundancy=20.0, sigma0=2.0))),
+        "Something else.",
+    )
+    strip = {("gnss_positions", f"A{k}"): -0.3 for k in range(5)}
+    figures: dict[str, JSON] = {
+        "sigma0": 1.1,
+        "global_test": test,
+        "groups": [group],
+        "model_findings": [_finding("The strip is shifted.")],
+    }
+    material = _material(_residuals(strip), figures, said)
+    found = causes(material)
+    assert [cause.place for cause in found] == ["strip A"]
+    assert remarks(material, found) == ("Something else.",)
+
+
+def test_a_group_that_fits_badly_without_a_cause_stays_among_the_remarks() -> None:
+    figure = GroupFigure(group="gnss_positions", observations=30, redundancy=20.0, sigma0=2.0)
+    words = misfit_words(figure)
+    assert words is not None
+    material = _material(_residuals({}), {"groups": [figure.to_json()]}, (words,))
+    assert remarks(material, causes(material)) == (words,)
+
+
+@pytest.mark.parametrize(
+    ("finding", "place"),
+    [
+        ({"quantity": "control_point", "entity": "7", "scope": "all", "part": ""}, "control point 7"),
+        ({"quantity": "gnss_position", "entity": "B2", "scope": "all", "part": ""}, "image B2"),
+        ({"scope": "height", "part": "780 m"}, "the height 780 m"),
+        ({"scope": "flight", "part": "1"}, "flight 1"),
+        ({"quantity": "control_tilt", "entity": "", "scope": "all", "part": ""}, "the control points"),
+        ({"quantity": "convergence", "entity": "", "scope": "all", "part": ""}, "all exposures"),
+    ],
+)
+def test_every_finding_has_a_place(finding: dict[str, object], place: str) -> None:
+    found = causes(_material(_residuals({}), {"model_findings": [_finding("Something.", **finding)]}))
+    assert [cause.place for cause in found] == [place]
+
+
+@pytest.mark.parametrize(("number", "named"), [(4, False), (5, True)])
+def test_an_image_of_which_much_was_rejected_is_named(number: int, named: bool) -> None:
+    points = {("image_points", f"B1:p{k}"): 9.0 for k in range(number)}
+    found = causes(_material(_residuals(points, points=20)))
+    assert [cause.place for cause in found] == (["image B1"] if named else [])
+    if named:
+        assert "5 of its 20 image points were rejected" in found[0].sentence
+
+
+def test_without_rejection_residuals_tell_the_image() -> None:
+    residuals = _residuals({})
+    wrong = (residuals["group"] == "image_points") & (residuals["image"] == "A2")
+    residuals.loc[wrong & (residuals["component"] == "x"), "standardized"] = 6.0
+    (found,) = causes(_material(residuals, {"critical_value": None}))
+    assert found.place == "image A2"
+    assert "10 of its 10 image points have residuals that are no chance" in found.sentence
+
+
+def test_a_suspicion_is_a_cause_and_never_green() -> None:
+    material = _material(
+        _residuals({}), problems=("The heights look wrong.",), suspicions=("The heights look wrong.",)
+    )
+    found = causes(material)
+    assert [cause.place for cause in found] == ["the delivery"]
+    assert remarks(material, found) == ()
+    assert verdict(material, found).tone == "attention"
+
+
+def test_the_first_screen_holds_six_and_says_how_many_more() -> None:
+    many = {("gnss_positions", f"{strip}{k}"): 0.3 + 0.1 * k for strip in "AB" for k in range(2)}
+    many |= {("control_points", str(k)): 1.0 for k in (1, 2, 3)}
+    first, more = shown(causes(_material(_residuals(many))))
+    assert (len(first), more) == (6, 1)
+
+
+@pytest.mark.parametrize("explained", [False, True])
+def test_a_check_point_beyond_its_sigma_is_named_unless_a_finding_may_have_moved_it(explained: bool) -> None:
+    findings: list[JSON] = [_finding("The strip is shifted.")] if explained else []
+    material = _material(_residuals({}), {"model_findings": findings})
+    checks = pd.DataFrame(
+        {
+            "point": ["11", "12"],
+            **{f"d{axis}_m": [0.02, 0.30 if axis == "z" else 0.02] for axis in "xyz"},
+            **{f"sigma_d{axis}_m": [0.03, 0.03] for axis in "xyz"},
+            "rays": [4, 4],
+        }
+    )
+    rays = pd.DataFrame({"image": ["A1"], "point": ["11"]})
+    material = dataclasses.replace(material, check_points=checks, image_points=rays)
+    vars(material)["oriented"] = material.images.assign(gsd_m=0.1)
+    found = causes(material)
+    assert [cause.place for cause in found] == (["strip A"] if explained else ["check point 12"])
+    if not explained:
+        assert "dz +0.300 m, 10.0 times its σ" in found[0].sentence
