@@ -50,7 +50,9 @@ ADJUSTED = frozenset(
 )  # fmt: skip
 #: Formats of programs whose model has no refraction: their cameras have it in focal length and distortion.
 WITHOUT_REFRACTION = frozenset(
-    {"metashape", "pix4d", "blocks-exchange", "colmap", "opensfm", "opf", "openmvg", "micmac"}
-)
+    {
+        "metashape", "pix4d", "pix4d-cam", "blocks-exchange", "colmap", "opensfm", "opf", "openmvg", "micmac",
+    }
+)  # fmt: skip
 #: Formats in which only the order of the fields says what they are: believed where no other reads it.
 WITHOUT_MARK = ("odm-geo", "ign-mes", "ign-opk", "ign-app", "patb", "bingo", "pix4d")

@@ -74,6 +74,7 @@ from tasks.formats.opf import (
 from tasks.formats.patb import read_patb_control, read_patb_orientations
 from tasks.formats.photo_lists import read_photo_lists
 from tasks.formats.pix4d import read_pix4d_cameras, read_pix4d_exposures
+from tasks.formats.pix4d_camera_file import read_pix4d_camera_file
 from tasks.formats.realityscan import read_realityscan_exposures
 from tasks.formats.records import (
     AngleOrder,
@@ -172,6 +173,7 @@ CAMERA_FORMATS: dict[str, CameraReader] = {
     "colmap": read_colmap_cameras,
     "opensfm": read_opensfm_cameras,
     "pix4d": read_pix4d_cameras,
+    "pix4d-cam": read_pix4d_camera_file,
     "opf": read_opf_cameras,
     "openmvg": read_openmvg_cameras,
     "micmac": read_micmac_cameras,

@@ -431,6 +431,12 @@ LARGE: dict[tuple[str, str], Maker] = {
         "0 0 -1\n",
         lambda one, k: one.replace("IMG 1", f"IMG {k}").replace("0.1 0 0", f"0.{k} 0 0"),
     ),
+    ("camera", "pix4d-cam"): passage(
+        sound.PIX4D_CAMERA_FILE,
+        "camera_calibration_file",
+        "0.00001 0\n",
+        lambda one, k: one.replace("file 0", f"file {k}"),
+    ),
     ("camera", "opf"): _opf(
         "p/input-cameras.json",
         '{"id": 3, "name"',

@@ -143,6 +143,31 @@ IMG 1.JPG 100 80
 0 -1 0
 0 0 -1
 """
+# The camera of PIX4D_CAMERAS, with a focal length of 10 mm.
+PIX4D_CAMERA_FILE = """camera_calibration_file 0
+#Focal Length (mm) assuming a sensor width of 5.0x4.0mm
+#Image size 100x80 pixel
+FOCAL 10.0
+
+#Principal Point Offset xpoff ypoff in mm (Inpho)
+XPOFF 0.075
+YPOFF 0.05
+#Principal Point Offset xpoff ypoff in mm
+XPOFF -0.075
+YPOFF 0.05
+#Principal Point Offset xpoff ypoff in pixel
+XPOFF -1.5
+YPOFF 1.0
+
+#How many fiducial pairs (max 8):
+NUM_FIDS 4
+
+#Symmetrical Lens Distortion Odd-order Poly Coeffs:K0,K1,K2,K3
+SYM_DIST 0 0.0001 0 0
+
+#Decentering Lens Coeffs p1,p2,p3
+DEC_DIST 0 0.00001 0
+"""
 #: (what is read, format) → content.
 SOUND: dict[tuple[str, str], str | bytes] = {
     ("image points", "csv"): "image,point,x,y\nI1,P1,1.5,2.5\n",
@@ -214,6 +239,7 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("camera", "colmap"): "1 OPENCV 100 80 200 201 50 40 0.1 0 0.001 0\n",
     ("camera", "opensfm"): _RECONSTRUCTION,
     ("camera", "pix4d"): PIX4D_CAMERAS,
+    ("camera", "pix4d-cam"): PIX4D_CAMERA_FILE,
     ("camera", "opf"): small.packed(small.OPF),
     ("camera", "openmvg"): _OPENMVG,
     ("camera", "micmac"): small.CALIBRATION,
