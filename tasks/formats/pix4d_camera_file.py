@@ -3,8 +3,9 @@
 Cameras begin with ``camera_calibration_file N``. Of each are read: size of the sensor (mm, in the comment
 above ``FOCAL``) and of the image (``#Image size``), ``FOCAL`` (mm), the principal point from the middle of
 the image, and distortion. The principal point is there three times: in mm for Inpho (x along columns, y
-against rows), in mm and in pixels with x reversed. Distortion is that of ``…_calibrated_camera_parameters.txt``,
-forward and of coordinates divided by the focal length, in powers of it:
+against rows), in mm and in pixels with x reversed. Distortion is that of the file beside it,
+``…_calibrated_camera_parameters.txt``: forward, of coordinates divided by the focal length, here with powers
+of that in it:
 
     SYM_DIST K0 K1 K2 K3:  k_i = K_i f^(2i+1)        DEC_DIST p1 p2 p3:  p_i = p_i' f²
 
