@@ -16,7 +16,10 @@ if TYPE_CHECKING:
         DatumDefectError,
         DivergenceError,
         InconsistentBlockError,
+        MissingExtraError,
+        UnknownNameError,
     )
+    from adjust.joint_covariance import JointCovariance
     from adjust.observations.base import ObservationGroup, StochasticModel
     from adjust.observations.control_point import ControlPoints
     from adjust.observations.direct import DirectObservations
@@ -43,11 +46,14 @@ __all__ = [
     "ImagePoints",
     "InconsistentBlockError",
     "InsAttitudes",
+    "JointCovariance",
+    "MissingExtraError",
     "ObservationGroup",
     "Observations",
     "State",
     "StochasticModel",
     "SystemParameters",
+    "UnknownNameError",
     "adjust_block",
 ]
 
@@ -66,11 +72,14 @@ _MODULES = {
     "ImagePoints": "adjust.observations.image_point",
     "InconsistentBlockError": "adjust.errors",
     "InsAttitudes": "adjust.observations.ins_attitude",
+    "JointCovariance": "adjust.joint_covariance",
+    "MissingExtraError": "adjust.errors",
     "ObservationGroup": "adjust.observations.base",
     "Observations": "adjust.solve.system",
     "State": "adjust.parameters",
     "StochasticModel": "adjust.observations.base",
     "SystemParameters": "adjust.parameters",
+    "UnknownNameError": "adjust.errors",
     "adjust_block": "adjust.adjustment",
 }
 

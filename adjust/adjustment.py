@@ -127,6 +127,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         )
     singly, by_fold = _control_checks(search, options)
     return AdjustmentResult(
+        system.block,
         state,
         system.layout,
         with_inner_constraints(system, adjusted.solution, adjusted.quality).without_joins(system.layout),

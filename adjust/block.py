@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +11,17 @@ from adjust.arrays import Floats, Ints
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
 from adjust.geometry.earth import LocalFrame
-from adjust.parameters import ConsideredParameters, ParameterLayout, State, SystemParameters
+from adjust.parameters import (
+    FAMILIES,
+    INTERIOR_ORIENTATION,
+    ConsideredParameters,
+    ParameterLayout,
+    State,
+    SystemParameters,
+)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Block:
     """What is to be adjusted, without its observations.
 
@@ -25,7 +33,8 @@ class Block:
     camera_of_image : (n,) index into ``cameras``.
     flights, flight_of_image : names, and (n,) index into them.
     points : names of the m object points.
-    system : the families of system parameters with given values and freedom.
+    system : the families of system parameters with given values and freedom. Those that every block has and
+        that are not given are held: the interior orientation as its cameras state it, the others at zero.
     projection_centre, local_from_camera, object_point : approximate values, see :class:`State`.
     considered : held system parameters whose errors are part of all covariances; None: what is held is exact.
     """
@@ -44,6 +53,7 @@ class Block:
     considered: ConsideredParameters | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "system", (*self.system, *self._held()))
         n, m = len(self.images), len(self.points)
         shapes = {
             "camera_of_image": (self.camera_of_image.shape, (n,)),
@@ -66,6 +76,26 @@ class Block:
         for place in () if self.considered is None else self.considered.places:
             if free[place.family][place.entity, place.component]:
                 raise InconsistentBlockError(f"A parameter of {place.family} is free and considered, too.")
+
+    def _held(self) -> Iterator[SystemParameters]:
+        """The families that are always there and were not given."""
+        given = {parameters.family.name for parameters in self.system}
+        entities = {"camera": tuple(camera.name for camera in self.cameras), "flight": self.flights}
+        for name, family in FAMILIES.items():
+            if family.always_there and name not in given:
+                owners = entities[family.entity_kind]
+                values = np.zeros((len(owners), len(family.components)))
+                if name == INTERIOR_ORIENTATION:
+                    values[:] = [(camera.focal_length, *camera.principal_point) for camera in self.cameras]
+                yield SystemParameters(family, owners, values, np.zeros(values.shape, dtype=bool))
+
+    def __repr__(self) -> str:
+        free = sorted(parameters.family.name for parameters in self.system if parameters.free.any())
+        cameras = ", ".join(camera.name for camera in self.cameras)
+        return (
+            f"<Block: {len(self.images):,} images of {cameras}, {len(self.points):,} object points; "
+            f"{'free: ' + ', '.join(free) if free else 'all families held'}>"
+        )
 
     @property
     def layout(self) -> ParameterLayout:

@@ -92,3 +92,59 @@ class AdditionalParametersError(AdjustmentError):
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}"
+
+
+@dataclass
+class UnknownNameError(AdjustmentError, KeyError):
+    """A name that is asked for does not exist.
+
+    Attributes
+    ----------
+    message : what was asked for and what there is, sentences.
+    known : the names that exist.
+    """
+
+    message: str
+    known: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass
+class MissingExtraError(AdjustmentError, ImportError):
+    """A library is needed that comes with an extra of the package, and is not installed.
+
+    Attributes
+    ----------
+    what : what needs it, the beginning of a sentence.
+    library : its name.
+    extra : the extra of this package that brings it.
+    """
+
+    what: str
+    library: str
+    extra: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.what} needs {self.library}, which is not installed. "
+            f"Install it with: pip install 'aerocal[{self.extra}]'"
+        )
+
+
+@dataclass
+class ExtensionError(AdjustmentError):
+    """An extension that another package adds cannot be used.
+
+    Attributes
+    ----------
+    extension : what it is and whose.
+    what : what is wrong with it, a sentence without its subject.
+    """
+
+    extension: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"The extension {self.extension} {self.what}"

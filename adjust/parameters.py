@@ -17,6 +17,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
+from adjust.unknown_names import NamedValues
 
 EXTERIOR_ORIENTATION = "exterior_orientation"
 OBJECT_POINT = "object_point"
@@ -205,7 +206,7 @@ class State:
         for name in ("projection_centre", "local_from_camera", "object_point"):
             object.__setattr__(self, name, _as_kernels_take_it(getattr(self, name)))
         system = {family: _as_kernels_take_it(values) for family, values in self.system.items()}
-        object.__setattr__(self, "system", system)
+        object.__setattr__(self, "system", NamedValues(system))
 
 
 def _as_kernels_take_it(values: Floats) -> Floats:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.block import Block
+from adjust.joint_covariance import JointCovariance, joint_covariance
+from adjust.notebook.summary import one_line, page
 from adjust.observations.base import ObservationGroup
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
@@ -19,7 +27,14 @@ from adjust.quality.joint_cofactor import JointCofactor
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
 from adjust.solve.defect import OpenDirection
-from adjust.solve.gauss_newton import Iteration
+from adjust.solve.gauss_newton import Iteration, Solution, solution_at
+from adjust.solve.system import Observations, System
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from plotly.graph_objects import Figure
+
+    from adjust.notebook.tables import Table
 
 
 class ObservationStatus(IntEnum):
@@ -34,7 +49,7 @@ class ObservationStatus(IntEnum):
     NOT_USED = 3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GroupResult:
     """Residuals of one group; arrays (n, m).
 
@@ -58,6 +73,12 @@ class GroupResult:
     detectable: Floats
     status: Ints
     weighted_squares: float
+
+    def __repr__(self) -> str:
+        return (
+            f"<GroupResult of {self.group.name}: {len(self.residual):,} observations, "
+            f"{self.rejected:,} rejected; redundancy {self.redundancy_sum:,.1f}, σ0 {self.sigma0:.3f}>"
+        )
 
     @property
     def rejected(self) -> int:
@@ -119,12 +140,13 @@ class FreeNetwork:
         return len(self.directions)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AdjustmentResult:
     """An adjusted block with everything known about its quality.
 
     Attributes
     ----------
+    block : what was adjusted.
     state : adjusted values.
     layout : the place of the unknowns.
     cofactor : cofactor matrices (a-priori σ0 = 1); times σ0² they are covariances.
@@ -148,6 +170,7 @@ class AdjustmentResult:
         those of its inner constraints.
     """
 
+    block: Block
     state: State
     layout: ParameterLayout
     cofactor: Cofactor
@@ -166,3 +189,81 @@ class AdjustmentResult:
     joint_cofactor: JointCofactor | None = None
     correlation_times: tuple[CorrelationTime, ...] = ()
     free_network: FreeNetwork | None = None
+
+    @property
+    def observations(self) -> Observations:
+        """The observations that took part, weighted as in the adjustment."""
+        rays, *others = (group.taking_part for group in self.groups)
+        assert isinstance(rays, ImagePoints)  # the first group of every result
+        return Observations(rays, tuple(others))
+
+    @property
+    def sigma0(self) -> float:
+        """Factor of all standard deviations: σ0 a posteriori; 1 without redundancy."""
+        return self.test.sigma0 if self.test.redundancy > 0 else 1.0
+
+    def covariance(
+        self,
+        points: Sequence[str] = (),
+        images: Sequence[str] = (),
+        parameters: Sequence[str] = (),
+        sigma0: float | None = None,
+    ) -> JointCovariance:
+        """Joint covariance matrix of any unknowns, by their names; for some hundred of them.
+
+        The first call factorises the normal equations again and keeps the factors.
+
+        Parameters
+        ----------
+        points : names of object points; three coordinates each, local axes.
+        images : names of images; projection centre in local axes, small rotation in the camera frame.
+        parameters : families ("boresight"), parameters ("boresight_roll") or one of them ("boresight_roll of
+            CAMERA"); of the first two, all that are estimated.
+        sigma0 : factor of the standard deviations; None: that of the residuals.
+
+        Raises
+        ------
+        UnknownNameError : a name does not exist, comes twice, or is of something that is no unknown.
+        """
+        factor = self.sigma0 if sigma0 is None else sigma0
+        return joint_covariance(*self._solved, self.cofactor.considered, factor, (images, parameters, points))
+
+    def __repr__(self) -> str:
+        return one_line(self)
+
+    def _repr_html_(self) -> str:
+        return page(self)
+
+    def to_dataframe(self, table: Table = "parameters") -> DataFrame:
+        """A table of the result for pandas, in SI units and radians.
+
+        Parameters
+        ----------
+        table : "parameters" (estimated system parameters), "images", "points" or "observations".
+
+        Raises
+        ------
+        UnknownNameError : there is no such table.
+        """
+        from adjust.notebook.tables import table_of
+
+        return table_of(self, table)
+
+    def plot(self) -> Figure:
+        """The block in plan: exposures, object points by the σ of their height, what was rejected.
+
+        Raises
+        ------
+        MissingExtraError : plotly is not installed.
+        """
+        from adjust.notebook.charts import plan
+
+        return plan(self)
+
+    @cached_property
+    def _solved(self) -> tuple[System, Solution]:
+        """The factorised normal equations, which an adjustment does not keep."""
+        constrained = None if self.free_network is None else self.free_network.constrained
+        system = System.of(self.block, self.observations, inner_constraints=constrained)
+        with threadpool_limits(limits=1):
+            return system, solution_at(system, self.state)

@@ -211,6 +211,7 @@ class StochasticModel:
         )
 
 
+@runtime_checkable
 class ObservationGroup(Protocol):
     """A group of observations of one kind.
 

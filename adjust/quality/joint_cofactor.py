@@ -1,17 +1,22 @@
-"""Joint cofactors of some object points, which the selected inverse does not hold.
+"""Joint cofactors of some unknowns of any kind, which the selected inverse does not hold.
 
 With N_j the normal matrix of point j, C_j its mixed part with exposures and system parameters, and S the
 reduced system,
 
     Q_ij = δ_ij N_j⁻¹ + N_i⁻¹ C_iᵀ S⁻¹ C_j N_j⁻¹.
 
-S⁻¹ C_j N_j⁻¹ takes one solution with the factors that are there for each coordinate, so this is for
-some hundred points, not for all.
+and with an unknown of the reduced system, whose unit vector is e,
+
+    Q_ie = −N_i⁻¹ C_iᵀ S⁻¹ e.
+
+Each unknown takes one solution with the factors that are there, so this is for some hundred of them, not for
+all.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,8 +26,33 @@ from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import System
 from adjust.solve.whitening import add_border_columns, whiten
 
-# Object points that are solved for together: much faster than one by one, in little memory.
-_TOGETHER = 8
+# Object points, and other unknowns, that are solved for together: much faster than one by one.
+_POINTS_TOGETHER, _TOGETHER = 8, 24
+
+
+def _none() -> Ints:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Some unknowns by their indices; all different.
+
+    Attributes
+    ----------
+    images : (i,) exposures, six unknowns each.
+    columns : (b,) of the border.
+    points : (k,) active object points, three unknowns each.
+    """
+
+    images: Ints = field(default_factory=_none)
+    columns: Ints = field(default_factory=_none)
+    points: Ints = field(default_factory=_none)
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns, u = 6 i + b + 3 k, in this order."""
+        return 6 * len(self.images) + len(self.columns) + 3 * len(self.points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,27 +87,54 @@ class JointCofactor:
 
 def joint_cofactors(system: System, solution: Solution, points: Ints) -> Floats:
     """Cofactor matrix (k, 3, k, 3) of object points (k,), all different and active; local axes, m²."""
-    k, n = len(points), system.layout.images
-    half = np.linalg.inv(solution.normals.point_factor[points])
+    k = len(points)
+    return joint_cofactors_of(system, solution, Chosen(points=points)).reshape(k, 3, k, 3)
+
+
+def joint_cofactors_of(system: System, solution: Solution, chosen: Chosen) -> Floats:
+    """Cofactor matrix (u, u) of unknowns in the order of exposures, border and object points; SI and radians.
+
+    Exposures have their centre in local axes and the small rotation in the camera frame.
+    """
+    half = np.linalg.inv(solution.normals.point_factor[chosen.points])
     own = np.swapaxes(half, 1, 2) @ half
-    mixed = mixed_parts(system, solution, points)
-    joint = np.zeros((k, 3, k, 3))
-    for first in range(0, k, _TOGETHER):
-        chosen = np.arange(first, min(first + _TOGETHER, k))
-        d = len(chosen)
+    mixed = mixed_parts(system, solution, chosen.points)
+    joint = np.empty((chosen.count, chosen.count))
+    first = 0
+    for of_exposures, of_border in _loads(system, chosen, mixed, own):
+        x, border = solution.factorization.factor.solve(of_exposures, of_border)
+        d = border.shape[1]
+        projected = np.swapaxes(mixed.of_border, 1, 2) @ border
+        np.add.at(projected, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.image])
+        parts = (x[chosen.images], border[chosen.columns], -own @ projected)
+        joint[:, first : first + d] = np.concatenate([part.reshape(-1, d) for part in parts])
+        first += d
+    k = len(chosen.points)
+    at = chosen.count - 3 * k + 3 * np.arange(k)[:, None] + np.arange(3)
+    joint[at[:, :, None], at[:, None, :]] += own
+    return joint
+
+
+def _loads(system: System, chosen: Chosen, mixed: MixedParts, own: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """Right-hand sides (n, 6, d) and (g, d) of the reduced system for the chosen unknowns, some at a time."""
+    n, g = system.layout.images, system.border
+    i = len(chosen.images)
+    row = np.concatenate([(6 * chosen.images[:, None] + np.arange(6)).ravel(), 6 * n + chosen.columns])
+    for first in range(0, 6 * i + len(chosen.columns), _TOGETHER):
+        part = row[first : first + _TOGETHER]
+        unit = np.zeros((6 * n + g, len(part)))
+        unit[part, np.arange(len(part))] = 1.0
+        yield unit[: 6 * n].reshape(n, 6, -1), unit[6 * n :]
+    for first in range(0, len(chosen.points), _POINTS_TOGETHER):
+        these = np.arange(first, min(first + _POINTS_TOGETHER, len(chosen.points)))
+        d = len(these)
         rays = np.flatnonzero((mixed.point >= first) & (mixed.point < first + d))
         place = mixed.point[rays]
         # The axis of the image and that of the point beside each other, as one index wants them.
         loads = np.zeros((n, d, 6, 3))
         np.add.at(loads, (mixed.image[rays], place - first), mixed.of_rays[rays] @ own[place])
-        of_exposures = np.swapaxes(loads, 1, 2).reshape(n, 6, 3 * d)
-        of_border = np.moveaxis(mixed.of_border[chosen] @ own[chosen], 0, 1)
-        x, border = solution.factorization.factor.solve(of_exposures, of_border.reshape(-1, 3 * d))
-        projected = np.swapaxes(mixed.of_border, 1, 2) @ border
-        np.add.at(projected, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.image])
-        joint[:, :, chosen] = (own @ projected).reshape(k, 3, d, 3)
-    joint[np.arange(k), :, np.arange(k), :] += own
-    return joint
+        of_border = np.moveaxis(mixed.of_border[these] @ own[these], 0, 1)
+        yield -np.swapaxes(loads, 1, 2).reshape(n, 6, 3 * d), -of_border.reshape(-1, 3 * d)
 
 
 def mixed_parts(system: System, solution: Solution, points: Ints) -> MixedParts:

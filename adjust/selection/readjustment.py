@@ -19,7 +19,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.result import AdjustmentResult
 from adjust.solve.gauss_newton import converge
-from adjust.solve.system import Observations, System
+from adjust.solve.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +56,7 @@ class Readjustment:
     @classmethod
     def of(cls, block: Block, result: AdjustmentResult, options: AdjustmentOptions) -> Self:
         """What took part in an adjustment of a block."""
-        rays, *others = (group.taking_part for group in result.groups)
-        assert isinstance(rays, ImagePoints)  # the first group of every result
-        observations = Observations(rays, tuple(others))
-        system = System.of(block, observations, options.threads, options.free_network)
+        system = System.of(block, result.observations, options.threads, options.free_network)
         defect = 0 if result.free_network is None else result.free_network.defect
         return cls(system, options.most_iterations, defect)
 

@@ -8,7 +8,7 @@ notice movements of the block as a whole; those must have ended, too.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -131,9 +131,20 @@ def iterate(
     Parameters and errors are those of :func:`converge`.
     """
     estimate = converge(system, start, most, progress, may_stall)
-    normals = reduced_normals(system, estimate.state)
-    factorization, movements = _factorize(system, estimate.state, normals)
-    return Solution(estimate.state, normals, factorization, estimate.iterations, estimate.stalled, movements)
+    found = solution_at(system, estimate.state)
+    return replace(found, iterations=estimate.iterations, stalled=estimate.stalled)
+
+
+def solution_at(system: System, state: State) -> Solution:
+    """The factorised normal equations of a state that is adjusted already.
+
+    Raises
+    ------
+    DatumDefectError : singular normal equations, explained.
+    """
+    normals = reduced_normals(system, state)
+    factorization, movements = _factorize(system, state, normals)
+    return Solution(state, normals, factorization, (), movements=movements)
 
 
 def converge(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
@@ -33,6 +33,7 @@ from tasks.settings.inputs import (
     ImagePointsInput,
     Inputs,
 )
+from tasks.settings.own_observations import OwnObservationsInput
 from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
@@ -74,6 +75,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("adjustment.rejection", Rejection, ""),
     ("[adjustment.self_calibration]", SelfCalibrationSettings, ""),
     ("[adjustment.residual_grid]", ResidualGridSettings, ""),
+    ("[[adjustment.own_observations]]", OwnObservationsInput, ""),
     (
         "[adjustment.priors]",
         Priors,
@@ -188,6 +190,8 @@ def _kind(annotation: Any, field: FieldInfo | None = None) -> str:
         return _tuple_kind(arguments)
     if origin is dict:
         return "tables"
+    if origin is Mapping:
+        return "table"
     if isinstance(annotation, type) and issubclass(annotation, Settings):
         from_text = (Heights, Rejection, CalibrationInput, StripRule)
         return "text or table" if annotation in from_text else "table"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version as installed_version
+from typing import Annotated, TypeAlias
+
 import typer
 
 from flows.command.adjust import adjust
@@ -42,6 +45,18 @@ _EXIT_CODES = (
     "143 terminated"
 )
 
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"aerocal {installed_version('aerocal')}")
+        raise typer.Exit
+
+
+Version: TypeAlias = Annotated[
+    bool,
+    typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
+]
+
 app = typer.Typer(
     name="aerocal",
     help=_ABOUT,
@@ -53,6 +68,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@app.callback()
+def _aerocal(version: Version = False) -> None:
+    pass
+
+
 app.command()(init)
 app.command()(run)
 app.command()(adjust)

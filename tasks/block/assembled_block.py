@@ -34,6 +34,7 @@ from tasks.block.known_calibrations import (
     with_known_calibrations,
 )
 from tasks.block.oriented_images import oriented_images
+from tasks.block.own_observations import ObservedBlock, own_observations
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
@@ -111,6 +112,9 @@ def assembled_block(
     block = with_known_calibrations(block, known)
     observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
     others = (*observations.others, *distance_observations(block, delivered.distances))
+    observed = ObservedBlock(block, lambda place: local_from_map(map_frame, frame, place))
+    taken = [group.name for group in (observations.image_points, *others)]
+    others += own_observations(observed, settings.own_observations, taken)
     observations = replace(observations, others=with_joint_priors(block, others, known))
     rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
     never_used = np.ones(len(measured), dtype=bool)

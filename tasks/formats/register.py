@@ -1,4 +1,7 @@
-"""The formats that can be read: a new one is a new file and one line here."""
+"""The formats that can be read: a new one is a new file and one line here.
+
+Other packages add formats by entry points, see ``adjust.extensions``.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
+from adjust.extensions import Extended, trouble_of_function
 from tasks.formats.applanix import read_applanix
 from tasks.formats.bal import read_bal_exposures, read_bal_image_points
 from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
@@ -101,7 +105,7 @@ CameraReader: TypeAlias = Callable[[Path], Mapping[str, CameraRecord | PixelCame
 
 #: The format whose layout a project file may declare.
 TABLE = "csv"
-IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
+_IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
     TABLE: read_csv_image_points,
     "ign-mes": read_ign_mes,
     "patb": read_photo_lists,
@@ -120,7 +124,8 @@ IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
     "bal": read_bal_image_points,
     "colmap-database": read_colmap_database_image_points,
 }
-EXPOSURE_FORMATS: dict[str, ExposureReader] = {
+IMAGE_POINT_FORMATS = Extended("image_points", _IMAGE_POINT_FORMATS, trouble_of_function)
+_EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     TABLE: read_csv_exposures,
     "ign-opk": read_ign_opk,
     "applanix": read_applanix,
@@ -144,13 +149,18 @@ EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "colmap-database": read_colmap_database_exposures,
     "dji-mrk": read_mrk_exposures,
 }
+EXPOSURE_FORMATS = Extended("exposures", _EXPOSURE_FORMATS, trouble_of_function)
 TRAJECTORY_FORMATS: dict[str, TrajectoryReader] = {"sbet": read_sbet, "rtklib": read_rtklib}
+#: Exposures, and trajectories that they are taken from.
+EXPOSURE_SOURCES: Extended[ExposureReader | TrajectoryReader] = Extended(
+    "exposures", {**_EXPOSURE_FORMATS, **TRAJECTORY_FORMATS}, trouble_of_function
+)
 ACCURACY_FORMATS: dict[str, AccuracyReader] = {"smrmsg": read_smrmsg}
 EVENT_FORMATS: dict[str, EventReader] = {
     TABLE: read_csv_events,
     "dji-mrk": lambda path, _count: read_mrk_events(path),
 }
-CONTROL_FORMATS: dict[str, ControlReader] = {
+_CONTROL_FORMATS: dict[str, ControlReader] = {
     TABLE: read_csv_control,
     "ign-app": read_ign_app,
     "patb": read_patb_control,
@@ -163,8 +173,10 @@ CONTROL_FORMATS: dict[str, ControlReader] = {
     "opf": read_opf_control,
     "micmac": read_micmac_control,
 }
-DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
-CAMERA_FORMATS: dict[str, CameraReader] = {
+CONTROL_FORMATS = Extended("control_points", _CONTROL_FORMATS, trouble_of_function)
+_DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
+DISTANCE_FORMATS = Extended("distances", _DISTANCE_FORMATS, trouble_of_function)
+_CAMERA_FORMATS: dict[str, CameraReader] = {
     "ign-xml": lambda path: {"": read_ign_camera(path)},
     "inpho": read_inpho_cameras,
     "isat": read_isat_cameras,
@@ -179,6 +191,7 @@ CAMERA_FORMATS: dict[str, CameraReader] = {
     "micmac": read_micmac_cameras,
     "colmap-database": read_colmap_database_cameras,
 }
+CAMERA_FORMATS = Extended("cameras", _CAMERA_FORMATS, trouble_of_function)
 
 
 def read_image_points(name: str, path: Path, layout: TableLayout) -> ImagePointRecords:
@@ -199,33 +212,3 @@ def read_events(name: str, path: Path, count: Count, layout: TableLayout) -> Eve
 def read_control(name: str, path: Path, layout: TableLayout) -> ControlRecords:
     """Read control points of a format of the register; the layout is that of a table."""
     return read_csv_control(path, layout) if name == TABLE else CONTROL_FORMATS[name](path)
-
-
-def image_point_formats() -> tuple[str, ...]:
-    """Names of the formats of image points."""
-    return tuple(IMAGE_POINT_FORMATS)
-
-
-def exposure_formats() -> tuple[str, ...]:
-    """Names of the formats of exposures, and of trajectories that they are taken from."""
-    return (*EXPOSURE_FORMATS, *TRAJECTORY_FORMATS)
-
-
-def event_formats() -> tuple[str, ...]:
-    """Names of the formats of events."""
-    return tuple(EVENT_FORMATS)
-
-
-def control_formats() -> tuple[str, ...]:
-    """Names of the formats of control points."""
-    return tuple(CONTROL_FORMATS)
-
-
-def distance_formats() -> tuple[str, ...]:
-    """Names of the formats of distances."""
-    return tuple(DISTANCE_FORMATS)
-
-
-def camera_formats() -> tuple[str, ...]:
-    """Names of the formats of camera files."""
-    return tuple(CAMERA_FORMATS)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from adjust.errors import ExtensionError
 from tasks.errors import InputError
 from tasks.files.delivered_file import opened
 from tasks.formats.meanings import WITHOUT_MARK
@@ -189,7 +190,7 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
             records = ACCURACY_FORMATS[name](path)
         else:
             return _events(path, name, layout)
-    except InputError:
+    except (InputError, ExtensionError):
         return None
     return records if rows_of(records) else None
 

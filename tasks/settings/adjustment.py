@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from tasks.quantities import KINDS
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple, Real, Whole
+from tasks.settings.own_observations import OwnObservationsInput
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
 
@@ -179,6 +180,11 @@ class AdjustmentSettings(Settings):
         description="Whether the stated correlation times are only initial values and are estimated "
         "from the residuals. Best combined with `variance_components = true`, because "
         "wrong σ and wrong correlation times have similar effects.",
+    )
+    own_observations: tuple[OwnObservationsInput, ...] = Field(
+        default=(),
+        description="Files with observations of types that other installed packages add, as tables "
+        "`[[adjustment.own_observations]]`.",
     )
     max_iterations: Annotated[Whole, Field(ge=1)] = Field(
         default=20,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
@@ -18,6 +18,8 @@ from typing import Annotated, ClassVar, TypeAlias, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
+from adjust.errors import ExtensionError
+from adjust.extensions import Extended
 from tasks.errors import InputError
 from tasks.files.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
 from tasks.files.json_text import JSON
@@ -200,13 +202,21 @@ def trouble(what: str, remedy: str) -> PydanticCustomError:
     return PydanticCustomError("aerocal", "{what} {remedy}", {"what": what, "remedy": remedy})
 
 
-def one_of(known: Callable[[], Iterable[str]], kind: str) -> Callable[[str], str]:
-    """A check that a text is one of the names a register knows; `kind` is what the names stand for."""
+def one_of(known: Collection[str] | Callable[[], Collection[str]], kind: str) -> Callable[[str], str]:
+    """A check that a text is one of the names a register knows; `kind` is what the names stand for.
+
+    What an extension adds is loaded, so that one that cannot be used is refused here.
+    """
 
     def check(name: str) -> str:
-        names = list(known())
-        if name not in names:
-            raise trouble(f"There is no {kind} {quoted(name)}.", did_you_mean(name, names))
+        names = known() if callable(known) else known
+        try:
+            if name not in names:
+                raise trouble(f"There is no {kind} {quoted(name)}.", did_you_mean(name, list(names)))
+            if isinstance(names, Extended):
+                names[name]
+        except ExtensionError as error:
+            raise trouble(str(error), "Mend that package, or use something else.") from error
         return name
 
     return check

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from tasks.formats.register import camera_formats
+from tasks.formats.register import CAMERA_FORMATS
 from tasks.magnitude import MOST_PIXELS
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
@@ -88,8 +88,9 @@ class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
     file: InputPath | None = Field(default=None, description="Camera file; instead of the values below.")
-    format: Annotated[str, AfterValidator(one_of(camera_formats, "format of cameras"))] | None = Field(
-        default=None, description=f"Format of `file`: {', '.join(f'`{name}`' for name in camera_formats())}."
+    format: Annotated[str, AfterValidator(one_of(CAMERA_FORMATS, "format of cameras"))] | None = Field(
+        default=None,
+        description=f"Format of `file`: {', '.join(f'`{name}`' for name in CAMERA_FORMATS.own)}.",
     )
     name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="Name (or number) of the camera in `file`, if the file contains several."

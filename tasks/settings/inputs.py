@@ -7,11 +7,11 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from tasks.formats.register import (
+    CONTROL_FORMATS,
+    DISTANCE_FORMATS,
+    EXPOSURE_SOURCES,
+    IMAGE_POINT_FORMATS,
     TRAJECTORY_FORMATS,
-    control_formats,
-    distance_formats,
-    exposure_formats,
-    image_point_formats,
 )
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
@@ -43,9 +43,9 @@ class ImagePointsInput(TableSettings):
     """One file of image points: tie points, or measurements of control points."""
 
     file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(image_point_formats, "format of image points"))] = Field(
+    format: Annotated[str, AfterValidator(one_of(IMAGE_POINT_FORMATS, "format of image points"))] = Field(
         description="`csv` (image, point, x, y [, sx, sy]; other headings can be declared) or another of "
-        f"[the formats that are read](import.md): {_listed(image_point_formats())}."
+        f"[the formats that are read](import.md): {_listed((*IMAGE_POINT_FORMATS.own,))}."
     )
     unit: Literal["px", "mm", "um", "centred-px", "longer-side"] = Field(
         description="Unit of x and y: `px` are column and row, `mm` and `um` are in the image system "
@@ -116,11 +116,11 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
     file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(exposure_formats, "format of exposures"))] = Field(
+    format: Annotated[str, AfterValidator(one_of(EXPOSURE_SOURCES, "format of exposures"))] = Field(
         description="`csv` (image, camera, strip, x, y, z, omega, phi, kappa or heading, pitch, roll [, "
         "time, flight, sx, sy, sz, somega, sphi, skappa or sheading, spitch, sroll, rate_roll, rate_pitch, "
         "rate_yaw]; other headings can be declared) or another of [the formats that are "
-        f"read](import.md): {_listed(exposure_formats())}."
+        f"read](import.md): {_listed((*EXPOSURE_SOURCES.own,))}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(description='Height system of z; not needed with crs = "local".')
@@ -206,9 +206,9 @@ class ControlInput(PlacedSettings, LengthSettings, TableSettings):
     """One file of control and check points."""
 
     file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(control_formats, "format of control points"))] = Field(
+    format: Annotated[str, AfterValidator(one_of(CONTROL_FORMATS, "format of control points"))] = Field(
         description="`csv` (point, x, y, z [, sx, sy, sz, role]; other headings can be declared) or "
-        f"another of [the formats that are read](import.md): {_listed(control_formats())}."
+        f"another of [the formats that are read](import.md): {_listed((*CONTROL_FORMATS.own,))}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')
     heights: Heights = Field(
@@ -236,7 +236,7 @@ class DistancesInput(Settings):
     """One file of measured distances between object points: scale bars, tapes."""
 
     file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(distance_formats, "format of distances"))] = Field(
+    format: Annotated[str, AfterValidator(one_of(DISTANCE_FORMATS, "format of distances"))] = Field(
         default="csv", description="`csv` (point, other_point, distance [, sigma, role])."
     )
     unit: Literal["m", "mm"] = Field(

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import NOTHING, selected
-from adjust.errors import AdditionalParametersError
+from adjust.errors import AdditionalParametersError, ExtensionError
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive
 
@@ -17,6 +17,8 @@ def _known_selection(text: str) -> str:
     """A selection the register can read."""
     try:
         selected(text, REGISTER)
+    except ExtensionError as error:
+        raise trouble(str(error), "Mend that package, or use another set.") from error
     except AdditionalParametersError as error:
         raise trouble(
             f"The additional parameters '{text}' are not known: {error}",

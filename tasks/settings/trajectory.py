@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from tasks.formats.register import event_formats
+from tasks.formats.register import EVENT_FORMATS
 from tasks.formats.trajectory_records import Clock
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import NotNegative, Positive, PositiveTriple
@@ -33,7 +33,7 @@ class EventsInput(TableSettings):
     """The moments of the exposures, at which a trajectory is interpolated."""
 
     file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(event_formats, "format of events"))] = Field(
+    format: Annotated[str, AfterValidator(one_of(EVENT_FORMATS, "format of events"))] = Field(
         default="csv",
         description="`csv` (image, time [, camera, strip, flight]; other headings can be declared) or "
         "`dji-mrk`.",

@@ -21,6 +21,7 @@ from tasks.errors import InputError
 from tasks.files.delivered_file import changed, digest_of_delivered, is_there
 from tasks.files.json_text import JSON, json_text
 from tasks.store.artifact import Artifact
+from tasks.store.extension_sources import extension_versions
 from tasks.store.known_sources import known_digest_of_sources
 
 LIBRARIES = ("numpy", "scipy", "numba", "pyarrow", "pandas", "pyproj")
@@ -76,13 +77,13 @@ def stage_key(stage: str, function: Callable[..., object], arguments: Mapping[st
 
 @cache
 def library_versions() -> Mapping[str, str]:
-    """Versions a numerical result may depend on: libraries, PROJ, and Python's minor version."""
+    """Versions a numerical result may depend on: libraries, PROJ, Python's minor version, extensions."""
     import pyproj
 
     versions = {name: version(name) for name in LIBRARIES}
     versions["PROJ"] = pyproj.proj_version_str
     versions["python"] = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return versions
+    return {**versions, **extension_versions()}
 
 
 def differences(old: Mapping[str, JSON], new: Mapping[str, JSON]) -> tuple[str, ...]:

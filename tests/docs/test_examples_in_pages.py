@@ -41,7 +41,10 @@ def run(page: Path) -> tuple[int, str]:
     return runner.tries, "".join(differences)
 
 
-@pytest.mark.parametrize("page", ["conventions.md", "additional-parameters.md", "theory/adjustment.md"])
+PAGES = ["conventions.md", "additional-parameters.md", "theory/adjustment.md", "library.md"]
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_examples_of_a_page_give_what_it_prints(page: str) -> None:
     number, differences = run(DOCS / page)
     assert number > 0

@@ -1,6 +1,7 @@
 """The register of all sets of additional parameters, and what a selection from it computes.
 
-A new set takes one line here. Sets that come in degrees go to the second list.
+A new set takes one line here. Sets that come in degrees go to the second list. Other packages add sets by
+entry points, see ``adjust.extensions``.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from adjust.camera.additional import (
 from adjust.camera.additional.base import Direction, ImageFormat, ParameterSet, SetByDegree, Term
 from adjust.camera.additional.calibration_axes import calibration_from_image
 from adjust.camera.additional.selection import Register, SelectedTerms, joined, selected
+from adjust.extensions import Extended
 
 _SETS: tuple[ParameterSet, ...] = (
     bluh.SET,
@@ -44,8 +46,16 @@ _SETS_BY_DEGREE: tuple[SetByDegree, ...] = (
     SetByDegree("fourier", fourier.fourier, fourier.ORDERS, usual=2),
 )
 
+
+def _trouble(name: str, value: object) -> str | None:
+    """What is wrong with the set of an extension."""
+    if not isinstance(value, ParameterSet):
+        return f"is a {type(value).__name__}, not a ParameterSet."
+    return None if value.name == name else f"is a set named {value.name!r}; both names must be the same."
+
+
 REGISTER = Register(
-    sets={item.name: item for item in _SETS},
+    sets=Extended("parameter_sets", {item.name: item for item in _SETS}, _trouble),
     by_degree={item.name: item for item in _SETS_BY_DEGREE},
     presets={
         **bluh.PRESETS,
