@@ -104,7 +104,6 @@ class Extended(Mapping[str, _Value]):
         self, kind: Kind, own: Mapping[str, _Value], trouble: Callable[[str, object], str | None]
     ) -> None:
         self._kind, self._own, self._trouble = kind, own, trouble
-        self._loaded: dict[str, _Value] = {}
 
     @property
     def own(self) -> Mapping[str, _Value]:
@@ -121,14 +120,12 @@ class Extended(Mapping[str, _Value]):
     def __getitem__(self, name: str) -> _Value:
         if name in self._own:
             return self._own[name]
-        if name not in self._loaded:
-            extension = self._extensions()[name]
-            value = extension.load()
-            trouble = self._trouble(name, value)
-            if trouble is not None:
-                raise extension.refused(trouble)
-            self._loaded[name] = cast(_Value, value)
-        return self._loaded[name]
+        extension = self._extensions()[name]
+        value = extension.load()
+        trouble = self._trouble(name, value)
+        if trouble is not None:
+            raise extension.refused(trouble)
+        return cast(_Value, value)
 
     def __contains__(self, name: object) -> bool:
         return name in self._own or name in self._extensions()

@@ -12,6 +12,8 @@ from pathlib import Path
 if not sys.flags.safe_path and sys.path[0] in ("", str(Path.cwd())):
     del sys.path[0]
 os.environ["PYTHONSAFEPATH"] = "1"
+if sys.platform == "win32":
+    sys.exit("aerocal needs file locks and signals of Linux. On Windows, run it in WSL 2 or in a container.")
 
 from flows.command.interruption import end_on_signals
 

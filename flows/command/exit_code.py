@@ -7,6 +7,8 @@ from typing import NoReturn
 
 import typer
 
+from flows.command.extras import missing_extra
+
 DONE = 0
 DEFECT = 1
 INPUT_ERROR = 2
@@ -28,6 +30,12 @@ def end_with(action: Callable[[], int]) -> NoReturn:
 
     try:
         code = action()
+    except ImportError as error:
+        sentence = missing_extra(error)
+        if sentence is None:
+            raise
+        complain(sentence)
+        code = DEFECT
     except AerocalError as error:
         complain(str(error))
         kinds = ((InputError, INPUT_ERROR), (NotComputableError, NOT_COMPUTABLE))

@@ -19,7 +19,6 @@ from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.store.stage_key import library_versions
 from tests.command_line import aerocal
 from tests.conftest import REPOSITORY
-from tests.flows.conftest import write_block
 
 SIGMA_M = 0.004
 
@@ -29,14 +28,21 @@ def _forget() -> None:
     library_versions.cache_clear()
 
 
-@pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder of installed packages with the extension of the examples, which this process can import."""
-    site = tmp_path / "site"
-    shutil.copytree(REPOSITORY / "examples" / "extension", tmp_path / "source")
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of installed packages with the extension of the examples."""
+    folder = tmp_path_factory.mktemp("extension")
+    shutil.copytree(REPOSITORY / "examples" / "extension", folder / "source")
     words = "install --quiet --no-deps --no-build-isolation --no-index --disable-pip-version-check --target"
-    command = [sys.executable, "-m", "pip", *words.split(), str(site), str(tmp_path / "source")]
+    command = [sys.executable, "-m", "pip", *words.split(), str(folder / "site"), str(folder / "source")]
     subprocess.run(command, check=True)
+    return folder / "site"
+
+
+@pytest.fixture
+def installed(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The same, to be changed by the test, where this process imports from."""
+    site = shutil.copytree(built, tmp_path / "site")
     monkeypatch.syspath_prepend(str(site))
     _forget()
     yield site
@@ -53,14 +59,15 @@ def add(project: Path, *replacements: tuple[str, str]) -> None:
     project.write_text(text)
 
 
-def with_lake(project: Path) -> tuple[float, list[str]]:
-    """Declare water levels of three points, the parameters of film, and the control points as text."""
+def with_lake(project: Path) -> pd.Series:
+    """Declare the parameters of film, control points as text, and water levels of three points; these."""
     folder = project.parent
     control = pd.read_csv(folder / "control.csv")
     rows = [f"{p}; {x}; {y}; {z}  # {role}" for p, x, y, z, role in control.itertuples(index=False)]
     (folder / "control.txt").write_text("# the lake\n" + "\n".join(rows) + "\n")
-    points = pd.read_csv(folder / "image_points.csv")["point"].value_counts().index[10:13].tolist()
-    (folder / "gauge.csv").write_text("point,level\n" + "".join(f"{point},30.0\n" for point in points))
+    found = pd.read_parquet(folder / "results" / "object_points.parquet")
+    levels = found[~found["point"].isin(control["point"])].set_index("point")["z_m"].iloc[10:13].round(2)
+    levels.rename("level").to_csv(folder / "gauge.csv")
     add(
         project,
         ('file = "control.csv"\nformat = "csv"', 'file = "control.txt"\nformat = "lake-txt"'),
@@ -72,29 +79,29 @@ def with_lake(project: Path) -> tuple[float, list[str]]:
         ),
         ("[gates]\nsigma0 = { min = 0.7, max = 1.3 }", ""),
     )
-    return 30.0, points
+    return levels
 
 
 def adjusted(project: Path) -> RunOutcome:
     return carry_out(aerial_triangulation, RunRequest(project))
 
 
-def test_a_project_uses_everything_that_the_package_adds(installed: Path, tmp_path: Path) -> None:  # noqa: ARG001
-    project = write_block(tmp_path / "block")
-    level, points = with_lake(project)
-    outcome = adjusted(project)
+def test_a_project_uses_everything_that_the_package_adds(installed: Path, warm_block: Path) -> None:  # noqa: ARG001
+    levels = with_lake(warm_block)
+    outcome = adjusted(warm_block)
     assert outcome.error is None, outcome.error
     results = outcome.directory
     residuals = pd.read_parquet(results / "residuals.parquet")
     own = residuals[residuals["group"] == "water_levels"]
-    assert sorted(own["point"]) == sorted(points)
+    assert sorted(own["point"]) == sorted(levels.index)
     # adjusted = observed + residual; all of them stand in tables like those of the program itself.
     heights = pd.read_parquet(results / "object_points.parquet").set_index("point")["z_m"]
-    found = own.set_index("point")["residual"] + level
-    np.testing.assert_allclose(found[points], heights[points], atol=1e-6)
+    found = own.set_index("point")["residual"] + levels
+    np.testing.assert_allclose(found[levels.index], heights[levels.index], atol=1e-6)
     assert (own["redundancy"] > 0).all()
     parameters = pd.read_parquet(results / "parameters.parquet").set_index("parameter")
     assert {"film:scale", "film:shear"} <= set(parameters.index)
+    assert outcome.summary.sigma0 == pytest.approx(1.0, abs=0.1)
     control = residuals[residuals["group"] == "control_points"]
     assert control["point"].nunique() == 5
     report = (results / "report.html").read_text()
@@ -114,7 +121,7 @@ def test_a_changed_extension_computes_again(installed: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "damage", "says"),
     [
-        ("gauge.csv", ("30.0", "low"), "gauge.csv:2: The level is no number. Write point,level."),
+        ("gauge.csv", (".", "low"), "gauge.csv:2: The level is no number. Write point,level."),
         ("control.txt", ("; ", ", "), "control.txt:2: This is not NAME; EAST; NORTH; HEIGHT."),
         ("project.toml", ("sigma_m = 0.004", "sigma = 1"), "Water levels need a standard deviation."),
         ("project.toml", ('"water-levels"', '"water-level"'), "There is no observation type 'water-level'"),
@@ -123,25 +130,23 @@ def test_a_changed_extension_computes_again(installed: Path) -> None:
 )
 def test_a_mistake_in_its_input_is_one_message(
     installed: Path,  # noqa: ARG001
-    tmp_path: Path,
+    warm_block: Path,
     file: str,
     damage: tuple[str, ...],
     says: str,
 ) -> None:
-    project = write_block(tmp_path / "block")
-    with_lake(project)
-    path = project.parent / file
+    with_lake(warm_block)
+    path = warm_block.parent / file
     path.write_text(path.read_text().replace(*damage))
-    done = aerocal("run", project)
+    done = aerocal("run", warm_block)
     assert done.returncode == 2, done.stderr
     assert says in done.stderr
 
 
-def test_one_that_cannot_be_loaded_is_named_with_its_package(installed: Path, tmp_path: Path) -> None:
-    project = write_block(tmp_path / "block")
-    with_lake(project)
+def test_one_that_cannot_be_loaded_is_named_with_its_package(installed: Path, warm_block: Path) -> None:
+    with_lake(warm_block)
     (installed / "lake_survey" / "lake_text.py").write_text("import no_such_library\n")
-    done = aerocal("run", project)
+    done = aerocal("run", warm_block)
     assert done.returncode == 2
     assert "The extension 'lake-txt' (control_points) of the package lake-survey 0.1.0 cannot be loaded:" in (
         done.stderr
@@ -156,14 +161,13 @@ def test_one_that_cannot_be_loaded_is_named_with_its_package(installed: Path, tm
         ("lake-txt", "is also added by"),
     ],
 )
-def test_a_name_that_is_taken_is_refused(installed: Path, tmp_path: Path, name: str, says: str) -> None:
+def test_a_name_that_is_taken_is_refused(installed: Path, warm_block: Path, name: str, says: str) -> None:
     metadata = installed / "rival-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: rival\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text(f"[aerocal.control_points]\n{name} = rival:read\n")
     _forget()
-    project = write_block(tmp_path / "block")
-    with_lake(project)
-    done = aerocal("run", project)
+    with_lake(warm_block)
+    done = aerocal("run", warm_block)
     assert done.returncode == 2
     assert says in done.stderr

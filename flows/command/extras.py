@@ -1,0 +1,30 @@
+"""Libraries that come with an extra of the installation: which one, when one of them is missing."""
+
+from __future__ import annotations
+
+#: Extra that brings a library, by the name under which it is imported.
+EXTRA_OF = {
+    "prefect": "server",
+    "fastapi": "server",
+    "apprise": "server",
+    "dash": "server",
+    "dash_ag_grid": "server",
+    "plotly": "server",
+    "waitress": "server",
+    "distributed": "cluster",
+    "dask": "cluster",
+    "pg8000": "postgresql",
+    "rasterio": "images",
+}
+
+
+def missing_extra(error: ImportError) -> str | None:
+    """What to install where a library of an extra is missing, a sentence; None: it is no such library."""
+    library = (error.name or "").partition(".")[0]
+    extra = EXTRA_OF.get(library)
+    if extra is None:
+        return None
+    return (
+        f"This command needs {library}, which is not installed. "
+        f"Install aerocal with its extra: pip install 'aerocal[{extra}]'."
+    )
