@@ -2,7 +2,7 @@
 
 World is east, north, up of ``ENU:latitude,longitude`` at height 0, or Cartesian without a system for a local block. Camera axes are
 ``XRightYUp``, so ω, φ, κ would be ours; the matrix is written. Pixels count from the centre of the first one. Its P1, P2
-are p2, p1 of OpenCV.
+are p2, p1 of OpenCV. Tie points have no names there: ``tie_points.csv`` has them, in their order.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from adjust.geometry.earth import TopocentricFrame
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import exact, pixels
 from tasks.handover.formats.numbers import METRES, fixed
+from tasks.handover.formats.short_names import tie_names
 from tasks.handover.lens import LensModel
 
 _LENS = {"K1": "k1", "K2": "k2", "K3": "k3", "P1": "p2", "P2": "p1"}
@@ -24,7 +25,7 @@ _PIXEL_DECIMALS = 4
 
 
 def write_blocks_exchange(delivery: Delivery) -> Files:
-    """``block.xml``."""
+    """``block.xml``, and the names of its tie points."""
     root = ElementTree.Element("BlocksExchange", version="2.1")
     frame = delivery.results.images.frame
     if isinstance(frame, TopocentricFrame):
@@ -38,9 +39,12 @@ def write_blocks_exchange(delivery: Delivery) -> Files:
     groups = _add(block, "Photogroups")
     for k, model in enumerate(delivery.lenses.models):
         _add_group(groups, delivery, model, np.flatnonzero(delivery.results.images.camera == k))
-    _add_points(block, delivery)
+    ties = _add_points(block, delivery)
     ElementTree.indent(root)
-    return {"block.xml": ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"}
+    return {
+        "block.xml": ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n",
+        **tie_names(ties),
+    }
 
 
 def _add_group(groups: ElementTree.Element, delivery: Delivery, model: LensModel, images: np.ndarray) -> None:
@@ -68,13 +72,14 @@ def _add_group(groups: ElementTree.Element, delivery: Delivery, model: LensModel
         _fill(_add(place, "Center"), _xyz(pose.centre[k], METRES + 2))
 
 
-def _add_points(block: ElementTree.Element, delivery: Delivery) -> None:
-    """Surveyed points with all coordinates as control or check points, all others as tie points."""
+def _add_points(block: ElementTree.Element, delivery: Delivery) -> list[str]:
+    """Complete surveyed points as control or check points; the names of all others, which are tie points."""
     points, measured = delivery.points, pixels(delivery)
     order = np.argsort(points.point, kind="stable")
     ends = np.searchsorted(points.point[order], np.arange(len(points.names) + 1))
     surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
     control, ties = _add(block, "ControlPoints"), _add(block, "TiePoints")
+    names = []
     for number, name in enumerate(points.names):
         at = surveyed.get(name)
         known = at is not None and np.isfinite(points.surveyed.local[at]).all()
@@ -89,10 +94,12 @@ def _add_points(block: ElementTree.Element, delivery: Delivery) -> None:
             accuracy = {"HorizontalAccuracy": plan, "VerticalAccuracy": height}
             _fill(item, {key: exact(value) for key, value in accuracy.items() if np.isfinite(value)})
         else:
+            names.append(name)
             _fill(_add(item, "Position"), _xyz(points.local[number], METRES + 2))
         for ray in order[ends[number] : ends[number + 1]]:
             x, y = fixed(measured[ray] - 0.5, _PIXEL_DECIMALS)
             _fill(_add(item, "Measurement"), {"PhotoId": str(points.image[ray]), "x": x, "y": y})
+    return names
 
 
 def _xyz(values: Floats, decimals: int) -> dict[str, str]:

@@ -12,10 +12,9 @@ import numpy as np
 
 from tasks.handover.delivery import Delivery
 from tasks.handover.formats.camera_axes import pixels
-from tasks.handover.formats.numbers import table
+from tasks.handover.formats.short_names import tie_names
 
 GLTF = "tie-points.gltf"
-_NAMES = "tie_points.csv"
 _OFFSET_BITS = 40
 _UINT32, _FLOAT32, _ARRAY_BUFFER = 5125, 5126, 34962
 
@@ -45,11 +44,10 @@ def cloud_files(delivery: Delivery) -> dict[str, str | bytes]:
     }
     shapes = ("VEC3", "SCALAR", "VEC2", "VEC2", "VEC2", "SCALAR", "SCALAR")
     content = _gltf(buffers, shapes, len(delivery.names), middle.tolist())
-    names = [[f"tie{k + 1}", points.names[number]] for k, number in enumerate(chosen)]
     return {
         GLTF: json.dumps(content, indent=1) + "\n",
         **{name: values.tobytes() for name, values in buffers.items()},
-        _NAMES: table(["point_there", "point"], names),
+        **tie_names([points.names[number] for number in chosen]),
     }
 
 

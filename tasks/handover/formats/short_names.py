@@ -27,3 +27,11 @@ def renamed(file: str, what: str, short: Sequence[str], names: Sequence[str]) ->
     if list(short) == list(names):
         return {}
     return {file: table([f"{what}_there", what], list(zip(short, names, strict=True)))}
+
+
+def tie_names(names: Sequence[str]) -> dict[str, str]:
+    """The table of tie points in the order in which a format has them, without names; none without points."""
+    if not names:
+        return {}
+    rows = [[f"tie{number}", name] for number, name in enumerate(names, start=1)]
+    return {"tie_points.csv": table(["point_there", "point"], rows)}
