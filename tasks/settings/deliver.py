@@ -58,6 +58,7 @@ OFFERS: Mapping[str, Offer] = {
     "esri": Offer(_ANY),
     "orbit": Offer(_ANY),
     "metashape": Offer(("map", "local")),
+    "metashape-xml": Offer(_LOCAL),
     "rpc": Offer(("rpc",), placed=True),
     "geopackage": Offer(_MAP),
     "nerfstudio": Offer(_LOCAL),

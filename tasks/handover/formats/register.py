@@ -18,6 +18,7 @@ from tasks.handover.formats.grid_text import write_distortion_grids
 from tasks.handover.formats.inpho import write_inpho
 from tasks.handover.formats.isat import write_isat
 from tasks.handover.formats.metashape import write_metashape
+from tasks.handover.formats.metashape_xml import write_metashape_xml
 from tasks.handover.formats.nerfstudio import write_nerfstudio
 from tasks.handover.formats.on_earth import write_geojson, write_kmz
 from tasks.handover.formats.orbit import write_orbit
@@ -54,6 +55,13 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             grid=True,
         ),
         DeliveryFormat("metashape", "Metashape OPK text", write_metashape, f"{_ANGLES}, matrix 1e-12"),
+        DeliveryFormat(
+            "metashape-xml",
+            "Metashape XML: cameras with distortion, orientations on the earth",
+            write_metashape_xml,
+            "15 digits",
+            lens=LENS_OF_TWO_FOCAL_LENGTHS,
+        ),
         DeliveryFormat(
             "rpc",
             "rational polynomials, one _RPC.TXT an image: GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB, SNAP",

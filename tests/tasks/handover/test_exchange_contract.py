@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
-from tasks.formats.records import CameraRecord, ImagePointRecords, PixelCamera
+from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
 from tasks.handover.block_points import BlockPoints
 from tasks.handover.delivery import Delivery
@@ -23,7 +23,7 @@ from tasks.handover.formats.exchange import EXCHANGE
 from tasks.handover.results import Results
 from tests.tasks.formats.packed_files import packed
 from tests.tasks.handover.flown_block import NAMES, Flight, delivered, flown
-from tests.tasks.handover.test_ground_through_files import poses, seen
+from tests.tasks.handover.test_ground_through_files import in_pixels, poses, seen
 
 WHOLE = "block.zip"
 
@@ -226,7 +226,7 @@ def test_cameras_see_as_they_did_over_their_whole_format(written: Written):
         found.values(), written.results.cameras, written.delivery.lenses.models, strict=True
     ):
         frame = ours.frame
-        camera = read if isinstance(read, PixelCamera) else _in_pixels(read)
+        camera = in_pixels(read)
         assert (camera.columns, camera.rows) == (frame.columns, frame.rows)
         steps = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 17)]), axis=-1).reshape(-1, 2)
         measured = steps * frame.half_format
@@ -236,15 +236,6 @@ def test_cameras_see_as_they_did_over_their_whole_format(written: Written):
         here = (measured * [1.0, -1.0] + frame.half_format) / frame.pixel_size
         away_um = 1e6 * frame.pixel_size * np.linalg.norm(there - here, axis=1).max()
         assert away_um < 1.1 * model.misfit_um + written.read.camera_um
-
-
-def _in_pixels(camera: CameraRecord) -> PixelCamera:
-    pixel_mm = 1e-3 * camera.pixel_um
-    x0, y0 = camera.principal_point_mm
-    return PixelCamera(
-        camera.columns, camera.rows, camera.focal_length_mm / pixel_mm, (x0 / pixel_mm, y0 / pixel_mm),
-        camera.additional_parameters,
-    )  # fmt: skip
 
 
 def test_orientations_are_ours_where_the_world_is(written: Written):

@@ -78,7 +78,7 @@ WITHOUT_ORIENTATIONS = {"rpc", "kmz", "distortion-grid"}
 #: Formats that stand in test_ground_through_files.
 WITH_THEIR_GROUND = {
     "colmap", "geopackage", "geojson", "opf", "opensfm", "openmvg", "nerfstudio", "blocks-exchange",
-    "orthority", "realityscan", "stac",
+    "metashape-xml", "orthority", "realityscan", "stac",
 }  # fmt: skip
 
 

@@ -1,0 +1,89 @@
+"""Metashape: cameras with their calibration and orientations as its XML (File > Import > Import Cameras).
+
+The chunk is east, north, up of the middle of the block, and the transform of the component carries it to
+geocentric WGS 84; a local block has none. A camera's transform is that of its axes x right, y down, z forward
+to the chunk, row by row. f is along rows; cx, cy count from the middle of the image, and P1, P2 are p2, p1.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pyproj
+
+from adjust.geometry.earth import TopocentricFrame, ecef_from_enu, ecef_from_geodetic
+from tasks.formats.earth_poses import WGS84
+from tasks.formats.plain_records import CV_AXES
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.camera_axes import exact
+from tasks.handover.lens import LensModel
+
+_LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "p1": "p2", "p2": "p1"}
+# Of the chunk; its heights are ellipsoidal.
+_DATUM = 4326
+
+
+def write_metashape_xml(delivery: Delivery) -> Files:
+    """``metashape_cameras.xml``."""
+    document = ElementTree.Element("document", version="2.0.0")
+    chunk = _add(document, "chunk", label=delivery.results.name, enabled="true")
+    sensors = _add(chunk, "sensors")
+    for number, model in enumerate(delivery.lenses.models):
+        _add_sensor(sensors, number, model)
+    frame = delivery.results.images.frame
+    component = _add(_add(chunk, "components", active_id="0"), "component", id="0", label="aerocal")
+    if isinstance(frame, TopocentricFrame):
+        _add_transform(component, frame)
+    cameras, pose = _add(chunk, "cameras"), delivery.handed.pose
+    matrix = np.tile(np.eye(4), (len(delivery.names), 1, 1))
+    matrix[:, :3, :3], matrix[:, :3, 3] = pose.map_from_camera @ CV_AXES, pose.centre
+    for k, name in enumerate(delivery.names):
+        known = {"id": str(k), "sensor_id": str(delivery.results.images.camera[k]), "component_id": "0"}
+        camera = _add(cameras, "camera", **known, label=name, enabled="true")
+        _add(camera, "transform").text = _numbers(matrix[k].ravel())
+        _add(camera, "orientation").text = "1"
+    if isinstance(frame, TopocentricFrame):
+        _add(chunk, "reference").text = pyproj.CRS.from_epsg(_DATUM).to_wkt("WKT1_GDAL")
+    ElementTree.indent(document)
+    text = ElementTree.tostring(document, encoding="unicode", xml_declaration=True)
+    return {"metashape_cameras.xml": text + "\n"}
+
+
+def _add_sensor(sensors: ElementTree.Element, number: int, model: LensModel) -> None:
+    size = {"width": str(model.columns), "height": str(model.rows)}
+    pixel = exact(model.pixel_size * 1e3)
+    (fx, fy), (column, row) = model.focal, model.principal_point
+    sensor = _add(sensors, "sensor", id=str(number), label=model.name, type="frame")
+    _add(sensor, "resolution", **size)
+    for name in ("pixel_width", "pixel_height"):
+        _add(sensor, "property", name=name, value=pixel)
+    calibration = _add(sensor, "calibration", **{"type": "frame", "class": "adjusted"})
+    _add(calibration, "resolution", **size)
+    values: Mapping[str, float] = {
+        "f": fy,
+        "cx": column - 0.5 * model.columns,
+        "cy": row - 0.5 * model.rows,
+        "b1": fx - fy,
+        **{theirs: model.distortion[ours] for theirs, ours in _LENS.items()},
+    }
+    for name, value in values.items():
+        _add(calibration, name).text = exact(value)
+
+
+def _add_transform(component: ElementTree.Element, frame: TopocentricFrame) -> None:
+    """From the chunk to the earth."""
+    transform = _add(component, "transform")
+    place = np.array([frame.latitude, frame.longitude, frame.height_of_origin_m])
+    _add(transform, "rotation").text = _numbers(ecef_from_enu(frame.latitude, frame.longitude).ravel())
+    _add(transform, "translation").text = _numbers(ecef_from_geodetic(WGS84, place))
+    _add(transform, "scale").text = "1"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(exact(float(value)) for value in values)
+
+
+def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, tag, attributes)
