@@ -8,8 +8,10 @@ import re
 import shutil
 import subprocess
 import sys
+from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows import expected_residuals
 from tests.tasks.documents.report.page_reader import Page
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -91,6 +94,7 @@ def expected(reported: Reported) -> Expected:
         residuals,
         model_tests,
         suspicious,
+        lists,
     )
     return {key: value for part in parts for key, value in part(reported)}
 
@@ -113,6 +117,15 @@ def key_figures(reported: Reported) -> Iterator[Item]:
     single |= {name: summary[name] for name in ("critical_value", "sigma_scaled_by")}
     single |= {name: counts[name] for name in ("images", "object_points", "image_points", "rejected")}
     single |= {name: counts[name] for name in ("control", "check")}
+    single |= {"sigma_absolute_um": summary["sigma0_um"]}
+    of_rays = next(group["sigma0"] for group in summary["groups"] if group["group"] == "image_points")
+    single |= {"sigma_relative_um": of_rays * summary["sigma0_um"] / summary["sigma0"]}
+    control = reported.table("control_residuals")
+    for name, table in (
+        ("control", control[control["status"] == "used"]),
+        ("check", reported.table("check_points")),
+    ):
+        single |= {f"rays_{name}": table["rays"].mean()}
     single |= {"gsd_m": images["gsd"].median(), "height_m": images["height_above_ground_m"].median()}
     for name, value in single.items():
         yield ("key-figures", name, "value_0"), value
@@ -210,6 +223,13 @@ def orientations(reported: Reported) -> Iterator[Item]:
         values = table[name] * (1000.0 if name.endswith("deg") else 1.0)
         for figure in ("min", "median", "max"):
             yield ("orientation-sigmas", name, figure), getattr(values, figure)()
+
+
+def lists(reported: Reported) -> Iterator[Item]:
+    residuals = reported.table("residuals")
+    yield from expected_residuals.worst(residuals)
+    yield from expected_residuals.lists(residuals, images_of(reported).sort_values("image"))
+    yield from expected_residuals.orientations(reported.table("exterior_orientations"))
 
 
 def object_points(reported: Reported) -> Iterator[Item]:
@@ -360,7 +380,7 @@ SECTIONS = (
     "System parameters",
     "What fixes the datum",
     "Tests of the model",
-    "Rejected and uncontrolled observations",
+    "Residuals, rejected and uncontrolled observations",
     "Settings and origin",
 )
 
@@ -398,9 +418,14 @@ def test_problems_stand_first_and_the_verdict_is_one_sentence(block: Path) -> No
     assert all(headings[0] < text.index(sentence) < headings[1] for sentence in problems)
 
 
-def test_the_page_needs_nothing_from_outside_and_no_script(warm_block: Path) -> None:
-    page = run(warm_block).page
-    assert not {"script", "link", "img", "iframe", "object"} & set(page.tags)
+def test_the_page_needs_nothing_from_outside_and_allows_its_own_script_only(warm_block: Path) -> None:
+    reported = run(warm_block)
+    page = reported.page
+    assert not {"link", "img", "iframe", "object"} & set(page.tags)
+    (script,) = re.findall(r"<script>(.*?)</script>", reported.html, re.DOTALL)
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    assert f"default-src 'none'; script-src 'sha256-{digest}';" in reported.html
+    assert script == (REPOSITORY / "tasks/documents/report/templates/lists.js").read_text(encoding="utf-8")
     references = [value for _, name, value in page.attributes if name in {"href", "src", "xlink:href"}]
     assert references
     assert all(value.startswith("#") for value in references)
@@ -449,7 +474,8 @@ def test_names_from_files_cannot_become_markup(block: Path) -> None:
     change(block, "project.toml", '"two strips"', "'</title><script>\"two\"</script> strips'")
     reported = run(block)
     page = reported.page
-    assert not {"script", "img"} & set(page.tags)
+    assert "img" not in page.tags
+    assert page.tags.count("script") == 1
     assert set(page.tags) & {"b"} == {"b"}
     assert "<b>point</b>" not in reported.html
     assert "<b>point</b>" in page.tables["control-points"].keys

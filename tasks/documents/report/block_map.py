@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,8 @@ from tasks.document_kit.footprints import footprints, overlap
 from tasks.document_kit.legend import Swatch, swatches
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes, Raster, cells
-from tasks.documents.report.material import Material
+from tasks.documents.report.causes import Cause
+from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.surveyed_points import differences
 
 _CELLS = 200
@@ -25,15 +26,24 @@ MOST_OUTLINES = 600
 # Above this many images each strip is one element: single names would take several megabytes.
 _MOST_NAMED = 3000
 _MOST_STRIP_NAMES = 40
-_SHOWN = ("image", "strip", "camera")
+_SHOWN = ("image", "strip", "camera", "rejected")
+# More rings than these hide the map: a flight or a height is named in words.
+_MOST_RINGS = 80
+_RING = "#d81b1b"
 _SINGLE = "#f6c9a8"
 # The overlap is the ground on which all symbols stand.
 _DARKEST = 0.68
 
 
-def block_map(material: Material) -> Markup:
-    """The map with its legends; needs at least one adjusted image."""
+def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
+    """The map with its legends; needs at least one adjusted image.
+
+    Parameters
+    ----------
+    found : what to look at: its images and points get a ring.
+    """
     images = material.oriented
+    images = images.assign(rejected=images["image"].isin(_rejected_images(material)))
     corners = footprints(images, material.cameras)
     known = corners[np.isfinite(corners).all(axis=(1, 2))].reshape(-1, 2)
     surveyed = _surveyed(material)
@@ -49,7 +59,36 @@ def block_map(material: Material) -> Markup:
     if len(surveyed):
         drawn, y = _points(surveyed, plot, y)
         parts.append(drawn)
+    rings = _rings(images, surveyed, found, plot)
+    if rings:
+        legend, y = swatches(plot.x.start, y, "", [Swatch(_RING, "ring: look here")], _room(plot))
+        parts += [markup.group("rings", rings), legend]
     return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
+
+
+def _rejected_images(material: Material) -> set[str]:
+    """Images of which a position or an attitude was rejected."""
+    table = material.residuals
+    own = table[(table["status"] == "rejected") & (table["group"] != IMAGE_POINTS) & table["image"].notna()]
+    return set(own["image"])
+
+
+def _rings(
+    images: pd.DataFrame, surveyed: pd.DataFrame, found: Sequence[Cause], plot: MapPlot
+) -> list[Markup]:
+    """A ring around every image and point that is to be looked at, with its name; none for whole flights."""
+    parts = []
+    for cause in found:
+        own = images[images["image"].isin(cause.images)]
+        points = surveyed[surveyed["point"] == cause.point]
+        if len(own) > _MOST_RINGS:
+            continue
+        for place in pd.concat([own, points])[["x_m", "y_m"]].to_numpy(np.float64):
+            at: dict[str, markup.Attribute] = {
+                "class": "ring", "cx": plot.x.at(place[0]), "cy": plot.y.at(place[1]), "r": 11.0,
+            }  # fmt: skip
+            parts.append(markup.element("circle", at, markup.title(f"look at {cause.place}")))
+    return parts
 
 
 def _room(plot: MapPlot) -> float:
@@ -124,8 +163,8 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
         triangles = _triangles(x, y, strip["heading_deg"].to_numpy(np.float64), size)
         if len(images) <= _MOST_NAMED:
             drawn += [
-                markup.element("path", {"d": triangle, "fill": colour}, markup.title(title))
-                for triangle, title in zip(triangles, _titles(strip), strict=True)
+                markup.element("path", _look(triangle, colour, hollow=hollow), markup.title(title))
+                for triangle, title, hollow in zip(triangles, _titles(strip), strip["rejected"], strict=True)
             ]
         else:
             data = {"d": "".join(triangles), "fill": colour}
@@ -136,11 +175,19 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
     return markup.group("strips", parts)
 
 
+def _look(triangle: str, colour: str, *, hollow: bool) -> dict[str, markup.Attribute]:
+    """Attributes of the triangle of an image; hollow if its position or attitude was rejected."""
+    if hollow:
+        return {"class": "left-out", "d": triangle, "fill": "#fff", "style": f"stroke: {colour}"}
+    return {"d": triangle, "fill": colour}
+
+
 def _titles(strip: pd.DataFrame) -> list[str]:
     """What the pointer shows at each image."""
     return [
-        f"{image} (strip {name}, {camera})" if name else f"{image} ({camera})"
-        for image, name, camera in zip(*(strip[of].tolist() for of in _SHOWN), strict=True)
+        (f"{image} (strip {name}, {camera})" if name else f"{image} ({camera})")
+        + (": GNSS or INS rejected" if rejected else "")
+        for image, name, camera, rejected in zip(*(strip[of].tolist() for of in _SHOWN), strict=True)
     ]
 
 

@@ -51,12 +51,14 @@ class Cause:
     sentence : what is wrong there, and what to check.
     group : the observations in which it shows; empty: not known.
     images : those behind it; empty: it is of no images.
+    point : the control or check point behind it; empty: none.
     """
 
     place: str
     sentence: str
     group: str = ""
     images: frozenset[str] = frozenset()
+    point: str = ""
 
 
 def causes(material: Material) -> tuple[Cause, ...]:
@@ -93,7 +95,7 @@ def _of_finding(material: Material, finding: ModelFinding) -> Cause:
     if finding.quantity in _OF_IMAGES:
         return Cause(f"image {finding.entity}", finding.sentence, group, frozenset([finding.entity]))
     if finding.quantity == "control_point":
-        return Cause(f"control point {finding.entity}", finding.sentence, group)
+        return Cause(f"control point {finding.entity}", finding.sentence, group, point=finding.entity)
     if finding.scope != "all":
         place = f"{finding.scope} {finding.part}"
         images = material.oriented
@@ -164,7 +166,7 @@ def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
     words = group_words(group)
     if group == "control_points":
         sentence = f"It was rejected and counts as no control: {size}. Check its coordinates and its images."
-        return Cause(f"control point {point}", sentence, group)
+        return Cause(f"control point {point}", sentence, group, point=point)
     if image:
         words = _ITS_OWN.get(group, words)
         sentence = f"Its {words} was rejected: {size}. Check its time and its solution."
@@ -218,7 +220,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
             f"Computed − given {size}, {row['largest']:.1f} times its σ. Check its coordinates and its "
             "measurement in the images."
         )
-        yield Cause(f"check point {row['point']}", sentence)
+        yield Cause(f"check point {row['point']}", sentence, point=str(row["point"]))
 
 
 def shown(found: Sequence[Cause]) -> tuple[tuple[Cause, ...], int]:

@@ -9,7 +9,7 @@ from typing import Literal
 from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
 from tasks.documents.report.causes import Cause
 from tasks.documents.report.figures import gate_words
-from tasks.documents.report.material import Material
+from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
 from tasks.results.quality_gates import GateResult
 
@@ -80,6 +80,10 @@ def key_table(material: Material) -> Table:
         _row("sigma0", "σ0 a posteriori / a priori", "", (summary.sigma0,), 3),
         _row("sigma0_um", "σ0 of an image coordinate", "µm", (summary.sigma0_um,), 2),
         _row("sigma0_px", "σ0 of an image coordinate", "px", (summary.sigma0_px,), 3),
+        _row(
+            "sigma_relative_um", "σ relative: of the image points alone", "µm", (_relative_um(material),), 3
+        ),
+        _row("sigma_absolute_um", "σ absolute: of all observations", "µm", (summary.sigma0_um,), 3),
         _row("image_rms_px", "RMS of the image residuals x, y", "px", rms, 3),
         _row("redundancy", redundancy, "", (summary.redundancy,), 0),
         _row("images", "images", "", (counts.images,), 0),
@@ -88,8 +92,22 @@ def key_table(material: Material) -> Table:
         _row("rejected", "rejected observations", "", (counts.rejected,), 0),
         _row("control", "control points", "", (counts.control,), 0),
         _row("check", "check points", "", (counts.check,), 0),
-        _row("rmse_control_m", "RMS at control points x, y, z", "m", _three(summary.rmse_control_m), 3),
-        _row("rmse_check_m", "RMS at check points x, y, z", "m", _three(summary.rmse_check_m), 3),
+        _row(
+            "rmse_control_m",
+            f"RMS at control points x, y, z{_of_one(counts.control)}",
+            "m",
+            _three(summary.rmse_control_m),
+            3,
+        ),
+        _row(
+            "rmse_check_m",
+            f"RMS at check points x, y, z{_of_one(counts.check)}",
+            "m",
+            _three(summary.rmse_check_m),
+            3,
+        ),
+        _row("rays_control", "rays of a control point, mean", "", (_mean_rays(material, False),), 1),
+        _row("rays_check", "rays of a check point, mean", "", (_mean_rays(material, True),), 1),
         _row("gsd_m", "ground sampling distance, median", "m", (material.gsd_m,), 3),
         _row("height_m", "height above ground, median", "m", (float(height.median()),), 0),
         _row("iterations", "iterations", "", (summary.iterations,), 0),
@@ -102,6 +120,25 @@ def key_table(material: Material) -> Table:
         *(Column(f"value_{index}", heading) for index, heading in enumerate(("value, or x", "y", "z"))),
     )
     return Table("key-figures", "Key figures", columns, tuple(rows))
+
+
+def _relative_um(material: Material) -> float | None:
+    """σ of an image coordinate from the residuals and the redundancy of the image points alone."""
+    sigma0, um = material.summary.sigma0, material.summary.sigma0_um
+    own = next((group.sigma0 for group in material.figures.groups if group.group == IMAGE_POINTS), None)
+    return None if own is None or um is None or not sigma0 else own * um / sigma0
+
+
+def _mean_rays(material: Material, is_check: bool) -> float | None:
+    """Of the points that took part."""
+    table = material.check_points if is_check else material.control_residuals
+    table = table if is_check or table.empty else table[table["status"] == "used"]
+    return float(table["rays"].mean()) if len(table) else None
+
+
+def _of_one(points: int | None) -> str:
+    """A warning behind figures of a single point, which says nothing of the others."""
+    return " (of ONE point: no accuracy)" if points == 1 else ""
 
 
 def _three(values: tuple[float | None, ...] | None) -> tuple[float | None, ...]:

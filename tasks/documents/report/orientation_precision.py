@@ -10,8 +10,9 @@ from adjust.arrays import Floats, Ints
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
-from tasks.document_kit.table import Column, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
+from tasks.documents.report.worst_residuals import MOST_LISTED, listed_note
 
 _MDEG = 1e3
 # More places along the plot than this cannot be told apart on a screen.
@@ -47,6 +48,43 @@ def orientation_table(material: Material) -> Table:
         where = str(images["image"].iloc[int(np.argmax(values))])
         rows.append(Row(name, (symbol, unit, *numbers(figures, decimals_for(figures[0])), where)))
     return Table("orientation-sigmas", "Standard deviations of the orientations", columns, tuple(rows))
+
+
+_LISTED = (
+    *(
+        (f"{axis}_m", heading, "m", 3)
+        for axis, heading in zip("xyz", ("east", "north", "height"), strict=True)
+    ),
+    *((f"{name}_deg", symbol, "°", 5) for name, symbol in zip(("omega", "phi", "kappa"), "ωφκ", strict=True)),
+)
+
+
+def orientation_list(material: Material) -> Table:
+    """The orientation of every image with its standard deviations, by strip and name."""
+    images = material.oriented
+    columns = (
+        text_column("image", "image"),
+        text_column("strip", "strip"),
+        *(Column(name, heading, unit) for name, heading, unit, _ in _LISTED),
+        *(Column(name, symbol, unit) for name, symbol, unit, _ in COMPONENTS),
+    )
+    rows = tuple(
+        Row(
+            str(row["image"]),
+            (
+                str(row["image"]),
+                str(row["strip"]),
+                *(Number(float(row[name]), decimals) for name, _, _, decimals in _LISTED),
+                *(
+                    Number(float(row[name]) * factor, 3 if unit == "m" else 2)
+                    for name, _, unit, factor in COMPONENTS
+                ),
+            ),
+        )
+        for row in images.head(MOST_LISTED).to_dict("records")
+    )
+    note = listed_note(images, "exterior_orientations.parquet")
+    return Table("orientation-list", "Exterior orientations of the images", columns, rows, note)
 
 
 def orientation_plot(material: Material) -> Markup:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -36,12 +38,15 @@ from tasks.documents.report import (
     trajectories,
     trust_map,
     two_step,
+    worst_residuals,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.residual_field import ResidualField
 
 #: Package data: part of the digest of every source that reaches this module.
 TEMPLATES = Path(__file__).parent / "templates"
+#: What makes lists searchable. The page allows this very text and no other script.
+_SCRIPT = (TEMPLATES / "lists.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -62,14 +67,14 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     files : names of the delivered files in the order of the settings.
     software : versions besides those of the numerical libraries.
     """
+    found = causes.causes(material)
     tables = {table.name: table for table in _tables(material, files, software)}
-    plots = {plot.name: plot.drawing for plot in _plots(material)}
+    plots = {plot.name: plot.drawing for plot in _plots(material, found)}
     fields = residual_field.residual_fields(material)
     errors = image_errors.image_errors(material)
     pairs = image_errors_plot.before_and_after(material)
     of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
     tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
-    found = causes.causes(material)
     first, more_causes = causes.shown(found)
     page: str = (
         environment()
@@ -92,6 +97,8 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
                 (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
             ],
             comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
+            script=Markup(_SCRIPT),
+            script_digest=b64encode(sha256(_SCRIPT.encode()).digest()).decode(),
             outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
         )
     )
@@ -99,6 +106,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
 
 
 def _tables(material: Material, files: Sequence[str], software: Mapping[str, str]) -> tuple[Table, ...]:
+    by_image = worst_residuals.residuals_by_image(material)
     return (
         key_figures.key_table(material),
         key_figures.group_table(material),
@@ -110,6 +118,10 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         surveyed_points.point_table(material, is_check=True),
         surveyed_points.distance_table(material),
         orientation_precision.orientation_table(material),
+        orientation_precision.orientation_list(material),
+        worst_residuals.worst_table(material),
+        worst_residuals.image_table(by_image),
+        *worst_residuals.strip_tables(by_image),
         point_precision.point_table(material),
         trust_map.trust_map_table(material),
         system_parameters.parameter_table(material),
@@ -146,10 +158,10 @@ def _field_plots(field: ResidualField) -> dict[str, Markup]:
     return plots
 
 
-def _plots(material: Material) -> list[Plot]:
+def _plots(material: Material, found: Sequence[causes.Cause]) -> list[Plot]:
     """The plots for which there is something to show."""
     made = {
-        "block": block_map.block_map(material),
+        "block": block_map.block_map(material, found),
         "orientations": orientation_precision.orientation_plot(material),
         "heights": point_precision.height_precision_map(material) if len(material.object_points) else None,
         "histogram": histogram.histogram_plot(material)

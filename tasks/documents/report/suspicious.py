@@ -28,7 +28,7 @@ def rejected_table(material: Material) -> Table:
     if len(shown) < len(rejected):
         note = f'The {len(shown)} largest of {len(rejected):,}; all in residuals.parquet (status "rejected").'
     columns = (
-        *_observation_columns(),
+        *observation_columns(),
         Column("residual", "v"),
         Column("sigma", "σ a priori"),
         text_column("unit", "unit"),
@@ -36,9 +36,9 @@ def rejected_table(material: Material) -> Table:
     )
     rows = tuple(
         Row(
-            _key(row),
+            observation_key(row),
             (
-                *_observation(row),
+                *observation(row),
                 *numbers((row["residual"],), decimals_for(float(row["sigma"]), 3), plus=True),
                 *numbers((row["sigma"],), decimals_for(float(row["sigma"]), 3)),
                 unit_words(str(row["unit"])),
@@ -88,14 +88,15 @@ def uncontrolled_table(material: Material) -> Table:
         else f"The first {len(shown)} of {len(others):,}; all in residuals.parquet."
     )
     rows = tuple(
-        Row(_key(row), (*_observation(row), *numbers((row["redundancy"],), 3)))
+        Row(observation_key(row), (*observation(row), *numbers((row["redundancy"],), 3)))
         for row in shown.to_dict("records")
     )
-    columns = (*_observation_columns(), Column("redundancy", "redundancy number"))
+    columns = (*observation_columns(), Column("redundancy", "redundancy number"))
     return Table("uncontrolled", "Other uncontrolled observations", columns, rows, note)
 
 
-def _observation_columns() -> tuple[Column, ...]:
+def observation_columns() -> tuple[Column, ...]:
+    """Columns that say which observation a row is of."""
     return (
         text_column("group", "group"),
         text_column("image", "image"),
@@ -104,11 +105,13 @@ def _observation_columns() -> tuple[Column, ...]:
     )
 
 
-def _observation(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+def observation(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+    """Its cells in these columns."""
     return (group_words(str(row["group"])), _name(row["image"]), _name(row["point"]), str(row["component"]))
 
 
-def _key(row: Mapping[Hashable, Any]) -> str:
+def observation_key(row: Mapping[Hashable, Any]) -> str:
+    """The key of a row of residuals.parquet."""
     return "|".join([str(row["group"]), _name(row["image"]), _name(row["point"]), str(row["component"])])
 
 

@@ -1,0 +1,111 @@
+"""The report in headless Chromium: what the first screen shows, that nothing is clipped, and its lists."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+
+pytestmark = [pytest.mark.service, pytest.mark.timeout(300)]
+TOO_WIDE = """() => [...document.querySelectorAll("table")]
+  .filter(table => table.offsetWidth > table.parentElement.clientWidth + 1)
+  .filter(table => getComputedStyle(table.parentElement).overflowX !== "auto")
+  .map(table => table.id)"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    program = shutil.which("chromium")
+    assert program is not None, "Chromium is missing: make service-deps installs it"
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """60 images with a control point that is wrong by 1.5 m."""
+    folder = tmp_path_factory.mktemp("flight")
+    project = simulate_project(load_simulation("dmc-20cm", ("points.count=300",), 4), folder).project_file
+    control = pd.read_csv(folder / "control.csv", dtype={"point": str})
+    control.loc[6, "z"] -= 1.5
+    control.to_csv(folder / "control.csv", index=False)
+    found = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
+    assert found.error is None, found.error
+    return found.directory
+
+
+def test_the_first_screen_names_the_point(browser: Browser, results: Path) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto((results / "report.html").as_uri())
+    cause = page.locator(".causes li").first
+    box = cause.bounding_box()
+    point = pd.read_csv(results.parent / "control.csv", dtype={"point": str})["point"][6]
+    assert cause.inner_text().startswith(f"Look at control point {point}.")
+    assert box is not None
+    assert box["y"] + box["height"] < 400
+    page.close()
+
+
+@pytest.mark.parametrize("width", [500, 1280, 1920])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_table_is_clipped_and_the_page_does_not_scroll_sideways(
+    browser: Browser, results: Path, width: int, scheme: str
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)  # type: ignore[arg-type]
+    said: list[str] = []
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("console", lambda message: said.append(message.text))
+    page.goto((results / "report.html").as_uri())
+    assert said == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate(TOO_WIDE) == []
+    dark = page.evaluate("getComputedStyle(document.body).backgroundColor") != "rgb(255, 255, 255)"
+    assert dark is (scheme == "dark")
+    page.close()
+
+
+def test_the_settings_are_folded_and_not_printed(browser: Browser, results: Path) -> None:
+    page = browser.new_page()
+    page.goto((results / "report.html").as_uri())
+    settings = page.locator("#settings")
+    assert not settings.is_visible()
+    page.locator("details.settings summary").click()
+    assert settings.is_visible()
+    page.emulate_media(media="print")
+    assert not settings.is_visible()
+    assert not page.locator("#orientation-list").is_visible()
+    assert page.locator("#key-figures").is_visible()
+    page.close()
+
+
+def test_orientations_are_searched_ordered_and_saved(browser: Browser, results: Path, tmp_path: Path) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, accept_downloads=True)
+    page.goto((results / "report.html").as_uri())
+    images = pd.read_parquet(results / "exterior_orientations.parquet")
+    table, tools = page.locator("#orientation-list"), page.locator("#orientations .tools")
+    assert tools.inner_text().endswith(f"{len(images)} of {len(images)} rows")
+    table.locator("thead th", has_text="height").first.click()
+    heights = table.locator('td[data-column="z_m"]').evaluate_all("all => all.map(c => +c.dataset.value)")
+    assert heights == sorted(images["z_m"])
+    chosen = str(images["image"][7])
+    tools.locator("input").fill(chosen)
+    assert table.locator("tbody tr:visible").count() == 1
+    with page.expect_download() as download:
+        tools.locator("button").click()
+    assert download.value.suggested_filename == "orientation-list.csv"
+    download.value.save_as(tmp_path / "list.csv")
+    saved = pd.read_csv(tmp_path / "list.csv", dtype={"image": str})
+    assert saved["image"].tolist() == [chosen]
+    assert saved["east m"][0] == images["x_m"][7]
+    page.close()
