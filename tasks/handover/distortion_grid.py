@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
-from adjust.camera.additional.correction import measured_from_ideal
+from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera
 
 # Intervals along each side that are tried, and the misfit that is small enough, metres.
@@ -21,7 +21,6 @@ _ENOUGH = 0.05e-6
 _CHECKED = 211
 # What no digit shows is no correction, metres.
 _LEAST = 1e-9
-_ROUNDS, _SETTLED = 20, 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +86,13 @@ class CameraGrids:
 def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
     """Grids of additional parameters and mean residuals, as fine as their misfit needs."""
     measured = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
-    ideal = _ideal(camera, measured)
+    ideal = ideal_points(camera, measured)
     inside = (np.abs(ideal) <= camera.frame.half_format).all(axis=1)
     for least in _INTERVALS:
         nodes = _spread(camera, _sides(camera, least))
         x, y, flat = nodes[0, :, 0], nodes[:, 0, 1], nodes.reshape(-1, 2)
-        forth = DistortionGrid(x, y, _ideal(camera, flat).reshape(nodes.shape))
-        back = DistortionGrid(x, y, _measured(camera, flat).reshape(nodes.shape))
+        forth = DistortionGrid(x, y, ideal_points(camera, flat).reshape(nodes.shape))
+        back = DistortionGrid(x, y, measured_points(camera, flat).reshape(nodes.shape))
         forth = _with_misfit(forth, measured, ideal)
         back = _with_misfit(back, ideal[inside], measured[inside])
         if max(forth.misfit, back.misfit) < _ENOUGH:
@@ -120,25 +119,6 @@ def _spread(camera: CalibratedCamera, sides: tuple[int, int]) -> Floats:
         for half, side in zip(camera.frame.half_format, sides, strict=True)
     ]
     return np.stack(np.meshgrid(*along), axis=-1)
-
-
-def _ideal(camera: CalibratedCamera, measured: Floats) -> Floats:
-    """Ideal points (n, 2) in the image system."""
-    return np.asarray(camera.corrected(measured) + np.array(camera.frame.principal_point))
-
-
-def _measured(camera: CalibratedCamera, ideal: Floats) -> Floats:
-    """Measured points (n, 2) of ideal ones, both in the image system; at a seam one near."""
-    x0 = np.array(camera.frame.principal_point)
-    found = np.asarray(measured_from_ideal(camera.additional, camera.values, ideal - x0)[0] + x0)
-    if camera.grid is None:
-        return found
-    for _ in range(_ROUNDS):
-        step = _ideal(camera, found) - ideal
-        found = found - step
-        if np.abs(step).max() < _SETTLED:
-            break
-    return found
 
 
 def _interval(nodes: Floats, values: Floats) -> tuple[np.ndarray, Floats]:

@@ -9,6 +9,8 @@ is inverted by Newton's method. At a seam where Δ jumps there may be no measure
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from adjust.arrays import Bools, Floats
@@ -49,21 +51,31 @@ def ideal_from_measured(
 
 
 def measured_from_ideal(
-    parameters: AdditionalParameters, values: Floats, ideal: Floats
+    parameters: AdditionalParameters,
+    values: Floats,
+    ideal: Floats,
+    offset_at: Callable[[Floats], Floats] | None = None,
 ) -> tuple[Floats, Bools]:
     """Measured points (n, 2) of ideal ones (n, 2), metres, and whether each was found (n,).
 
     Not found are points at seams that have none, and everything where values are so large that the iteration
     does not contract.
+
+    Parameters
+    ----------
+    offset_at : offset (m, 2) that was added at measured points (m, 2), both as above; None for nothing.
     """
     target = ideal + distortion_at(parameters, values, ideal)
     corrections, own = parameters.only("correction"), values[~parameters.forward]
-    measured = target - total_correction(corrections, target, own)
-    found = np.zeros(len(ideal), dtype=bool)
+    measured, found = target.copy(), np.zeros(len(ideal), dtype=bool)
     for _ in range(_MOST_STEPS):
-        following = target - total_correction(corrections, measured, own)
-        found = np.abs(following - measured).max(axis=1, initial=0.0) < _SETTLED
-        measured = following
+        rows = np.flatnonzero(~found)
+        before = measured[rows]
+        following = target[rows] - total_correction(corrections, before, own)
+        if offset_at is not None:
+            following -= offset_at(before)
+        measured[rows] = following
+        found[rows] = np.abs(following - before).max(axis=1, initial=0.0) < _SETTLED
         if found.all():
             break
     return measured, found
