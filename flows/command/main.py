@@ -28,6 +28,7 @@ from flows.command.runner import runner
 from flows.command.serve import serve
 from flows.command.simulate import simulate
 from flows.command.sweep import sweep
+from flows.command.undistort import undistort
 
 # One line a paragraph: the help is wrapped to the width of the screen.
 _ABOUT = (
@@ -86,6 +87,7 @@ app.command()(plan)
 app.command()(sweep)
 app.command()(batch)
 app.command()(export)
+app.command()(undistort)
 app.command()(convert)
 app.command()(figures)
 app.command()(convert_distortion)

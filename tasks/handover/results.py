@@ -146,22 +146,44 @@ def read_results(folder: Path) -> Results:
     orientations = read_result_table(folder, schemas.EXTERIOR_ORIENTATIONS)
     if orientations.empty:
         raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
-    rows = _camera_rows(folder)
+    cameras = _cameras(folder, interpolation)
     names = [str(name) for name in orientations["image"]]
     taken = read_result_table(folder, schemas.IMAGES).set_index("image").loc[names]
-    index = pd.Index([str(row["camera"]) for row in rows]).get_indexer(pd.Index(taken["camera"]))
+    index = pd.Index([item.frame.name for item in cameras]).get_indexer(pd.Index(taken["camera"]))
+    images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
+    strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
+    return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
+
+
+def read_cameras(folder: Path) -> tuple[dict[str, CalibratedCamera], dict[str, str]]:
+    """The calibrated cameras in a folder of results by their names, and the name of the camera of each image.
+
+    Raises
+    ------
+    InputError
+        As of `read_results`.
+    """
+    interpolation = _stated(folder)[3]
+    cameras = {camera.frame.name: camera for camera in _cameras(folder, interpolation)}
+    images = read_result_table(folder, schemas.IMAGES)
+    return cameras, {
+        str(image): str(camera)
+        for image, camera in zip(images["image"], images["camera"], strict=True)
+        if str(camera) in cameras
+    }
+
+
+def _cameras(folder: Path, interpolation: Interpolation) -> tuple[CalibratedCamera, ...]:
+    """The cameras that have images, with what was found of them."""
     grids = read_result_table(folder, schemas.RESIDUAL_GRID)
-    cameras = tuple(
+    return tuple(
         replace(
             calibrated_camera(row),
             grid=_mean_residuals(str(row["camera"]), grids),
             interpolation=interpolation,
         )
-        for row in rows
+        for row in _camera_rows(folder)
     )
-    images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
-    strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
-    return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
 
 
 def _mean_residuals(camera: str, grids: pd.DataFrame) -> CorrectionField | None:

@@ -164,6 +164,8 @@ def _description(path: Path, dataset: Any) -> ImageDescription:
             file=path,
         )
     (dtype,) = types
+    nodata = dataset.nodata if _can_hold(dtype, dataset.nodata) else None
+    validity = _validity(dataset)
     said = dataset.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", "")
     alpha = rasterio.enums.ColorInterp.alpha
     return ImageDescription(
@@ -173,11 +175,19 @@ def _description(path: Path, dataset: Any) -> ImageDescription:
         dataset.count,
         dtype,
         int(said) if said.isdecimal() else 8 * np.dtype(dtype).itemsize,
-        _validity(dataset),
-        dataset.nodata,
+        "all" if validity == "nodata" and nodata is None else validity,
+        nodata,
         tuple(k for k, colour in enumerate(dataset.colorinterp) if colour == alpha),
         dataset.block_shapes[0][0],
     )
+
+
+def _can_hold(dtype: str, nodata: float | None) -> bool:
+    """Whether there can be pixels of this value."""
+    if nodata is None or dtype.startswith("float"):
+        return nodata is not None
+    limits = np.iinfo(dtype)
+    return bool(limits.min <= nodata <= limits.max and nodata == np.floor(nodata))
 
 
 def _validity(dataset: Any) -> Validity:

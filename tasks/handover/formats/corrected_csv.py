@@ -14,10 +14,12 @@ Refraction stays in the image points where it is contained in the orientations (
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.camera.interior import FrameCamera
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, in_angles, table
 from tasks.handover.formats.world_points import object_points, straight_image_points, surveyed_points
@@ -50,19 +52,17 @@ def write_corrected_csv(delivery: Delivery) -> Files:
 def cameras_csv(delivery: Delivery) -> str:
     """The cameras with focal lengths for the delivered orientations and principal points; no distortion."""
     focal = dict(zip(delivery.camera_names, delivery.handed.pose.focal_length, strict=True))
+    frames = [camera.frame for camera in delivery.results.cameras]
+    return ideal_cameras([replace(frame, focal_length=float(focal[frame.name])) for frame in frames])
+
+
+def ideal_cameras(frames: Iterable[FrameCamera]) -> str:
+    """The table of cameras without distortion."""
     rows = []
-    for camera in delivery.results.cameras:
-        frame = camera.frame
-        lengths = [1e3 * float(focal[frame.name]), *(1e3 * value for value in frame.principal_point)]
-        rows.append(
-            [
-                frame.name,
-                frame.columns,
-                frame.rows,
-                f"{1e6 * frame.pixel_size:.6f}",
-                *fixed(lengths, _DECIMALS_MM),
-            ]
-        )
+    for frame in frames:
+        lengths = [1e3 * frame.focal_length, *(1e3 * value for value in frame.principal_point)]
+        pixel = f"{1e6 * frame.pixel_size:.6f}"
+        rows.append([frame.name, frame.columns, frame.rows, pixel, *fixed(lengths, _DECIMALS_MM)])
     head = ["camera", "columns", "rows", "pixel_um", "focal_length_mm", "x0_mm", "y0_mm"]
     return table(head, rows)
 

@@ -1,0 +1,1 @@
+"""Images resampled through a map of their pixels."""

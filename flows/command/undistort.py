@@ -1,0 +1,58 @@
+"""``aerocal undistort``: images freed of their distortion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flows.command.exit_code import end_with
+
+
+def undistort(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder a run has written into.")],
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="TIFF, JPEG, PNG or JPEG 2000, as taken.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of the images; default RESULTS/undistorted."),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            metavar="NAME",
+            help="Camera that has taken the images, for images that are not in the block.",
+            show_default="that of each image in the block",
+        ),
+    ] = None,
+    resampling: Annotated[
+        str,
+        typer.Option(
+            "--resampling",
+            metavar="KIND",
+            help="[bold]cubic[/bold] (4 × 4 pixels), or [bold]lanczos[/bold] (6 × 6: sharper, a little "
+            "slower, overshoots more at edges).",
+        ),
+    ] = "cubic",
+) -> None:
+    """Write images as a camera without distortion would have taken them.
+
+    What the adjustment has found (additional parameters, mean residuals) is taken out of the pixels. Bands,
+    bit depth, compression, masks and metadata stay as they are. The camera without distortion is in
+    cameras.csv beside the images, what they contain in UNDISTORTED.txt; the orientations are those of the
+    results.
+
+    [bold]Examples[/bold]
+
+      aerocal undistort results images/*.tif
+
+      aerocal undistort results /data/flight/*.tif --out undistorted --camera "UC Eagle"
+
+    [bold]Exit codes[/bold]  0 written · 2 input wrong · 1 rasterio is not installed, or no space
+    """
+    from flows.command.undistort_execution import write_undistorted
+
+    end_with(lambda: write_undistorted(results, images, out, camera, resampling))

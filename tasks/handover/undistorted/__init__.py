@@ -1,0 +1,1 @@
+"""Images as a camera without distortion would have taken them."""

@@ -1,0 +1,174 @@
+"""Images freed of the distortion that an adjustment has found, the camera that belongs to them, and what they contain."""  # noqa: E501
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast, get_args
+
+from adjust.options import available_threads
+from adjust.resampling.resampled import Resampling
+from tasks.errors import InputError
+from tasks.files.installation import writing_into
+from tasks.handover.formats.corrected_csv import ideal_cameras
+from tasks.handover.results import CalibratedCamera, read_cameras
+from tasks.handover.undistorted.camera_map import CameraMap, camera_map
+from tasks.handover.undistorted.statement import STATEMENT, UndistortedImage, undistorted_statement
+from tasks.handover.undistorted.undistorted_image import Work, undistort_image
+from tasks.image_files.image_reader import ImageDescription, opened_image
+from tasks.image_files.image_writer import left_out_of
+from tasks.nearest_name import did_you_mean
+
+_TIFF = (".tif", ".tiff")
+_CAMERAS = "cameras.csv"
+_log = logging.getLogger("aerocal")
+
+
+@dataclass(frozen=True)
+class Undistorted:
+    """What was written.
+
+    Attributes
+    ----------
+    folder, files : where, and which images.
+    statement : the text of UNDISTORTED.txt.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    statement: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """An image to be written: whose it is, and under which name."""
+
+    path: Path
+    camera: CalibratedCamera
+    file: str
+
+
+def undistort(
+    results: Path,
+    images: Sequence[Path],
+    out: Path | None = None,
+    camera: str | None = None,
+    resampling: str = "cubic",
+    progress: Callable[[str, float], None] = lambda _file, _done: None,
+) -> Undistorted:
+    """Write images as cameras without distortion would have taken them.
+
+    Parameters
+    ----------
+    results : folder of the results of a run.
+    out : folder of the images; None: `undistorted` in the results.
+    camera : name of the camera that has taken the images; None: that of each image in the block.
+    resampling : cubic or lanczos.
+    progress : told the name of an image and how much of it is done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If there are no results, no such camera or resampling, an image is not of the block or does not have
+        the size of its camera, or would be written over another one. Nothing is written then.
+    InstallationError
+        If the files cannot be written, or the installation is without rasterio.
+    """
+    folder = results / "undistorted" if out is None else out
+    kind = _resampling(resampling)
+    jobs = _jobs(results, images, folder, camera)
+    work, maps, done = Work(kind, available_threads()), dict[str, CameraMap](), []
+    for number, job in enumerate(jobs, start=1):
+        name = job.camera.frame.name
+        if name not in maps:
+            _log.info("camera %s: where its pixels come from", name)
+            maps[name] = camera_map(job.camera)
+        _log.info("%s: image %d of %d", job.file, number, len(jobs))
+        done.append(_carried_out(job, maps[name], folder, work, progress))
+    text = undistorted_statement(tuple(maps.values()), done, kind)
+    cameras = ideal_cameras(one.camera.frame for one in maps.values())
+    with writing_into(folder):
+        for file, content in ((_CAMERAS, cameras), (STATEMENT, text)):
+            part = folder / f".{file}.part"
+            part.write_text(content, encoding="utf-8")
+            part.replace(folder / file)
+    return Undistorted(folder, tuple(job.file for job in jobs), text)
+
+
+def _resampling(text: str) -> Resampling:
+    for kind in get_args(Resampling):
+        if text == kind:
+            return cast(Resampling, kind)
+    raise InputError(
+        f"'{text}' is not known.", did_you_mean(text, list(get_args(Resampling))), entity="--resampling"
+    )
+
+
+def _carried_out(
+    job: _Job, found: CameraMap, folder: Path, work: Work, progress: Callable[[str, float], None]
+) -> UndistortedImage:
+    """The image of a job, written."""
+    with opened_image(job.path, work.threads) as source:
+        outside = undistort_image(
+            source, found.pixels, folder / job.file, work, lambda part: progress(job.file, part)
+        )
+        left_out, about = left_out_of(source), source.description
+    return UndistortedImage(job.file, job.camera.frame.name, outside / (about.columns * about.rows), left_out)
+
+
+def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | None) -> list[_Job]:
+    """All images that are wanted, after everything that can be refused has been looked at."""
+    cameras, of_image = read_cameras(results)
+    if camera is not None and camera not in cameras:
+        raise InputError(
+            f"The results have no camera '{camera}'.", did_you_mean(camera, list(cameras)), entity="--camera"
+        )
+    if folder.is_file():
+        raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
+    jobs: dict[str, _Job] = {}
+    for path in images:
+        with opened_image(path) as source:
+            about = source.description
+        taken_by = cameras[_camera_of(path, of_image) if camera is None else camera]
+        _require_size(about, taken_by)
+        file = path.name if path.suffix.lower() in _TIFF else f"{path.stem}.tif"
+        if file in jobs:
+            raise InputError(
+                f"The image would be written as {file}, and so would {jobs[file].path}.",
+                "Write one of them into another folder (--out).",
+                file=path,
+            )
+        if (folder / file).exists() and (folder / file).samefile(path):
+            raise InputError("The image would be written over itself.", "Give another --out.", file=path)
+        jobs[file] = _Job(path, taken_by, file)
+    return list(jobs.values())
+
+
+def _camera_of(path: Path, of_image: Mapping[str, str]) -> str:
+    """Name of the camera of an image, which is called as its file, with or without the ending of either."""
+    for name in (path.name, path.stem):
+        if name in of_image:
+            return of_image[name]
+    stems = {Path(name).stem: camera for name, camera in of_image.items()}
+    if path.stem in stems:
+        return stems[path.stem]
+    raise InputError(
+        "The block has no adjusted image of this name.",
+        f"{did_you_mean(path.stem, list(of_image))} For an image of another block name the camera: --camera.",
+        file=path,
+    )
+
+
+def _require_size(about: ImageDescription, camera: CalibratedCamera) -> None:
+    frame = camera.frame
+    if (about.columns, about.rows) == (frame.columns, frame.rows):
+        return
+    turned = (about.rows, about.columns) == (frame.columns, frame.rows)
+    raise InputError(
+        f"The image has {about.columns:,} × {about.rows:,} pixels, and the camera {frame.name} "
+        f"{frame.columns:,} × {frame.rows:,}.",
+        "Deliver it as the camera has taken it" + (", not turned." if turned else ", in its full size."),
+        file=about.path,
+    )

@@ -1,0 +1,122 @@
+"""One image, freed of its distortion strip by strip: read, resampled and written from top to bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from adjust.resampling.pixel_map import PixelMap
+from adjust.resampling.resampled import Resampling, SourceRows, Values, needed_rows, resampled
+from tasks.image_files.image_reader import ImageDescription, ImageReader
+from tasks.image_files.image_writer import image_like
+
+#: Told how much of an image is done, 0 to 1.
+Progress: TypeAlias = Callable[[float], None]
+# Pixels of a strip, bytes; there are three such arrays at a time.
+_STRIP_BYTES = 64_000_000
+# Rows that are read at a time where blocks of the file are not about as high.
+_ROWS_READ = 256
+
+
+@dataclass(frozen=True)
+class Work:
+    """How images are resampled.
+
+    Attributes
+    ----------
+    resampling : between pixels.
+    threads : how many may work at once; never changes a byte.
+    strip_bytes : of the pixels that are written at a time; changes none, either.
+    """
+
+    resampling: Resampling = "cubic"
+    threads: int = 1
+    strip_bytes: int = _STRIP_BYTES
+
+
+def undistort_image(source: ImageReader, pixels: PixelMap, path: Path, work: Work, progress: Progress) -> int:
+    """Write an open image through a map; returns how many of its pixels have no source.
+
+    Raises
+    ------
+    InputError
+        If the image is damaged. Nothing is left then.
+    InstallationError
+        If the file cannot be written.
+    """
+    about, outside = source.description, 0
+    rows_of_source, values = _RollingRows(source), _values(about)
+    with image_like(source, path, work.threads) as written:
+        # The mask of a file; by a value or an alpha band the pixels themselves say it.
+        has_mask = about.validity == "mask"
+        for first, last in _strips(about, written.block_rows, work.strip_bytes):
+            needed = needed_rows(pixels, (first, last), about.rows)
+            made = resampled(
+                rows_of_source.of(*needed), pixels, (first, last), values, work.resampling, work.threads
+            )
+            written.write(first, made.pixels, made.valid if has_mask else None)
+            outside += made.outside
+            progress(last / about.rows)
+    return outside
+
+
+class _RollingRows:
+    """Rows of an image that are asked for from top to bottom; each is read once."""
+
+    def __init__(self, source: ImageReader) -> None:
+        self._source, rows = source, source.description.block_rows
+        self._step = rows if rows <= 2 * _ROWS_READ else _ROWS_READ
+        self._held: SourceRows | None = None
+
+    def of(self, first: int, last: int) -> SourceRows:
+        """Rows from first to below last at least."""
+        begin = first // self._step * self._step
+        end = min(-(-last // self._step) * self._step, self._source.description.rows)
+        held = self._held
+        if held is None or not held.first <= first < _end(held):
+            held = self._read(begin, end)
+        elif end > _end(held):
+            held = _joined(held, first, self._read(_end(held), end))
+        self._held = held
+        return held
+
+    def _read(self, first: int, last: int) -> SourceRows:
+        about = self._source.description
+        pixels, valid = self._source.read((first, last)), self._source.valid((first, last))
+        if np.issubdtype(pixels.dtype, np.floating) and about.validity in ("all", "nodata"):
+            is_number = np.isfinite(pixels)
+            valid = is_number if valid is None else is_number & valid
+        return SourceRows(pixels, valid, first, about.rows)
+
+
+def _end(rows: SourceRows) -> int:
+    return rows.first + int(rows.pixels.shape[1])
+
+
+def _joined(upper: SourceRows, first: int, lower: SourceRows) -> SourceRows:
+    """Rows of the upper from first on, and all of the lower."""
+    kept = slice(first - upper.first, None)
+    valid = None
+    if upper.valid is not None and lower.valid is not None:
+        valid = np.concatenate([upper.valid[:, kept], lower.valid], axis=1)
+    pixels = np.concatenate([upper.pixels[:, kept], lower.pixels], axis=1)
+    return SourceRows(pixels, valid, first, upper.all_rows)
+
+
+def _values(about: ImageDescription) -> Values:
+    whole = not about.dtype.startswith("float")
+    least = float(np.iinfo(about.dtype).min) if whole else -about.largest
+    fill = 0.0 if about.nodata is None else about.nodata
+    return Values(least, about.largest, about.nodata, fill, about.alpha)
+
+
+def _strips(about: ImageDescription, block_rows: int, strip_bytes: int) -> Iterator[tuple[int, int]]:
+    """First and last + 1 row of strips from top to bottom, of whole blocks."""
+    row_bytes = about.bands * about.columns * np.dtype(about.dtype).itemsize
+    rows = max(strip_bytes // (row_bytes * block_rows), 1) * block_rows
+    for first in range(0, about.rows, rows):
+        yield first, min(first + rows, about.rows)

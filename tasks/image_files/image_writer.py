@@ -1,0 +1,220 @@
+"""A TIFF like another image: its kind of pixels, blocks, compression, colours, mask and metadata, with other pixels.
+
+It is written under a temporary name and is there at once or not at all. Rows are written from top to bottom, and the
+mask after all of them, so that the bytes of the file do not depend on how many are written at a time.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adjust.arrays import Bools
+from tasks.errors import InputError
+from tasks.files.installation import InstallationError, writing_into
+from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
+
+# Higher strips are not written: a whole one is in memory, bytes.
+_HIGHEST_STRIP = 16_000_000
+# Compressions that change no pixel; JPEG is kept with its quality, everything else is deflated.
+_LOSSLESS = ("lzw", "deflate", "packbits", "zstd", "lzma")
+# What describes a file or pixels that there are no more, or is written in another way.
+_NOT_COPIED = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "RPC", "GEOLOCATION", "COLOR_PROFILE", "xml:XMP")
+_STATISTICS = "STATISTICS_"
+
+
+@dataclass(frozen=True, eq=False)
+class ImageWriter:
+    """An image in writing.
+
+    Attributes
+    ----------
+    block_rows : rows of a block of the file; a multiple of them is written at a time.
+    dataset : rasterio's.
+    masks : rows of the mask that are still to be written: the first of them, and 8 pixels in a byte.
+    """
+
+    block_rows: int
+    dataset: Any
+    masks: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+
+    def write(self, first_row: int, pixels: Pixels, valid: Bools | None) -> None:
+        """Write rows (bands, r, columns); valid (1, r, columns) goes into the mask; None: there is none."""
+        window = ((first_row, first_row + pixels.shape[1]), (0, pixels.shape[2]))
+        self.dataset.write(pixels, window=window)
+        if valid is not None:
+            self.masks.append((first_row, np.packbits(valid[0], axis=1)))
+
+
+@contextmanager
+def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[ImageWriter]:
+    """A TIFF at a path, of the size and kind of an open image; after an error there is none.
+
+    Parameters
+    ----------
+    threads : for compression.
+
+    Raises
+    ------
+    InstallationError
+        If the file cannot be written as a whole.
+    """
+    import rasterio
+
+    part = path.with_name(f".{path.name}.part")
+    options = _options(source)
+    try:
+        with writing_into(path.parent):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            part.unlink(missing_ok=True)
+            part.touch()
+        try:
+            with rasterio.open(part, "w", **options, num_threads=threads) as dataset:
+                _describe(dataset, source.dataset)
+                written = ImageWriter(dataset.block_shapes[0][0], dataset)
+                yield written
+            overviews = source.dataset.overviews(1)
+            if written.masks or overviews:
+                with rasterio.open(part, "r+") as dataset:
+                    _add_mask(dataset, written)
+                    if overviews:
+                        dataset.build_overviews(overviews, rasterio.enums.Resampling.average)
+            _require_whole(part, path)
+        except rasterio.errors.RasterioError as error:
+            raise _unwritable(path, error) from error
+        with writing_into(path.parent):
+            part.replace(path)
+    finally:
+        for left in (part, part.with_name(f"{part.name}.aux.xml")):
+            left.unlink(missing_ok=True)
+
+
+def left_out_of(source: ImageReader) -> tuple[str, ...]:
+    """What an open image says of its place on the ground by its pixels; other pixels lie elsewhere."""
+    points, _ = source.dataset.gcps
+    found = (("ground control points", points), ("rational polynomials", source.dataset.rpcs))
+    return tuple(name for name, there in found if there)
+
+
+def _options(source: ImageReader) -> dict[str, Any]:
+    """Options that create a file like the source."""
+    dataset, about = source.dataset, source.description
+    said = dataset.tags(ns="IMAGE_STRUCTURE")
+    options = {
+        "driver": "GTiff",
+        "width": about.columns,
+        "height": about.rows,
+        "count": about.bands,
+        "dtype": about.dtype,
+        "nodata": about.nodata,
+        "interleave": said.get("INTERLEAVE", "PIXEL").lower() if about.bands > 1 else "pixel",
+        "photometric": _photometric(dataset, said),
+        "bigtiff": "if_safer",
+        **_blocks(about, dataset),
+        **_compression(dataset, said),
+    }
+    if not dataset.transform.is_identity or dataset.crs is not None:
+        options |= {"crs": dataset.crs, "transform": dataset.transform}
+    if about.alpha:
+        options["alpha"] = "yes"
+    if about.bits < 8 * np.dtype(about.dtype).itemsize:
+        options["nbits"] = about.bits
+    profile = dataset.tags(ns="COLOR_PROFILE").get("SOURCE_ICC_PROFILE")
+    if profile:
+        options["source_icc_profile"] = profile
+    return options
+
+
+def _blocks(about: ImageDescription, dataset: Any) -> dict[str, Any]:
+    """Tiles or strips of the same size; those of other formats than TIFF become tiles."""
+    if dataset.driver != "GTiff":
+        return {"tiled": True, "blockxsize": 512, "blockysize": 512}
+    rows, columns = dataset.block_shapes[0]
+    # A strip is as wide as the image.
+    if columns != about.columns:
+        return {"tiled": True, "blockxsize": columns, "blockysize": rows}
+    size = about.bands * rows * columns * np.dtype(about.dtype).itemsize
+    return {"blockysize": rows} if size <= _HIGHEST_STRIP else {}
+
+
+def _compression(dataset: Any, said: dict[str, str]) -> dict[str, Any]:
+    """The same compression, where that is of TIFF and changes no pixel, or is JPEG."""
+    name = "" if dataset.compression is None else dataset.compression.value.lower()
+    if dataset.driver == "GTiff":
+        if not name:
+            return {}
+        if name in _LOSSLESS:
+            return {"compress": name, "predictor": said.get("PREDICTOR", "1")}
+        if name == "jpeg":
+            return {"compress": "jpeg", "jpeg_quality": said.get("JPEG_QUALITY", "95")}
+    whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
+    return {"compress": "deflate", "predictor": 2 if whole else 3}
+
+
+def _photometric(dataset: Any, said: dict[str, str]) -> str:
+    from rasterio.enums import ColorInterp
+
+    if dataset.driver == "GTiff" and dataset.photometric is not None:
+        return str(dataset.photometric.value).lower().replace(" ", "")
+    if said.get("MINISWHITE") == "YES":
+        return "miniswhite"
+    colours = dataset.colorinterp[:3]
+    return "rgb" if colours == (ColorInterp.red, ColorInterp.green, ColorInterp.blue) else "minisblack"
+
+
+def _describe(dataset: Any, source: Any) -> None:
+    """Copy colours, names, units and metadata."""
+    dataset.colorinterp = source.colorinterp
+    dataset.descriptions = source.descriptions
+    for name in ("units", "scales", "offsets"):
+        if len(set(getattr(source, name))) > 1 or getattr(source, name) != getattr(dataset, name):
+            setattr(dataset, name, getattr(source, name))
+    _copy_tags(dataset, source)
+    for namespace in set(source.tag_namespaces()) - set(_NOT_COPIED):
+        _copy_tags(dataset, source, ns=namespace)
+    for band in source.indexes:
+        _copy_tags(dataset, source, bidx=band)
+    packet = source.tags(ns="xml:XMP").get("xml:XMP", "")
+    # What is stored is the key, =, and the value; of XML it must be the text alone.
+    before, _, after = packet.partition("=")
+    if after:
+        dataset.update_tags(ns="xml:XMP", **{before: after})
+
+
+def _copy_tags(dataset: Any, source: Any, **of: Any) -> None:
+    tags = source.tags(**of).items()
+    kept = {name: text for name, text in tags if not name.startswith(_STATISTICS)}
+    if kept:
+        bidx = of.get("bidx", 0)
+        dataset.update_tags(bidx, of.get("ns"), **kept)
+
+
+def _add_mask(dataset: Any, written: ImageWriter) -> None:
+    for first_row, packed in written.masks:
+        window = ((first_row, first_row + len(packed)), (0, dataset.width))
+        valid = np.unpackbits(packed, axis=1, count=dataset.width).astype(np.bool_)
+        dataset.write_mask(valid, window=window)
+
+
+def _require_whole(part: Path, path: Path) -> None:
+    """Refuse a file whose end is missing: of a full disk, GDAL tells nothing when it closes a file."""
+    try:
+        with opened_image(part) as written:
+            rows = written.description.rows
+            written.read((rows - 1, rows))
+    except InputError as error:
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: Path, error: Exception) -> InstallationError:
+    reason = str(error.__cause__ or error).rstrip(".")
+    return InstallationError(
+        f"{path} cannot be written ({reason}).",
+        "Free some space or choose another folder with --out, then run again; nothing half-written was kept.",
+    )

@@ -1,0 +1,75 @@
+"""Crosses, taken by a camera with 15 µm of distortion, tile steps and mean residuals, lie in the undistorted image where a camera without takes them; its bytes depend on no window."""  # noqa: E501
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from adjust.resampling.resampled import Resampling
+from tasks.handover.undistorted.camera_map import camera_map
+from tasks.handover.undistorted.undistorted_image import Work, undistort_image
+from tasks.image_files.image_reader import opened_image
+from tests.tasks.handover.undistorted.crosses import centres, distorting_camera, measured_centres, taken_image
+
+pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path, image = tmp_path_factory.mktemp("crosses") / "taken.tif", taken_image(distorting_camera())
+    with rasterio.open(
+        path, "w", driver="GTiff", width=image.shape[2], height=image.shape[1], count=1, dtype="uint16",
+        compress="deflate", predictor=2, tiled=True, blockxsize=256, blockysize=256,
+    ) as file:  # fmt: skip
+        file.write(image)
+    return path
+
+
+def undistorted(taken: Path, to: Path, work: Work, *, distorted: bool = True) -> np.ndarray:
+    found = camera_map(distorting_camera(distorted=distorted))
+    with opened_image(taken) as source:
+        undistort_image(source, found.pixels, to, work, lambda _: None)
+    with rasterio.open(to) as file:
+        return np.asarray(file.read(1))
+
+
+@pytest.mark.parametrize("kind", ["cubic", "lanczos"])
+def test_crosses_are_where_a_camera_without_distortion_takes_them(
+    taken: Path, kind: Resampling, tmp_path: Path
+) -> None:
+    camera = distorting_camera()
+    expected = centres(camera)
+    with rasterio.open(taken) as file:
+        before = np.abs(measured_centres(file.read(1), expected) - expected).max()
+    away = measured_centres(undistorted(taken, tmp_path / "a.tif", Work(kind)), expected) - expected
+    assert before > 2.0
+    assert np.abs(away).max() < 0.05
+    assert np.sqrt(np.mean(away**2)) < 0.01
+
+
+def test_the_map_is_stated_to_better_than_a_hundredth_of_a_pixel() -> None:
+    found = camera_map(distorting_camera())
+    assert 0.0 < found.pixels.error_px < 0.01
+    assert found.largest_shift_px == pytest.approx(15e-6 / 4e-6, rel=0.4)
+
+
+@pytest.mark.parametrize("kind", ["cubic", "lanczos"])
+def test_bytes_depend_neither_on_the_window_nor_on_threads(
+    taken: Path, kind: Resampling, tmp_path: Path
+) -> None:
+    made = set()
+    for number, (threads, size) in enumerate([(1, 1), (1, 2_000_000), (3, 2_000_000), (2, 10**9)]):
+        file = tmp_path / f"{number}.tif"
+        undistorted(taken, file, Work(kind, threads, size))
+        made.add(file.read_bytes())
+    assert len(made) == 1
+
+
+def test_a_camera_without_distortion_changes_no_byte_of_the_pixels(taken: Path, tmp_path: Path) -> None:
+    made = undistorted(taken, tmp_path / "a.tif", Work(), distorted=False)
+    with rasterio.open(taken) as file:
+        np.testing.assert_array_equal(made, file.read(1))
+    assert (tmp_path / "a.tif").read_bytes() == taken.read_bytes()
