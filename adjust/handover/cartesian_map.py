@@ -21,6 +21,9 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.geometry.rotation import cross_matrix
 
+#: Radius programs correct the curvature of the earth with.
+EARTH_RADIUS_M = 6_371_000.0
+
 
 @dataclass(frozen=True)
 class CartesianMap:

@@ -32,6 +32,7 @@ from tasks.settings.inputs import (
     ExposuresInput,
     ImagePointsInput,
     Inputs,
+    MapAdjustment,
 )
 from tasks.settings.own_observations import OwnObservationsInput
 from tasks.settings.project import Project, ProjectSettings
@@ -63,6 +64,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[inputs.image_points]", ImagePointsInput, ""),
     ("[inputs.exposures]", ExposuresInput, ""),
     ("inputs.exposures.angles", Angles, ""),
+    ("inputs.exposures.adjusted_in", MapAdjustment, ""),
     ("inputs.exposures.sigma", ExposureSigma, ""),
     ("[inputs.exposures.flights.NAME]", DeliveredFlight, ""),
     ("[inputs.exposures.trajectory]", TrajectoryInput, ""),

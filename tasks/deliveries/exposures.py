@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Bools, Floats
+from adjust.camera.interior import FrameCamera
 from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
@@ -29,6 +30,7 @@ from tasks.deliveries.file_statement import refuse_other_statement
 from tasks.deliveries.gnss_solutions import with_declared_solutions
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.length_units import exposures_in_metres
+from tasks.deliveries.map_adjustment import true_orientations
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.deliveries.trajectory import exposures_of_trajectory
@@ -69,9 +71,18 @@ class _Converted:
 
 
 def exposure_columns(
-    sources: Sequence[ExposuresInput], cameras: tuple[str, ...], project: MapFrame
+    sources: Sequence[ExposuresInput],
+    cameras: tuple[str, ...],
+    project: MapFrame,
+    frames: Mapping[str, FrameCamera] | None = None,
 ) -> ExposureColumns:
     """Columns of ``exposures.parquet``, further columns of the files, notes, and the trajectories.
+
+    Parameters
+    ----------
+    cameras : names of the cameras of the project.
+    project : CRS and heights of the project.
+    frames : the cameras themselves; needed for orientations that were adjusted in a map.
 
     Raises
     ------
@@ -79,7 +90,7 @@ def exposure_columns(
         For a camera the project does not have, an image given twice, positions outside the CRS or the geoid
         grid, angles that cannot be in the declared unit or grid, standard deviations that are not positive.
     """
-    inputs = [_converted(source, cameras, project) for source in sources]
+    inputs = [_converted(source, cameras, project, frames or {}) for source in sources]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
     image = pa.concat_arrays([r.image for r in records])
@@ -111,7 +122,9 @@ def exposure_columns(
     return columns, extra, notes, [entry.path for entry in inputs if entry.path is not None]
 
 
-def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame) -> _Converted:
+def _converted(
+    source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame, frames: Mapping[str, FrameCamera]
+) -> _Converted:
     delivered, path = _delivered(source)
     delivered = with_image_names(delivered, source.image_names)
     records = with_declared_flights(with_declared_names(delivered, source), source.flights)
@@ -125,6 +138,7 @@ def _converted(source: ExposuresInput, cameras: tuple[str, ...], project: MapFra
     transfer = Transfer.between(frame, project)
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
+    records = true_orientations(records, source, frame, camera, frames)
     refuse_sigmas(places, records.sigma_position, records.image, METRES)
     refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
     refuse_outside_area(frame, records.position, places, records.image, "exposure")

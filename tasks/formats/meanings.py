@@ -48,6 +48,8 @@ ADJUSTED = frozenset(
         "opensfm", "bundler", "realityscan", "opf", "openmvg", "micmac", "bal",
     }
 )  # fmt: skip
+#: Those of them whose programs mostly take map coordinates as Cartesian.
+IN_A_MAP = frozenset({"patb", "bingo", "inpho", "isat"})
 #: Formats of programs whose model has no refraction: their cameras have it in focal length and distortion.
 WITHOUT_REFRACTION = frozenset(
     {

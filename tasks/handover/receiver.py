@@ -21,15 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
-from adjust.handover.cartesian_map import CartesianMap, Pose, on_ground
+from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, on_ground
 from adjust.handover.rational import RationalPolynomials, fit_rational_polynomials
 from adjust.handover.refit import Freed, refit
 from tasks.errors import InputError
 from tasks.handover.results import Results
 from tasks.settings.deliver import World
 
-#: Radius programs correct the curvature of the earth with.
-EARTH_RADIUS_M = 6_371_000.0
 #: Misfit of a program's model that is said, and one that is refused, pixels.
 WARNED_PX, REFUSED_PX = 0.5, 1.0
 # Side of the grid of image points of a fit; how far heights are spread at least, part of the flying height.

@@ -8,9 +8,10 @@ import numpy as np
 
 from adjust.camera.additional.conversion import NOTEWORTHY
 from adjust.geometry.earth import TopocentricFrame
+from adjust.handover.cartesian_map import EARTH_RADIUS_M
 from tasks.handover.delivery import Delivery, DeliveryFormat
 from tasks.handover.lens import LensModel
-from tasks.handover.receiver import EARTH_RADIUS_M, WARNED_PX
+from tasks.handover.receiver import WARNED_PX
 from tasks.settings.deliver import World
 
 _WORLDS: dict[World, str] = {

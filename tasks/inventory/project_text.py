@@ -9,7 +9,7 @@ from typing import TypeAlias, cast
 import numpy as np
 import pyarrow as pa
 
-from tasks.formats.meanings import ADJUSTED, IMAGE_POINT_MEANINGS, WITHOUT_REFRACTION
+from tasks.formats.meanings import ADJUSTED, IMAGE_POINT_MEANINGS, IN_A_MAP, WITHOUT_REFRACTION
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
 from tasks.formats.register import TABLE
 from tasks.formats.trajectory_records import TrajectoryRecords
@@ -150,6 +150,13 @@ def _exposures(content: Content, records: ExposureRecords, cameras: Sequence[Cam
     else:
         yield key_line("position", open_value(POSITION))
     yield from _angles(content, records)
+    if content.format in IN_A_MAP:
+        yield comment(
+            "If that program took the map as Cartesian, these are no positions of the camera. Declare then:"
+        )
+        yield comment(
+            'adjusted_in = { world = "map-cartesian", ground_m = 0.0 }, with the height of the ground.'
+        )
     table = content.format == TABLE
     if len(cameras) > 1 or table:
         yield from camera_lines(records.camera, cameras)

@@ -16,6 +16,7 @@ from tasks.formats.register import (
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import (
     Angles,
+    Finite,
     Heights,
     NotNegativeTriple,
     PlacedSettings,
@@ -112,6 +113,17 @@ class LengthSettings(Settings):
     )
 
 
+class MapAdjustment(Settings):
+    """How another program took the map in which it adjusted orientations."""
+
+    world: Literal["map-cartesian", "map-cartesian-curved"] = Field(
+        description="`map-cartesian`: map coordinates as if they were Cartesian; `map-cartesian-curved`: the "
+        "same, with the curvature of the earth corrected ([kinds of programs]"
+        "(export.md#what-a-program-can-be-given))."
+    )
+    ground_m: Finite = Field(description="Mean height of the ground, in the heights of this input, m.")
+
+
 class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     """One file of exposures: GNSS/INS results or given orientations."""
 
@@ -132,6 +144,11 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
         "without `lever_arm_m`, it is the remaining error of the reduction."
     )
     angles: Angles = Field(description="Definition of the three angles.")
+    adjusted_in: MapAdjustment | None = Field(
+        default=None,
+        description="For orientations that another program adjusted with map coordinates taken as "
+        "Cartesian: they are turned into the true ones ([how](import.md#orientations-adjusted-in-a-map)).",
+    )
     sigma: ExposureSigma = Field(
         default_factory=ExposureSigma, description="Standard deviations; those of a row take precedence."
     )
@@ -173,6 +190,22 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
         "deviation in m instead of that of the file, one number or three, or `leave-out`. Example: "
         '`solutions = { float = 0.5, single = "leave-out" }`.',
     )
+
+    @model_validator(mode="after")
+    def _of_a_map(self) -> ExposuresInput:
+        if self.adjusted_in is None:
+            return self
+        if self.angles.order == "heading-pitch-roll" or self.angles.reference != "grid":
+            raise trouble(
+                "Orientations adjusted in a map (adjusted_in) are ω, φ, κ about its grid.",
+                'Declare angles.reference = "grid" and their order, or leave adjusted_in out.',
+            )
+        if self.position != "projection_centre":
+            raise trouble(
+                "Orientations adjusted in a map (adjusted_in) have no positions of an antenna or IMU.",
+                'Declare position = "projection_centre", or leave adjusted_in out.',
+            )
+        return self
 
     @model_validator(mode="after")
     def _complete_trajectory(self) -> ExposuresInput:

@@ -66,7 +66,7 @@ def import_exposures(
 
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
-    columns, extra, notes, paths = _exposures(sources, tuple(cameras), frame)
+    columns, extra, notes, paths = _exposures(sources, cameras, frame)
     write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
     if paths:
         from tasks.deliveries.trajectory_path import path_columns
@@ -76,13 +76,16 @@ def import_exposures(
 
 
 def _exposures(
-    sources: tuple[ExposuresInput, ...], cameras: tuple[str, ...], frame: MapFrame
+    sources: tuple[ExposuresInput, ...], cameras: dict[str, CameraInput], frame: MapFrame
 ) -> ExposureColumns:
     """Columns of the exposures; empty ones without sources."""
+    from tasks.deliveries.cameras import camera_table, frame_cameras
     from tasks.deliveries.exposures import exposure_columns
 
     if sources:
-        return exposure_columns(sources, cameras, frame)
+        in_a_map = any(source.adjusted_in is not None for source in sources)
+        frames = frame_cameras(camera_table(cameras)) if in_a_map else {}
+        return exposure_columns(sources, tuple(cameras), frame, frames)
     notes = Notes((), {"counts": {"exposures": 0}})
     return {column.name: [] for column in EXPOSURES.columns}, {}, notes, ()
 

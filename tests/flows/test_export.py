@@ -16,7 +16,7 @@ import pytest
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa, from_phi_omega_kappa
-from adjust.handover.cartesian_map import CartesianMap, Pose, on_ground
+from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, on_ground
 from adjust.handover.rational import RationalPolynomials
 from flows.command.export_execution import write_export
 from flows.runs.project_run import RunRequest, carry_out
@@ -26,7 +26,6 @@ from tasks.formats.colmap import read_colmap_image_points
 from tasks.handover.export import export_results
 from tasks.handover.formats.patb import numbers_of_names
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M
 from tasks.handover.results import Results, read_results
 from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation

@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from adjust.geometry.rotation import from_omega_phi_kappa
-from adjust.handover.cartesian_map import CartesianMap, Pose, projected
+from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, projected
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField
 from tasks.coordinates.local_frame import local_from_grid, local_from_map
@@ -19,7 +19,7 @@ from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M, hand_over
+from tasks.handover.receiver import hand_over
 from tasks.handover.statement import statement
 from tests.tasks.handover.flown_block import Flight, delivered, flown, points_of
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from adjust.geometry.rotation import from_omega_phi_kappa, from_phi_omega_kappa
-from adjust.handover.cartesian_map import CartesianMap, Pose, on_ground
+from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, on_ground
 from tasks.formats.register import read_exposures
 from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.receiver import EARTH_RADIUS_M, REFUSED_PX, hand_over
+from tasks.handover.receiver import REFUSED_PX, hand_over
 from tests.tasks.handover.flown_block import Flight, flown
 from tests.tasks.handover.test_read_back import READ, SYSTEMS
 
