@@ -1,0 +1,77 @@
+"""Edges adjusted to their pixels: right on average, and as precise as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.image_quality.edge_fit import EdgeFit, fit_edge, straightness
+from adjust.image_quality.edge_model import resolution_factor
+from adjust.image_quality.edge_samples import EdgeLine, samples_of
+from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
+
+EDGES = 20
+
+
+def fits_of(kind: Kind, seed: int, count: int = EDGES) -> list[EdgeFit]:
+    rng = np.random.default_rng(seed)
+    fits = [fit_edge(samples_of(*edge_image(kind, rng))) for _ in range(count)]
+    assert all(fit.converged for fit in fits)
+    return fits
+
+
+@pytest.mark.parametrize("slant", [3.0, 8.0, 15.0, 26.57, 40.0])
+@pytest.mark.parametrize("blur", [0.3, 0.4, 0.6, 0.8])
+@pytest.mark.parametrize("noise", [1.0, 5.0])
+def test_the_mean_factor_of_twenty_edges_is_right(slant: float, blur: float, noise: float) -> None:
+    fits = fits_of(Kind(blur, slant, noise), seed=20)
+    factors = np.array([fit.factor for fit in fits])
+    error = factors.mean() - resolution_factor(np.array([blur]))[0]
+    of_mean = np.sqrt(np.mean([fit.sigma_factor**2 for fit in fits]) / EDGES)
+    assert abs(error) < (0.02 if slant <= 15.0 else 0.04)
+    # And it is noise, not a bias: 16 samples across a pixel leave less than 0.001.
+    assert abs(error) < 3.9 * of_mean + 0.001
+
+
+@pytest.mark.parametrize("noise", [1.0, 5.0])
+def test_the_stated_sigmas_are_those_of_the_scatter(noise: float) -> None:
+    count = 120
+    fits = fits_of(Kind(0.5, 11.0, noise), seed=7, count=count)
+    for scatter, stated in (
+        ([fit.factor for fit in fits], [fit.sigma_factor for fit in fits]),
+        ([fit.blur for fit in fits], [fit.sigma_blur for fit in fits]),
+    ):
+        ratio = np.std(scatter, ddof=1) / np.sqrt(np.mean(np.square(stated)))
+        # 120 values know their standard deviation to 6.5 %.
+        assert 0.8 < ratio < 1.2
+
+
+def test_the_noise_is_that_of_the_image() -> None:
+    assert np.mean([fit.noise for fit in fits_of(Kind(0.5, 8.0, 3.0), 1)]) == pytest.approx(3.0, rel=0.05)
+
+
+def test_a_straight_edge_is_straight_and_a_bent_one_is_not() -> None:
+    straight = [straightness(fit).statistic for fit in fits_of(Kind(0.5, 8.0, 3.0), 2)]
+    assert np.mean(straight) == pytest.approx(1.0, abs=0.15)
+    row, column = np.mgrid[:60, :60].astype(np.float64)
+    bow = column - 30.0 - 0.15 * (row - 30.0) + 1.0 * ((row - 30.0) / 16.0) ** 2
+    image = 80.0 + 100.0 * np.clip(0.5 + bow / 1.6, 0.0, 1.0)
+    line = EdgeLine(30.0, 30.0, float(-np.arctan(0.15)), 32.0)
+    bend = straightness(fit_edge(samples_of(image, line))).bend
+    assert bend == pytest.approx(1.0, abs=0.2)
+
+
+def test_turning_the_image_by_a_quarter_changes_nothing() -> None:
+    image, line = edge_image(Kind(0.5, 9.0, 2.0), np.random.default_rng(3))
+    turned = EdgeLine(line.row, image.shape[1] - 1 - line.column, line.angle - 0.5 * np.pi, line.length)
+    here, there = fit_edge(samples_of(image, line)), fit_edge(samples_of(np.rot90(image), turned))
+    assert there.factor == pytest.approx(here.factor, abs=1e-6)
+    assert there.contrast == pytest.approx(here.contrast, abs=1e-4)
+
+
+def test_a_slope_of_brightness_along_the_edge_changes_nothing() -> None:
+    image, line = edge_image(Kind(0.5, 9.0, 0.0), np.random.default_rng(3))
+    row, column = np.mgrid[: image.shape[0], : image.shape[1]]
+    along = (row - line.row) * np.cos(line.angle) - (column - line.column) * np.sin(line.angle)
+    here, there = fit_edge(samples_of(image, line)), fit_edge(samples_of(image + 0.5 * along, line))
+    assert there.factor == pytest.approx(here.factor, abs=2e-3)
