@@ -137,6 +137,8 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         search.per_pass,
         system.active_point,
         datum_shares(system, state),
+        system,
+        adjusted.solution,
         components if options.variance_components else (),
         0 if weighted is None else weighted.rounds,
         np.flatnonzero(search.given_up),

@@ -15,10 +15,10 @@ from threadpoolctl import threadpool_limits
 
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
-from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.quality.model_alternatives import AlternativeTests, ModelAlternative, alternative_tests
+from adjust.quality.alternative_products import ModelAlternative
+from adjust.quality.model_alternatives import AlternativeTests, alternative_tests
 from adjust.result import AdjustmentResult, GroupResult
 from adjust.solve.gauss_newton import iterate
 from adjust.solve.system import Observations, System
@@ -75,13 +75,14 @@ def examined_model(
     ------
     DatumDefectError, DivergenceError : as of ``adjust_block``, where rejected observations come back.
     """
-    rays, *others = result.groups
-    image_points = rays.taking_part
-    assert isinstance(image_points, ImagePoints)  # the first group of every result
-    groups = tuple(_tested(group) for group in others)
+    others = result.groups[1:]
+    system, solution = result.system, result.solution
     with threadpool_limits(limits=1):
-        system = System.of(block, Observations(image_points, groups), options.threads, options.free_network)
-        solution = iterate(system, result.state, options.most_iterations)
+        if any(_is_restored(group) for group in others):
+            rays = result.system.observations.image_points
+            left = Observations(rays, tuple(_tested(group) for group in others))
+            system = System.of(block, left, options.threads, options.free_network)
+            solution = iterate(system, result.state, options.most_iterations)
         tests = alternative_tests(system, solution.state, solution.factorization, alternatives)
     restored = tuple(_restored(group, solution.state) for group in others if _is_restored(group))
     return ModelTests(tests, restored)

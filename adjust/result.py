@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.joint_covariance import JointCovariance, joint_covariance
 from adjust.notebook.summary import one_line, page
 from adjust.observations.base import ObservationGroup
-from adjust.observations.image_point import ImagePoints
 from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
@@ -27,7 +24,7 @@ from adjust.quality.joint_cofactor import JointCofactor
 from adjust.quality.variance_components import VarianceComponent
 from adjust.solve.datum import DatumShare
 from adjust.solve.defect import OpenDirection
-from adjust.solve.gauss_newton import Iteration, Solution, solution_at
+from adjust.solve.gauss_newton import Iteration, Solution
 from adjust.solve.system import Observations, System
 
 if TYPE_CHECKING:
@@ -156,6 +153,7 @@ class AdjustmentResult:
     rejected_per_pass : number of observations each pass rejected.
     active_point : (m,) whether the object point took part.
     datum : what fixes the block in space.
+    system, solution : the last adjustment, of what was not rejected, with its factorised normal equations.
     variance_components : of every part of the observations; empty where none were asked for.
     reweighted : how often the block was adjusted with changed weights.
     given_up : indices of object points that were taken out because the wrong one of their observations
@@ -180,6 +178,8 @@ class AdjustmentResult:
     rejected_per_pass: tuple[int, ...]
     active_point: Bools
     datum: tuple[DatumShare, ...]
+    system: System
+    solution: Solution
     variance_components: tuple[VarianceComponent, ...] = ()
     reweighted: int = 0
     given_up: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -193,9 +193,7 @@ class AdjustmentResult:
     @property
     def observations(self) -> Observations:
         """The observations that took part, weighted as in the adjustment."""
-        rays, *others = (group.taking_part for group in self.groups)
-        assert isinstance(rays, ImagePoints)  # the first group of every result
-        return Observations(rays, tuple(others))
+        return self.system.observations
 
     @property
     def sigma0(self) -> float:
@@ -211,8 +209,6 @@ class AdjustmentResult:
     ) -> JointCovariance:
         """Joint covariance matrix of any unknowns, by their names; for some hundred of them.
 
-        The first call factorises the normal equations again and keeps the factors.
-
         Parameters
         ----------
         points : names of object points; three coordinates each, local axes.
@@ -226,7 +222,9 @@ class AdjustmentResult:
         UnknownNameError : a name does not exist, comes twice, or is of something that is no unknown.
         """
         factor = self.sigma0 if sigma0 is None else sigma0
-        return joint_covariance(*self._solved, self.cofactor.considered, factor, (images, parameters, points))
+        return joint_covariance(
+            self.system, self.solution, self.cofactor.considered, factor, (images, parameters, points)
+        )
 
     def __repr__(self) -> str:
         return one_line(self)
@@ -259,11 +257,3 @@ class AdjustmentResult:
         from adjust.notebook.charts import plan
 
         return plan(self)
-
-    @cached_property
-    def _solved(self) -> tuple[System, Solution]:
-        """The factorised normal equations, which an adjustment does not keep."""
-        constrained = None if self.free_network is None else self.free_network.constrained
-        system = System.of(self.block, self.observations, inner_constraints=constrained)
-        with threadpool_limits(limits=1):
-            return system, solution_at(system, self.state)

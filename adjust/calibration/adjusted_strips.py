@@ -21,13 +21,11 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.calibration.strip_offsets import body_fixed
 from adjust.georeferencing.error_sources import CalibrationErrors
-from adjust.observations.image_point import ImagePoints
-from adjust.options import AdjustmentOptions
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
-from adjust.solve.gauss_newton import Solution, iterate
-from adjust.solve.system import Observations, System
+from adjust.solve.gauss_newton import Solution
+from adjust.solve.system import System
 
 # Right-hand sides at once: each is as large as all exposures.
 _AT_ONCE = 60
@@ -71,7 +69,6 @@ def adjusted_strip_errors(
     result: AdjustmentResult,
     strip: Ints,
     local_from_enu: Floats,
-    options: AdjustmentOptions,
     cameras: CalibrationErrors | None = None,
     sigma0: float = 1.0,
 ) -> StripErrors:
@@ -82,20 +79,11 @@ def adjusted_strip_errors(
     strip : (n,) number of the strip of each image, 0 … s − 1; −1: of none.
     local_from_enu : (n, 3, 3).
     cameras : errors of camera parameters that were held; None: none.
-
-    Raises
-    ------
-    DatumDefectError, DivergenceError : as of ``adjust_block``.
     """
-    rays, *others = result.groups
-    image_points = rays.taking_part
-    assert isinstance(image_points, ImagePoints)  # the first group of every result
-    groups = tuple(group.taking_part for group in others)
+    system, solution = result.system, result.solution
     of_strips = _functionals(block, strip, local_from_enu)
     s = int(strip.max(initial=-1)) + 1
     with threadpool_limits(limits=1):
-        system = System.of(block, Observations(image_points, groups), options.threads, options.free_network)
-        solution = iterate(system, result.state, options.most_iterations)
         covariance = sigma0**2 * _products(solution, of_strips, strip, s)
         if cameras is not None and len(cameras.covariance):
             moved = _sums(of_strips, _moved_by(system, solution, cameras), strip, s).reshape(6 * s, -1)

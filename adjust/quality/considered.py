@@ -25,10 +25,11 @@ from adjust.parameters import (
     ParameterLayout,
     State,
 )
+from adjust.quality.alternative_products import products_of
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.considered_errors import ConsideredErrors, Contradiction
 from adjust.quality.detectability import INDISTINGUISHABLE
-from adjust.quality.model_alternatives import considered_alternatives, products_of
+from adjust.quality.model_alternatives import considered_alternatives
 from adjust.quality.single_error import single_errors
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, solve_full

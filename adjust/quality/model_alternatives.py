@@ -20,32 +20,22 @@ power is δ0 / √M; what that does to an unknown is the external reliability of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats
-from adjust.observations.base import Linearization, ObservationGroup, Term
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
+from adjust.observations.base import Linearization, ObservationGroup
+from adjust.parameters import ConsideredParameters, State
+from adjust.quality.alternative_products import ModelAlternative, products_of
 from adjust.quality.detectability import INDISTINGUISHABLE, NON_CENTRALITY
-from adjust.quality.model_alternatives_kernel import add_products
 from adjust.solve.factorization import Factorization
-from adjust.solve.full_vectors import SparseVectors, inverse_products
+from adjust.solve.full_vectors import inverse_products
 from adjust.solve.system import System
-from adjust.solve.whitening import whiten
 
 #: The same beside other alternatives: what is left says nothing of its own.
 _LEFT_OVER = 1e-4
-
-
-class ModelAlternative(Protocol):
-    """Something that the model may lack, with one unknown size b."""
-
-    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
-        """Derivatives (n, m) of the computed observations of a group with respect to b; None: all zero."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +53,14 @@ class ParameterAlternative:
     component: int
     images: Bools | None = None
 
-    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
+    def column(self, group: ObservationGroup, equations: Linearization, _: slice, /) -> Floats | None:
         """The derivatives with respect to the parameter, of the observations in these images."""
+        terms = [term for term in equations.terms if term.block == self.family]
+        if not terms:
+            return None
         column = np.zeros_like(equations.misclosure)
         found = False
-        for term in equations.terms:
-            if term.block != self.family:
-                continue
+        for term in terms:
             touched = (
                 np.ones(len(term.index), dtype=bool) if self.entity is None else term.index == self.entity
             )
@@ -87,19 +78,20 @@ class ObservationAlternative:
     Attributes
     ----------
     group : name of the group.
-    change : (n, m) what b = 1 adds to the computed observations.
+    change : (n, m) what b = 1 adds to the computed observations; or a function of some rows that returns
+        theirs, for what is too large to be there as a whole.
     also : what it changes of another group.
     """
 
     group: str
-    change: Floats
+    change: Floats | Callable[[slice], Floats]
     also: ObservationAlternative | None = None
 
-    def column(self, group: ObservationGroup, equations: Linearization) -> Floats | None:
+    def column(self, group: ObservationGroup, equations: Linearization, rows: slice, /) -> Floats | None:
         """The change, of the group it belongs to."""
         if group.name == self.group:
-            return self.change
-        return None if self.also is None else self.also.column(group, equations)
+            return self.change(rows) if callable(self.change) else self.change[rows]
+        return None if self.also is None else self.also.column(group, equations, rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,81 +236,3 @@ def _eliminated(products: Floats, first: int, root: Floats) -> Floats:
     mixed = products[:, own] @ root
     inner = np.eye(len(root)) + root.T @ products[own, own] @ root
     return np.asarray(products - mixed @ np.linalg.solve(inner, mixed.T))
-
-
-def products_of(system: System, state: State, alternatives: Sequence[ModelAlternative]) -> Products:
-    """CᵀC and AᵀC of k alternatives and, as column k + 1, of the misclosures at a state."""
-    last = len(alternatives)
-    products = Products(system, last + 1)
-    for group in system.observations.groups:
-        equations = _present(group, group.linearize(state))
-        found = [
-            (k, column)
-            for k, alternative in enumerate(alternatives)
-            if (column := alternative.column(group, equations)) is not None
-        ]
-        # The misclosures go through the same products as the columns.
-        products.add(group, equations, [*found, (last, equations.misclosure)])
-    return products
-
-
-class Products:
-    """CᵀC and AᵀC of some columns C, summed up group by group.
-
-    Attributes
-    ----------
-    own : (k, k) CᵀC.
-    load : AᵀC.
-    """
-
-    def __init__(self, system: System, count: int) -> None:
-        self.layout = system.layout
-        self.own = np.zeros((count, count))
-        self.load = SparseVectors.zeros(system, count)
-
-    def add(
-        self, group: ObservationGroup, equations: Linearization, columns: Sequence[tuple[int, Floats]]
-    ) -> None:
-        """Add what a group contributes; columns (n, m) of the alternatives with these numbers."""
-        white, present = whiten(group, equations), group.stochastic.present
-        numbers = np.array([k for k, _ in columns])
-        # Column after column, as they are made: interleaved, every one of them would run through all memory.
-        whitened = np.empty((len(columns), *white.misclosure.shape))
-        complete = bool(present.all())
-        for place, (_, column) in enumerate(columns):
-            column = column if complete else np.where(present, column, 0.0)
-            whitened[place] = group.stochastic.whitened(column)
-        flat = whitened.reshape(len(columns), -1)
-        self.own[np.ix_(numbers, numbers)] += flat @ flat.T
-        for term in white.terms:
-            if term.block == EXTERIOR_ORIENTATION:
-                self.load.of_exposures[:, :, numbers] += _summed(term, whitened, self.layout.images)
-            elif term.block == OBJECT_POINT:
-                of_points = _summed(term, whitened, self.layout.points)
-                for place, k in enumerate(numbers):
-                    self.load.points_of(int(k))[:] += of_points[:, :, place]
-            else:
-                places = self.layout.columns[term.block]
-                free = places >= 0
-                if free.any():
-                    summed = _summed(term, whitened, len(places))
-                    self.load.of_border[np.ix_(places[free], numbers)] += summed[free]
-
-
-def _summed(term: Term, columns: Floats, count: int) -> Floats:
-    """Aᵀ C (count, d, k) of one term with columns (k, n, m)."""
-    result = np.zeros((count, term.jacobian.shape[2], len(columns)))
-    add_products(term.index, np.ascontiguousarray(term.jacobian), columns, result)
-    return result
-
-
-def _present(group: ObservationGroup, equations: Linearization) -> Linearization:
-    """The equations with zeros for what takes no part."""
-    present = group.stochastic.present
-    if present.all():
-        return equations
-    terms = tuple(
-        Term(one.block, one.index, np.where(present[:, :, None], one.jacobian, 0.0))
-        for one in equations.terms
-    )
-    return Linearization(np.where(present, equations.misclosure, 0.0), terms)

@@ -4,10 +4,11 @@ from adjust.compiled import kernel
 
 
 @kernel
-def add_products(index, jacobian, columns, result):
+def add_products(index, jacobian, columns, numbers, result):
     """Add Aᵀ C of n observations to the unknowns they touch.
 
-    index (n,) which; jacobian (n, m, d); columns (k, n, m); result (count, d, k) is changed.
+    index (n,) which; jacobian (n, m, d); columns (k, n, m) with their numbers (k,) in result
+    (count, d, ·), which is changed.
     """
     n, m, d = jacobian.shape
     for i in range(n):
@@ -17,4 +18,4 @@ def add_products(index, jacobian, columns, result):
                 derivative = jacobian[i, c, j]
                 if derivative != 0.0:
                     for t in range(columns.shape[0]):
-                        result[touched, j, t] += derivative * columns[t, i, c]
+                        result[touched, j, numbers[t]] += derivative * columns[t, i, c]

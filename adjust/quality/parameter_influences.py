@@ -18,15 +18,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats, Ints
-from adjust.block import Block
 from adjust.observations.base import Linearization, ObservationGroup
-from adjust.observations.image_point import ImagePoints
-from adjust.options import AdjustmentOptions
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
-from adjust.solve.gauss_newton import iterate
-from adjust.solve.system import Observations, System
+from adjust.solve.system import System
 
 # Solutions at once: each is as large as all unknowns.
 _AT_ONCE = 10
@@ -47,26 +43,16 @@ class ParameterInfluence:
     derivative: Floats
 
 
-def parameter_influences(
-    block: Block, result: AdjustmentResult, columns: Ints, options: AdjustmentOptions
-) -> tuple[ParameterInfluence, ...]:
+def parameter_influences(result: AdjustmentResult, columns: Ints) -> tuple[ParameterInfluence, ...]:
     """Influence of all observations but the image points on some system parameters.
 
     Parameters
     ----------
     columns : (k,) of the border.
-
-    Raises
-    ------
-    DatumDefectError, DivergenceError : as of ``adjust_block``.
     """
-    rays, *others = result.groups
-    image_points = rays.taking_part
-    assert isinstance(image_points, ImagePoints)  # the first group of every result
-    groups = tuple(group.taking_part for group in others)
+    system, solution = result.system, result.solution
+    groups = system.observations.others
     with threadpool_limits(limits=1):
-        system = System.of(block, Observations(image_points, groups), options.threads)
-        solution = iterate(system, result.state, options.most_iterations)
         equations = [group.linearize(solution.state) for group in groups]
         found = [np.zeros((len(columns), *item.misclosure.shape)) for item in equations]
         for start in range(0, len(columns), _AT_ONCE):

@@ -41,7 +41,7 @@ def write_parameter_influences(folder: Path, adjusted: AdjustedBlock, options: A
     observed = {group.group.name for group in adjusted.result.groups}
     rows = pd.DataFrame(columns=[column.name for column in PARAMETER_INFLUENCES.columns])
     if len(columns) and options.free_network is None and {GnssPositions.name, InsAttitudes.name} <= observed:
-        found = parameter_influences(adjusted.block, adjusted.result, columns, options)
+        found = parameter_influences(adjusted.result, columns)
         parts = [_rows(adjusted, item, names, factors) for item in found if item.group.name in _KINDS]
         rows = pd.concat(parts, ignore_index=True)
     write_table(

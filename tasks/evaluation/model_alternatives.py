@@ -18,7 +18,6 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.calibration.flight_pattern import flight_pattern
 from adjust.camera.additional.register import additional_parameters
-from adjust.camera.refraction import refracted_image_points
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
@@ -31,13 +30,15 @@ from adjust.parameters import (
     TIME_OFFSET,
     SystemParameters,
 )
-from adjust.quality.model_alternatives import ModelAlternative, ObservationAlternative, ParameterAlternative
+from adjust.quality.alternative_products import ModelAlternative
+from adjust.quality.model_alternatives import ObservationAlternative, ParameterAlternative
 from adjust.solve.system import Observations
 from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.refracted_rays import coefficients_of_rays, ground_heights
+from tasks.block.refracted_rays import ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.block.strip_motion import strip_motion
+from tasks.evaluation.image_point_changes import image_errors, refraction
 from tasks.quantities import reported_unit
 
 Scope: TypeAlias = Literal["all", "flight", "height", "direction", "strip"]
@@ -300,18 +301,9 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
     """Refraction; other readings of what is given; distortion and affinity of every camera."""
     block, rays = material.block, material.observations.image_points
     interior = next(item.values for item in block.system if item.family.name == INTERIOR_ORIENTATION)
-    of_ray, image = rays.camera_of_image[rays.image], rays.image
-    up = np.asarray(block.frame.local_from_enu(block.projection_centre))[:, :, 2]
-    bent = refracted_image_points(
-        rays.xy,
-        interior[of_ray],
-        block.local_from_camera[image],
-        up[image],
-        coefficients_of_rays(rays, block),
-    )
-    if (np.abs(bent - rays.xy) * rays.inverse_sigma).max(initial=0.0) > _NO_REFRACTION:
-        refraction = ObservationAlternative(rays.name, bent - rays.xy)
-        yield Alternative("refraction", "", "all", "", "1", 1.0, refraction)
+    bent = refraction(block, rays, interior)
+    if (np.abs(bent) * rays.inverse_sigma).max(initial=0.0) > _NO_REFRACTION:
+        yield Alternative("refraction", "", "all", "", "1", 1.0, ObservationAlternative(rays.name, bent))
     for quantity, entity, change in other_readings(block, rays):
         reading = ObservationAlternative(rays.name, change)
         yield Alternative(quantity, entity, "all", "", "1", 1.0, reading)
@@ -321,15 +313,11 @@ def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alt
         row = rows[camera.name]
         turn = int(str(row["calibration_axes_deg"]))
         chosen = additional_parameters(_IMAGE_ERRORS, image_format_of(row, turn), turn)
-        own = np.flatnonzero(of_ray == number)
-        basis = chosen.basis(rays.xy[own] - interior[number, 1:])
-        for k, (name, unit) in enumerate(zip(chosen.names, chosen.units, strict=True)):
-            if name in free:
-                continue
-            change = np.zeros_like(rays.xy)
-            change[own] = -basis[:, :, k]
-            errors = ObservationAlternative(rays.name, change)
-            yield Alternative(name, camera.name, "all", "", unit, 1.0, errors)
+        changes = image_errors(rays, number, interior[number, 1:], chosen)
+        for name, unit, error in zip(chosen.names, chosen.units, changes, strict=True):
+            if name not in free:
+                errors = ObservationAlternative(rays.name, error)
+                yield Alternative(name, camera.name, "all", "", unit, 1.0, errors)
 
 
 def _free_additional(block: Block) -> set[str]:

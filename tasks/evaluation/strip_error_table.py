@@ -11,7 +11,6 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.calibration.adjusted_strips import StripErrors, adjusted_strip_errors
 from adjust.georeferencing.error_sources import CalibrationErrors
-from adjust.options import AdjustmentOptions
 from tasks.block.given_orientations import GivenOrientations
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
@@ -29,7 +28,6 @@ def write_strip_errors(
     given: GivenOrientations,
     parameters: pd.DataFrame,
     correlations: pd.DataFrame,
-    options: AdjustmentOptions,
 ) -> None:
     """strip_errors.parquet.
 
@@ -40,7 +38,7 @@ def write_strip_errors(
     cameras = _held(adjusted, sigmas_of(parameters), correlations)
     names = list(given.mountings.names)
     parts = [
-        _of_camera(adjusted, given, number, name, cameras, options)
+        _of_camera(adjusted, given, number, name, cameras)
         for number, name in enumerate(names)
         if (given.camera == number).any()
     ]
@@ -78,14 +76,13 @@ def _of_camera(
     number: int,
     name: str,
     cameras: CalibrationErrors,
-    options: AdjustmentOptions,
 ) -> pd.DataFrame:
     own = given.camera == number
     of_camera = given.only(own)
     strip = np.full(len(own), -1, dtype=np.int64)
     strip[own] = of_camera.strip_of_image
     errors = adjusted_strip_errors(
-        adjusted.block, adjusted.result, strip, given.local_from_enu, options, cameras, adjusted.sigma0
+        adjusted.block, adjusted.result, strip, given.local_from_enu, cameras, adjusted.sigma0
     )
     return _rows(name, of_camera.strips, errors)
 

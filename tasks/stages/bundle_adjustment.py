@@ -117,8 +117,7 @@ def write_adjusted_bundle(
     write_notes(folder, notes)
     if calibrated is not None:
         parameters, correlations = (read_table(table) for table in calibrated)
-        options = _options(adjustment)
-        write_strip_errors(folder, estimated.adjusted, prepared.given, parameters, correlations, options)
+        write_strip_errors(folder, estimated.adjusted, prepared.given, parameters, correlations)
 
 
 @dataclass(frozen=True, eq=False)

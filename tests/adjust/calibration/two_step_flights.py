@@ -78,7 +78,7 @@ def two_step_flight(strips: int) -> TwoStepFlight:
     block = calm.block()
     result = adjust_block(block, calm.observations(block, OBSERVED), ONE_THREAD)
     axes = np.array(calm.specification.frame.local_from_enu(block.projection_centre))
-    errors = adjusted_strip_errors(block, result, calm.truth.plan.strip, axes, ONE_THREAD)
+    errors = adjusted_strip_errors(block, result, calm.truth.plan.strip, axes)
     mounting = block.body_from_camera
     of_exposures = result.cofactor.reduced.of_exposures
     turn = np.zeros((len(mounting), 6, 6))

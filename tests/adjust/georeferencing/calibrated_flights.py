@@ -95,7 +95,7 @@ def calibrated_flight(calm: SimulatedBlock, free: tuple[str, ...]) -> Calibrated
     place[chosen] = np.arange(len(chosen))
     columns = {name: np.where(c >= 0, place[c], -1) for name, c in kept.items()}
     covariance = result.cofactor.reduced.corner[np.ix_(chosen, chosen)]
-    shared = shared_errors(calm, parameter_influences(block, result, chosen, ONE_THREAD))
+    shared = shared_errors(calm, parameter_influences(result, chosen))
     return CalibratedFlight(calm, free, CalibrationErrors(columns, covariance, shared))
 
 

@@ -18,10 +18,10 @@ from adjust.parameters import (
     LEVER_ARM,
     TIME_OFFSET,
 )
+from adjust.quality.alternative_products import ModelAlternative
 from adjust.quality.detectability import INDISTINGUISHABLE, NON_CENTRALITY
 from adjust.quality.model_alternatives import (
     AlternativeTests,
-    ModelAlternative,
     ObservationAlternative,
     ParameterAlternative,
     alternative_tests,

@@ -38,7 +38,7 @@ def test_influences_are_those_of_the_full_equations(flown: SimulatedBlock, corre
     system = System.of(block, observations, 1)
     design = design_matrix(system, result.state)
     cofactor = full_cofactor(design)
-    found = {item.group.name: item for item in parameter_influences(block, result, columns, OPTIONS)}
+    found = {item.group.name: item for item in parameter_influences(result, columns)}
     assert set(found) == {group.name for group in observations.others}
     for number, group in enumerate(observations.groups):
         if group.name not in found:
@@ -56,7 +56,7 @@ def test_a_moved_position_moves_the_parameters_by_its_influence(flown: Simulated
     observations = flown.observations(block)
     result = adjust_block(block, observations, OPTIONS)
     columns = result.layout.columns[GNSS_SHIFT][0]
-    found = {item.group.name: item for item in parameter_influences(block, result, columns, OPTIONS)}
+    found = {item.group.name: item for item in parameter_influences(result, columns)}
     others = []
     for group in observations.others:
         moved = group
