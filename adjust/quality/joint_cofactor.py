@@ -27,7 +27,7 @@ from adjust.solve.system import System
 from adjust.solve.whitening import add_border_columns, whiten
 
 # Object points, and other unknowns, that are solved for together: much faster than one by one.
-_POINTS_TOGETHER, _TOGETHER = 8, 24
+_POINTS_TOGETHER, _TOGETHER = 32, 96
 
 
 def _none() -> Ints:

@@ -98,7 +98,8 @@ def inverse_products(
     """Products bᵀ N⁻¹ b (d, d) of vectors, and the border (g, d) of their solutions N⁻¹ b.
 
     With the object points eliminated, bᵀ N⁻¹ b = rᵀ R⁻¹ r + yᵀ y with the reduced vectors r, the reduced
-    matrix R and y = L⁻¹ b_p of the factors N_pp = L Lᵀ: the solutions at the points are not needed.
+    matrix R and y = L⁻¹ b_p of the factors N_pp = L Lᵀ, and the first product likewise: of the solutions
+    the system parameters alone are needed.
 
     Parameters
     ----------
@@ -118,9 +119,9 @@ def inverse_products(
             -1, len(numbers)
         )
         products[np.ix_(numbers, numbers)] = y.T @ y
-    exposures, border = factorization.factor.solve(of_exposures, of_border)
-    products += of_exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + of_border.T @ border
-    return products, border
+    exposures, border = factorization.factor.forward(of_exposures, of_border)
+    products += exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + border.T @ border
+    return products, factorization.factor.border_of(border)
 
 
 def _forward_substituted(lower: Floats, vectors: Floats, active: Bools) -> Floats:

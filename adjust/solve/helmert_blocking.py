@@ -158,20 +158,8 @@ class HelmertFactor:
 
         Or (n, 6, k) and (g, k), many together, in a fraction of the time.
         """
-        many = rhs.shape[2:]
-        alone = (np.newaxis,) * len(many)
-        scale, of_border = self.scale_exposure[(..., *alone)], self.scale_border[(..., *alone)]
-        x, border = scale * rhs, of_border * rhs_border
-        fronts = self.analysis.fronts
-        for front, factor in zip(fronts, self.factors, strict=True):
-            own, rest = front.images[: front.own], front.images[front.own :]
-            flat = x[own].reshape(-1, *many)
-            mine = np.concatenate([flat, border if front.parent < 0 else border[:0]])
-            dense_algebra.solve_lower(factor.lower, mine)
-            taken = factor.below @ mine
-            x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
-            x[rest] -= taken[: 6 * front.rest].reshape(-1, 6, *many)
-            border = mine[6 * front.own :] if front.parent < 0 else border - taken[6 * front.rest :]
+        x, border = self.forward(rhs, rhs_border)
+        many, fronts = x.shape[2:], self.analysis.fronts
         for front, factor in zip(fronts[::-1], self.factors[::-1], strict=True):
             own, rest = front.images[: front.own], front.images[front.own :]
             flat, further = (x[index].reshape(-1, *many) for index in (own, rest))
@@ -181,14 +169,44 @@ class HelmertFactor:
             dense_algebra.solve_lower_transposed(factor.lower, mine)
             x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
             border = mine[6 * front.own :] if front.parent < 0 else border
-        return scale * x, of_border * border
+        return self._scaled(x, border)
+
+    def forward(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
+        """Half a solution: y = L⁻¹ D b (n, 6, …) and (g, …) of right-hand sides as of ``solve``.
+
+        Products of two of them are those of the solutions: y₁ᵀ y₂ = b₁ᵀ S⁻¹ b₂.
+        """
+        many = rhs.shape[2:]
+        x, border = self._scaled(rhs, rhs_border)
+        for front, factor in zip(self.analysis.fronts, self.factors, strict=True):
+            own, rest = front.images[: front.own], front.images[front.own :]
+            flat = x[own].reshape(-1, *many)
+            mine = np.concatenate([flat, border if front.parent < 0 else border[:0]])
+            dense_algebra.solve_lower(factor.lower, mine)
+            taken = factor.below @ mine
+            x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
+            x[rest] -= taken[: 6 * front.rest].reshape(-1, 6, *many)
+            border = mine[6 * front.own :] if front.parent < 0 else border - taken[6 * front.rest :]
+        return x, border
+
+    def border_of(self, forward: Floats) -> Floats:
+        """The system parameters (g, k) of a solution, which come last, from those (g, k) of ``forward``."""
+        return np.asarray(self.scale_border[:, None] * np.linalg.solve(self._last.T, forward))
+
+    def _scaled(self, of_exposures: Floats, of_border: Floats) -> tuple[Floats, Floats]:
+        """D x."""
+        alone = (np.newaxis,) * (of_exposures.ndim - 2)
+        return self.scale_exposure[(..., *alone)] * of_exposures, self.scale_border[(..., *alone)] * of_border
+
+    @property
+    def _last(self) -> Floats:
+        """Factor L_gg (g, g) of the system parameters."""
+        g, root = len(self.scale_border), self.factors[-1].lower
+        return np.tril(root[root.shape[0] - g :, root.shape[1] - g :])
 
     def border_normal(self) -> Floats:
         """Normal matrix (g, g) of the system parameters, exposures eliminated: N = L_gg L_ggᵀ without D."""
-        g = len(self.scale_border)
-        root = self.factors[-1].lower
-        last = np.tril(root[root.shape[0] - g :, root.shape[1] - g :])
-        return np.asarray(last @ last.T / (self.scale_border[:, None] * self.scale_border))
+        return np.asarray(self._last @ self._last.T / (self.scale_border[:, None] * self.scale_border))
 
     def inverse(self) -> tuple[Floats, Floats, Floats]:
         """Blocks of S⁻¹: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
