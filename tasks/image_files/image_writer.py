@@ -46,8 +46,13 @@ class ImageWriter:
 
     def write(self, first_row: int, pixels: Pixels, valid: Bools | None) -> None:
         """Write rows (bands, r, columns); valid (1, r, columns) goes into the mask; None: there is none."""
-        window = ((first_row, first_row + pixels.shape[1]), (0, pixels.shape[2]))
-        self.dataset.write(pixels, window=window)
+        # A file that has one band after the other gets their blocks in turn, row of blocks by row of blocks.
+        by_bands = _is_by_bands(self.dataset)
+        step = self.block_rows if by_bands else pixels.shape[1]
+        for row in range(0, pixels.shape[1], step):
+            some = pixels[:, row : row + step]
+            window = ((first_row + row, first_row + row + some.shape[1]), (0, some.shape[2]))
+            self.dataset.write(some, window=window)
         if valid is not None:
             self.masks.append((first_row, np.packbits(valid[0], axis=1)))
 
@@ -93,6 +98,10 @@ def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[Im
     finally:
         for left in (part, part.with_name(f"{part.name}.aux.xml")):
             left.unlink(missing_ok=True)
+
+
+def _is_by_bands(dataset: Any) -> bool:
+    return bool(dataset.count > 1 and dataset.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "BAND")
 
 
 def left_out_of(source: ImageReader) -> tuple[str, ...]:

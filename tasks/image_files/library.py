@@ -10,7 +10,7 @@ from types import ModuleType
 from tasks.files.installation import InstallationError
 
 # What GDAL keeps of files it has read, MB; the rest of the memory is ours.
-_CACHE_MB = 128
+_CACHE_MB = 96
 
 
 def raster_library() -> ModuleType:

@@ -17,7 +17,7 @@ from tasks.image_files.image_writer import image_like
 #: Told how much of an image is done, 0 to 1.
 Progress: TypeAlias = Callable[[float], None]
 # Pixels of a strip, bytes; there are three such arrays at a time.
-_STRIP_BYTES = 64_000_000
+_STRIP_BYTES = 48_000_000
 # Rows that are read at a time where blocks of the file are not about as high.
 _ROWS_READ = 256
 
@@ -80,7 +80,9 @@ class _RollingRows:
         if held is None or not held.first <= first < _end(held):
             held = self._read(begin, end)
         elif end > _end(held):
-            held = _joined(held, first, self._read(_end(held), end))
+            # What is not needed any more makes room before more is read.
+            held = self._held = _from(held, first)
+            held = _joined(held, self._read(_end(held), end))
         self._held = held
         return held
 
@@ -97,14 +99,19 @@ def _end(rows: SourceRows) -> int:
     return rows.first + int(rows.pixels.shape[1])
 
 
-def _joined(upper: SourceRows, first: int, lower: SourceRows) -> SourceRows:
-    """Rows of the upper from first on, and all of the lower."""
-    kept = slice(first - upper.first, None)
+def _from(rows: SourceRows, first: int) -> SourceRows:
+    """Copy of the rows from first on."""
+    kept = slice(first - rows.first, None)
+    valid = None if rows.valid is None else rows.valid[:, kept].copy()
+    return SourceRows(rows.pixels[:, kept].copy(), valid, first, rows.all_rows)
+
+
+def _joined(upper: SourceRows, lower: SourceRows) -> SourceRows:
     valid = None
     if upper.valid is not None and lower.valid is not None:
-        valid = np.concatenate([upper.valid[:, kept], lower.valid], axis=1)
-    pixels = np.concatenate([upper.pixels[:, kept], lower.pixels], axis=1)
-    return SourceRows(pixels, valid, first, upper.all_rows)
+        valid = np.concatenate([upper.valid, lower.valid], axis=1)
+    pixels = np.concatenate([upper.pixels, lower.pixels], axis=1)
+    return SourceRows(pixels, valid, upper.first, upper.all_rows)
 
 
 def _values(about: ImageDescription) -> Values:

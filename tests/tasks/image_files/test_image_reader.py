@@ -12,23 +12,10 @@ import rasterio
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tasks.image_files.image_reader import opened_image
+from tests.tasks.image_files.images import pixels, written
 
 pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
 TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
-
-
-def pixels(bands: int, rows: int, columns: int, dtype: str) -> np.ndarray:
-    return np.random.default_rng(3).integers(0, 120, (bands, rows, columns)).astype(dtype)
-
-
-def written(path: Path, data: np.ndarray, **options: object) -> Path:
-    bands, rows, columns = data.shape
-    with rasterio.open(
-        path, "w", driver=options.pop("driver", "GTiff"), width=columns, height=rows, count=bands,
-        dtype=data.dtype, **options,
-    ) as file:  # fmt: skip
-        file.write(data)
-    return path
 
 
 @pytest.mark.parametrize("dtype", TYPES)
