@@ -45,11 +45,13 @@ class Candidate:
 def candidates(grey: NDArray[Any], noise: float) -> list[Candidate]:
     """Windows of an image (rows, columns) that may hold one straight edge, the strongest first.
 
+    A window with a pixel that is NaN holds none.
+
     Parameters
     ----------
     noise : standard deviation of the noise, grey values.
     """
-    if min(grey.shape) < WINDOW:
+    if min(grey.shape) < WINDOW or not np.isfinite(noise):
         return []
     sums = tile_sums(np.ascontiguousarray(grey), TILE, _NOISE_GRADIENTS * max(noise, 0.3) / np.sqrt(2.0))
     windows = _windows(sums.astype(np.float64))

@@ -56,7 +56,10 @@ def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
     """Adjust an edge found in an image (rows, columns), or say why it is none to measure with."""
     if not _inside(grey.shape, line):
         return "beside the image"
-    fit = fit_edge(samples_of(grey, line))
+    samples = samples_of(grey, line)
+    if not np.isfinite(samples.grey).all():
+        return "beside the image"
+    fit = fit_edge(samples)
     turned = abs(fit.angle - line.angle)
     if not fit.converged or abs(fit.values[OFFSET]) > _MOVED or turned > _TURNED or fit.contrast <= 0.0:
         return "not adjusted"

@@ -24,6 +24,7 @@ from tasks.settings.certificate import CertificateSettings, Laboratory, Signator
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
+from tasks.settings.image_quality import ImageQualitySettings
 from tasks.settings.inputs import (
     ControlInput,
     DeliveredFlight,
@@ -119,6 +120,12 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[sweep]", SweepSettings, ""),
     ("[sweep.blocks.NAME]", BlockSelection, ""),
     ("[sweep.control.NAME]", ControlScenario, ""),
+    (
+        "[image_quality]",
+        ImageQualitySettings,
+        "For `aerocal image-quality` ([what it measures](image-quality.md)); may stand in a file of its own, "
+        "with `version = 1` alone.",
+    ),
 )
 
 _OPENING = """\

@@ -19,6 +19,7 @@ from flows.command.export import export
 from flows.command.fetch import fetch
 from flows.command.figures import figures
 from flows.command.flight_check import flight_check
+from flows.command.image_quality import image_quality
 from flows.command.init import init
 from flows.command.notify import notify
 from flows.command.plan import plan
@@ -82,6 +83,7 @@ app.command()(adjust)
 app.command()(calibrate)
 app.command()(check)
 app.command()(doctor)
+app.command()(image_quality)
 app.command()(simulate)
 app.command()(plan)
 app.command()(sweep)

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.results.summary import CONTRACT_VERSION
-from tasks.settings.project import Project
+from tasks.settings.base import Settings
 from tasks.store.artifact import Artifact
 from tasks.store.stage_key import library_versions
 from tasks.store.stage_record import StageRecord, utc_now
@@ -71,7 +71,7 @@ class Manifest(BaseModel):
         an adjustment) stay, the other fields are about the last run.
     stages : what the stages did in this run, in the order in which they ended.
     inputs : path of each delivered file → digest of its bytes.
-    settings : the project file with all defaults.
+    settings : the project file (or its table) with all defaults.
     versions : of this software and the libraries that matter.
     times : ``started`` and ``finished``, ISO 8601, UTC.
     """
@@ -96,13 +96,13 @@ class Manifest(BaseModel):
         return cast(Mapping[str, JSON], finite(cast(JSON, self.model_dump(mode="json"))))
 
 
-def manifest_of(artifacts: Sequence[Artifact], project: Project, records: Sequence[StageRecord]) -> Manifest:
+def manifest_of(artifacts: Sequence[Artifact], project: Settings, records: Sequence[StageRecord]) -> Manifest:
     """Describe a finished run.
 
     Parameters
     ----------
     artifacts : the files to publish, as they lie in the store (``…/STAGE/KEY/file``).
-    project : the project that was run.
+    project : the project that was run, or the settings of a run without one.
     records : what its stages did; at least one.
     """
     return Manifest(

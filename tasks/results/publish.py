@@ -14,6 +14,7 @@ from pathlib import Path
 from tasks.files.installation import writing_into
 from tasks.results.manifest import Manifest, manifest_of, read_manifest, write_manifest
 from tasks.results.summary import Summary, summary_of, write_summary
+from tasks.settings.base import Settings
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact, digest_of_file, verified
 from tasks.store.notes import read_notes
@@ -63,6 +64,8 @@ OF_CHECKS = (
     "georeferencing_check",
     "georeferencing_map",
 )
+#: What an examination of images publishes.
+OF_IMAGE_QUALITY = ("edges", "edge_means", "edge_responses", "noise_levels", "image_quality")
 #: Tables that other kinds of runs publish in their place.
 OF_SWEEPS = ("sweep",)
 #: Published besides the tables.
@@ -108,7 +111,7 @@ def publish(
 
 
 def put_out(
-    store: Store, project: Project, artifacts: Sequence[Artifact], summary: Summary, own: Sequence[str]
+    store: Store, project: Settings, artifacts: Sequence[Artifact], summary: Summary, own: Sequence[str]
 ) -> None:
     """Put files and summary into the output folder, the manifest last; then the remote side points to them.
 

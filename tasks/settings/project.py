@@ -17,6 +17,7 @@ from tasks.settings.certificate import CertificateSettings
 from tasks.settings.coordinates import Heights, PlacedSettings, one_table_or_several
 from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
+from tasks.settings.image_quality import ImageQualitySettings
 from tasks.settings.inputs import Inputs
 from tasks.settings.quality import TRUST_MAP_GATES, ChecksSettings, Gates
 from tasks.settings.sweep import SweepSettings
@@ -59,8 +60,8 @@ class Project(Settings):
     """A project file."""
 
     # What a sweep varies is no setting of the project itself; the certificate alone is told who signs it;
-    # deliveries are made of published results.
-    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate", "deliver"})
+    # deliveries are made of published results; images are examined by themselves.
+    outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate", "deliver", "image_quality"})
 
     version: Literal[1] = Field(description="Version of the project file, 1.")
     project: ProjectSettings = Field(description="Name of the project and coordinate system of the results.")
@@ -97,6 +98,9 @@ class Project(Settings):
         "for each of several.",
     )
     sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
+    image_quality: ImageQualitySettings | None = Field(
+        default=None, description="Images examined by `aerocal image-quality`."
+    )
 
     _source: ProjectSource = PrivateAttr(default=ProjectSource())
 

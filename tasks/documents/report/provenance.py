@@ -11,6 +11,7 @@ from importlib.metadata import version
 
 from tasks.document_kit.table import Row, Table, text_column
 from tasks.files.json_text import JSON, json_text
+from tasks.settings.base import Settings
 from tasks.settings.project import Project
 from tasks.store.artifact import digest_of_file
 from tasks.store.stage_key import library_versions
@@ -29,14 +30,14 @@ def delivered_names(project: Project) -> tuple[str, ...]:
     return tuple(path.name for path in project.input_files())
 
 
-def settings_table(project: Project) -> Table:
+def settings_table(project: Settings) -> Table:
     """Every setting by its dotted key; files by the beginning of their digest."""
     rows = tuple(Row(key, (key, value)) for key, value in _flat("", project.key_content()))
     columns = (text_column("setting", "setting"), text_column("value", "value"))
     return Table("settings", "Settings, defaults included", columns, rows)
 
 
-def files_table(project: Project, names: Sequence[str]) -> Table:
+def files_table(project: Settings, names: Sequence[str]) -> Table:
     """Delivered files and their digests."""
     columns = (text_column("file", "file"), text_column("sha256", "sha256"))
     digests = [digest_of_file(path) for path in project.input_files()]

@@ -34,6 +34,7 @@ from tasks.tables.schemas.georeferencing import (
     STEREO_MODELS,
     Y_PARALLAXES,
 )
+from tasks.tables.schemas.image_quality import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
 from tasks.tables.schemas.parameters import (
     CORRELATIONS,
@@ -87,6 +88,10 @@ SCHEMAS: dict[str, TableSchema] = {
         DIRECT_GEOREFERENCING_MODELS,
         Y_PARALLAXES,
         STEREO_MODELS,
+        EDGES,
+        EDGE_MEANS,
+        EDGE_RESPONSES,
+        NOISE_LEVELS,
     )
 }
 
@@ -103,12 +108,16 @@ __all__ = [
     "DIRECT_GEOREFERENCING_MODELS",
     "DISTANCES",
     "DISTANCE_RESIDUALS",
+    "EDGES",
+    "EDGE_MEANS",
+    "EDGE_RESPONSES",
     "EXPOSURES",
     "EXTERIOR_ORIENTATIONS",
     "IMAGES",
     "IMAGE_POINTS",
     "MODEL_ALTERNATIVES",
     "MODEL_ALTERNATIVE_EFFECTS",
+    "NOISE_LEVELS",
     "OBJECT_POINTS",
     "ORIENTATION_DIFFERENCES",
     "ORIENTATION_DIFFERENCE_MEANS",

@@ -1,0 +1,22 @@
+"""Image quality: from images to edges, noise and defects, their page, and a certificate."""
+
+from __future__ import annotations
+
+from flows.runs.stage import stage
+from tasks.image_quality import publication
+from tasks.results.summary import Summary
+from tasks.settings.image_quality import ImageQualitySettings
+from tasks.stages import image_quality as examination
+from tasks.stages import image_quality_page
+from tasks.store.store import Store
+
+examine_images = stage(examination.examine_images)
+write_page = stage(image_quality_page.write_image_quality_page)
+publish = stage(publication.publish_image_quality)
+
+
+def image_quality(settings: ImageQualitySettings, store: Store) -> Summary:
+    """Examine the images, draw the page, publish."""
+    examined = examine_images(store, settings=settings)
+    page = write_page(store, examined=examined, settings=settings, name=settings.name)
+    return publish(store, settings, (examined, page))

@@ -1,0 +1,1 @@
+"""image_quality.html: resolution, noise and defects of images."""

@@ -1,0 +1,124 @@
+"""Plots of image quality: edges over the format, responses, noise by grey level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from adjust.arrays import Floats
+from tasks.document_kit import axes, markup, palette
+from tasks.document_kit.axes import Scale
+from tasks.document_kit.legend import Swatch, swatches
+from tasks.documents.image_quality.material import QualityMaterial
+
+_LEFT, _TOP, _RIGHT = 78.0, 10.0, axes.WIDTH - 12.0
+_CLASSES = 6
+_HIGHEST = 620.0
+
+
+def edge_map(material: QualityMaterial) -> Markup:
+    """Every edge at its place in the format, in its direction, coloured by its factor."""
+    columns, rows = material.size
+    unit = min((_RIGHT - _LEFT) / columns, _HIGHEST / rows)
+    x = Scale(0.0, columns, _LEFT, _LEFT + columns * unit)
+    y = Scale(0.0, rows, _TOP, _TOP + rows * unit)
+    limits = _limits(material.edges["factor"].to_numpy(np.float64))
+    colours = palette.sequence(_CLASSES)
+    lines = [
+        _edge(row, x, y, colours[_class_of(row["factor"], limits)]) for _, row in material.edges.iterrows()
+    ]
+    words = [f"{low:.2f} – {high:.2f}" for low, high in pairwise(limits)]
+    entries = [Swatch(colour, text) for colour, text in zip(colours, words, strict=True)]
+    legend, end = swatches(_LEFT, y.end + 48, "factor", entries, _RIGHT - _LEFT)
+    return markup.svg(
+        axes.WIDTH,
+        end + 6,
+        "Edges over the format by their factor of effective resolution",
+        axes.horizontal_axis(x, y.start, y.end, "column [px]"),
+        axes.vertical_axis(y, x.start, x.end, "row [px]"),
+        axes.frame(x.start, y.start, x.end, y.end),
+        markup.group("edges", lines),
+        legend,
+    )
+
+
+def _limits(factors: Floats) -> Floats:
+    """Limits of the classes: round at both ends, and everything within."""
+    low, high = np.floor(20.0 * factors.min()) / 20.0, np.ceil(20.0 * factors.max()) / 20.0
+    return np.linspace(low, max(high, low + 0.05), _CLASSES + 1)
+
+
+def _class_of(factor: float, limits: Floats) -> int:
+    return int(np.clip(np.searchsorted(limits, factor, side="right") - 1, 0, _CLASSES - 1))
+
+
+def _edge(row: pd.Series, x: Scale, y: Scale, colour: str) -> Markup:
+    normal = np.deg2rad(row["normal_deg"])
+    at, down = x.at(row["column_px"]), y.at(row["row_px"])
+    dx, dy = -7.0 * np.sin(normal), 7.0 * np.cos(normal)
+    place = f"{row['image']}, band {row['band']}, edge {row['edge']}"
+    words = f"{place}: {row['factor']:.3f} ± {row['sigma_factor']:.3f}"
+    ends: dict[str, markup.Attribute] = {"x1": at - dx, "y1": down - dy, "x2": at + dx, "y2": down + dy}
+    return markup.element("line", ends | {"stroke": colour, "stroke-width": 3}, markup.title(words))
+
+
+def response_plot(material: QualityMaterial) -> Markup:
+    """The response of every band and direction."""
+    groups = [
+        (f"band {band}, along {way}", part)
+        for (band, way), part in material.responses.groupby(["band", "direction"])
+    ]
+    curves = [(words, part["frequency"].to_numpy(), part["response"].to_numpy()) for words, part in groups]
+    top = max(1.05, *(float(values.max()) for _, _, values in curves))
+    return _curves(
+        curves,
+        Scale(0.0, 1.0, _LEFT, _RIGHT),
+        Scale(0.0, top, 300.0, _TOP),
+        "spatial frequency [cycles/px]; 0.5: Nyquist",
+        "response",
+    )
+
+
+def noise_plot(material: QualityMaterial) -> Markup:
+    """Noise against grey level, band by band."""
+    curves = []
+    for band, part in material.noise.groupby("band"):
+        ordered = part.sort_values("level")
+        curves.append((f"band {band}", ordered["level"].to_numpy(), ordered["noise"].to_numpy()))
+    right = max(float(levels.max()) for _, levels, _ in curves)
+    top = 1.1 * max(float(values.max()) for _, _, values in curves)
+    return _curves(
+        curves,
+        Scale(0.0, 1.02 * right, _LEFT, _RIGHT),
+        Scale(0.0, max(top, 1e-6), 300.0, _TOP),
+        "grey value",
+        "noise [grey values]",
+    )
+
+
+def _curves(
+    curves: Sequence[tuple[str, Floats, Floats]], x: Scale, y: Scale, along: str, upwards: str
+) -> Markup:
+    entries = [Swatch(palette.category(k), words) for k, (words, _, _) in enumerate(curves)]
+    legend, end = swatches(_LEFT, y.start + 48, "", entries, _RIGHT - _LEFT)
+    paths = [
+        markup.element(
+            "path",
+            {"class": "curve", "stroke": palette.category(k), "d": markup.path_of(x.of(at), y.of(values))},
+        )
+        for k, (_, at, values) in enumerate(curves)
+    ]
+    return markup.svg(
+        axes.WIDTH,
+        end + 6,
+        f"{upwards} against {along}",
+        axes.horizontal_axis(x, y.end, y.start, along),
+        axes.vertical_axis(y, x.start, x.end, upwards),
+        axes.frame(x.start, y.end, x.end, y.start),
+        *paths,
+        legend,
+    )

@@ -1,0 +1,93 @@
+"""Tables of the page about image quality."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from tasks.document_kit.table import Column, Number, Row, Table, text_column
+from tasks.documents.image_quality.material import QualityMaterial
+
+
+def mean_table(material: QualityMaterial) -> Table:
+    """Factors by band, direction and zone."""
+    columns = (
+        Column("band", "band"),
+        text_column("direction", "along"),
+        text_column("zone", "zone"),
+        Column("edges", "edges"),
+        Column("left_out", "left out"),
+        Column("factor", "factor"),
+        Column("sigma_factor", "σ"),
+        Column("scatter", "scatter of an edge"),
+        Column("stated", "stated σ of an edge"),
+        Column("effective_gsd_m", "effective GSD", "m"),
+        Column("mtf50", "MTF50", "1/px"),
+        Column("mtf_nyquist", "MTF at Nyquist"),
+        Column("overshoot", "overshoot", "%"),
+        text_column("sharpened", "sharpened"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['band']}:{row['direction']}:{row['zone']}",
+            (
+                Number(row["band"]),
+                str(row["direction"]),
+                str(row["zone"]),
+                Number(row["edges"]),
+                Number(row["left_out"]),
+                Number(row["factor"], 3),
+                Number(row["sigma_factor"], 3),
+                Number(row["scatter"], 3),
+                Number(row["stated"], 3),
+                Number(row["effective_gsd_m"], 4),
+                Number(row["mtf50"], 3),
+                Number(row["mtf_nyquist"], 3),
+                Number(100.0 * row["overshoot"], 1),
+                "yes" if row["sharpened"] else "no",
+            ),
+        )
+        for _, row in material.means.iterrows()
+    )
+    note = (
+        "Factor: full width at half maximum of the line spread function in pixels, 1 for a sharp image. MTF "
+        "is the response in the manner of ISO 12233 across the edges, the pixel included."
+    )
+    return Table("means", "Effective resolution", columns, rows, note)
+
+
+def refused_table(material: QualityMaterial) -> Table:
+    """Why candidates were not taken."""
+    columns = (text_column("reason", "reason"), Column("count", "candidates"))
+    refused = cast(Mapping[str, int], material.figures["refused"])
+    rows = tuple(Row(reason, (reason, Number(count))) for reason, count in refused.items())
+    return Table("refused", "Candidates that were tried and not taken", columns, rows)
+
+
+def noise_table(material: QualityMaterial) -> Table:
+    """Noise by grey level."""
+    columns = (
+        text_column("image", "image"),
+        Column("band", "band"),
+        Column("level", "grey value"),
+        Column("noise", "noise"),
+        Column("sigma_noise", "σ"),
+        Column("signal_to_noise", "signal / noise"),
+        Column("tiles", "areas"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['image']}:{row['band']}:{row['level']}",
+            (
+                str(row["image"]),
+                Number(row["band"]),
+                Number(row["level"], 1),
+                Number(row["noise"], 2),
+                Number(row["sigma_noise"], 2),
+                Number(row["signal_to_noise"], 1),
+                Number(row["tiles"]),
+            ),
+        )
+        for _, row in material.noise.iterrows()
+    )
+    return Table("noise", "Noise in homogeneous areas, grey values", columns, rows)

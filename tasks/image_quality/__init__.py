@@ -1,0 +1,1 @@
+"""Image quality: from image files to edges, noise and defects, and to their tables."""

@@ -1,0 +1,155 @@
+"""Edges, their means and responses as columns of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from adjust.image_quality.edge_measurement import MeasuredEdge
+from adjust.image_quality.edge_profile import EdgeProfile, edge_profile, normalized
+from adjust.image_quality.edge_statistics import EdgeStatistics, edge_statistics
+from adjust.image_quality.iso_12233 import FrequencyResponse, frequency_response
+from tasks.image_quality.scenes import SceneQuality
+from tasks.tables.schemas.image_quality import (
+    DIRECTIONS,
+    EDGE_MEANS,
+    EDGE_RESPONSES,
+    EDGES,
+    NOISE_LEVELS,
+    ZONES,
+)
+
+Figure: TypeAlias = str | float | int | bool | None
+Row: TypeAlias = Mapping[str, Figure]
+
+
+def edge_table(scenes: Sequence[SceneQuality]) -> pd.DataFrame:
+    """A row for each edge."""
+    rows = [
+        _edge(scene, band.band, number, edge)
+        for scene in scenes
+        for band in scene.bands
+        for number, edge in enumerate(band.edges.edges, start=1)
+    ]
+    return pd.DataFrame(rows, columns=[column.name for column in EDGES.columns])
+
+
+def _edge(scene: SceneQuality, band: int, number: int, edge: MeasuredEdge) -> Row:
+    pixels = normalized([edge.fit])
+    line, fit = edge.line, edge.fit
+    return {
+        "image": scene.image,
+        "band": band,
+        "edge": number,
+        "column_px": line.column,
+        "row_px": line.row,
+        "normal_deg": float(np.rad2deg(line.angle)),
+        "direction": _direction(edge),
+        "radius": _radius(scene, edge),
+        "length_px": line.length,
+        "contrast": fit.contrast,
+        "noise": edge.noise,
+        "blur_px": fit.blur,
+        "sigma_blur_px": fit.sigma_blur,
+        "factor": fit.factor,
+        "sigma_factor": fit.sigma_factor,
+        **_response(edge_profile(pixels), frequency_response(pixels)),
+    }
+
+
+def _response(profile: EdgeProfile, response: FrequencyResponse) -> Row:
+    return {
+        "mtf50": response.mtf50,
+        "mtf_nyquist": response.at_nyquist,
+        "overshoot": profile.overshoot,
+        "sigma_overshoot": profile.sigma_overshoot,
+        "sharpened": profile.sharpened,
+    }
+
+
+def _direction(edge: MeasuredEdge) -> str:
+    return DIRECTIONS[0] if edge.line.crosses_columns else DIRECTIONS[1]
+
+
+def _radius(scene: SceneQuality, edge: MeasuredEdge) -> float:
+    about = scene.description
+    middle = 0.5 * (about.columns - 1), 0.5 * (about.rows - 1)
+    return float(np.hypot(edge.line.column - middle[0], edge.line.row - middle[1]) / np.hypot(*middle))
+
+
+def _zone(scene: SceneQuality, edge: MeasuredEdge) -> str:
+    return ZONES[min(int(len(ZONES) * _radius(scene, edge)), len(ZONES) - 1)]
+
+
+def mean_tables(scenes: Sequence[SceneQuality], gsd_m: float | None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Means by band, direction and zone, and the responses by band and direction."""
+    means: list[Row] = []
+    responses: list[pd.DataFrame] = []
+    for band in sorted({band.band for scene in scenes for band in scene.bands}):
+        for direction, zone, edges in _groups(scenes, band):
+            found = edge_statistics(edges)
+            means.append({"band": band, "direction": direction, "zone": zone, **_mean(found, gsd_m)})
+            if direction in DIRECTIONS and zone == "all":
+                curve = {"frequency": found.response.frequency, "response": found.response.response}
+                responses.append(pd.DataFrame({"band": band, "direction": direction, **curve}))
+    names = [[column.name for column in schema.columns] for schema in (EDGE_MEANS, EDGE_RESPONSES)]
+    joined = pd.concat(responses) if responses else pd.DataFrame(columns=names[1])
+    return pd.DataFrame(means, columns=names[0]), joined
+
+
+def _groups(scenes: Sequence[SceneQuality], band: int) -> Iterator[tuple[str, str, list[MeasuredEdge]]]:
+    """The edges of a band in every direction and zone that has any."""
+    placed = [
+        (_direction(edge), _zone(scene, edge), edge)
+        for scene in scenes
+        for one in scene.bands
+        if one.band == band
+        for edge in one.edges.edges
+    ]
+    for direction in ("all", *DIRECTIONS):
+        for zone in ("all", *ZONES):
+            edges = [edge for d, z, edge in placed if direction in ("all", d) and zone in ("all", z)]
+            if edges:
+                yield direction, zone, edges
+
+
+def _mean(found: EdgeStatistics, gsd_m: float | None) -> Row:
+    factor, sigma = found.factor, found.sigma_factor
+    return {
+        "edges": found.edges,
+        "left_out": found.left_out,
+        "factor": factor,
+        "sigma_factor": sigma,
+        "method": found.method,
+        "scatter": found.scatter,
+        "stated": found.stated,
+        "blur_px": found.blur,
+        "effective_gsd_m": None if gsd_m is None else factor * gsd_m,
+        "sigma_effective_gsd_m": None if gsd_m is None else sigma * gsd_m,
+        **_response(found.profile, found.response),
+    }
+
+
+def noise_table(scenes: Sequence[SceneQuality]) -> pd.DataFrame:
+    """A row for each grey level of each band of each image."""
+    parts = [
+        pd.DataFrame(
+            {
+                "image": scene.image,
+                "band": band.band,
+                "level": band.levels.level,
+                "noise": band.levels.noise,
+                "sigma_noise": band.levels.sigma_noise,
+                "signal_to_noise": band.levels.level
+                / np.where(band.levels.noise > 0, band.levels.noise, np.nan),
+                "tiles": band.levels.tiles,
+            }
+        )
+        for scene in scenes
+        for band in scene.bands
+    ]
+    columns = [column.name for column in NOISE_LEVELS.columns]
+    return pd.concat(parts)[columns] if parts else pd.DataFrame(columns=columns)

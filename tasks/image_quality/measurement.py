@@ -1,0 +1,112 @@
+"""Examine the images of a camera and write what was found; the stages are in `tasks.stages.image_quality`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from adjust.image_quality.edge_statistics import ENOUGH
+from tasks.errors import InputError
+from tasks.files.json_text import JSON
+from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table
+from tasks.image_quality.scenes import SceneQuality, examined_scene
+from tasks.settings.image_quality import ImageQualitySettings
+from tasks.store.notes import Notes, write_notes
+from tasks.tables.parquet import write_table
+from tasks.tables.schemas import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, TableSchema
+
+
+def examine(folder: Path, settings: ImageQualitySettings) -> None:
+    """Write edges, edge_means, edge_responses and noise_levels.parquet, and the remarks.
+
+    Raises
+    ------
+    InputError
+        If an image cannot be read, or the images are not alike.
+    """
+    scenes = [examined_scene(path) for path in settings.images]
+    _require_alike(scenes, settings.images)
+    means, responses = mean_tables(scenes, settings.gsd_m)
+    tables = (
+        (EDGES, edge_table(scenes)),
+        (EDGE_MEANS, means),
+        (EDGE_RESPONSES, responses),
+        (NOISE_LEVELS, noise_table(scenes)),
+    )
+    for schema, table in tables:
+        _write(folder, schema, table)
+    write_notes(folder, Notes(_remarks(scenes, means), {"image_quality": _figures(scenes, means)}))
+
+
+def _write(folder: Path, schema: TableSchema, table: pd.DataFrame) -> None:
+    columns = {column.name: table[column.name].to_numpy() for column in schema.columns}
+    write_table(folder / f"{schema.name}.parquet", schema, columns)
+
+
+def _require_alike(scenes: Sequence[SceneQuality], paths: Sequence[Path]) -> None:
+    first = scenes[0].description
+    for scene, path in zip(scenes[1:], paths[1:], strict=True):
+        about = scene.description
+        if (about.columns, about.rows, about.bands, about.dtype) != (
+            first.columns,
+            first.rows,
+            first.bands,
+            first.dtype,
+        ):
+            raise InputError(
+                f"The image has {about.columns} × {about.rows} pixels, {about.bands} bands of {about.dtype}; "
+                f"{scenes[0].image} has {first.columns} × {first.rows}, {first.bands} of {first.dtype}.",
+                "Examine images of different cameras one after the other.",
+                file=path,
+            )
+
+
+def _remarks(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> tuple[str, ...]:
+    remarks = []
+    whole = means[(means["direction"] == "all") & (means["zone"] == "all")]
+    for band in sorted({band.band for scene in scenes for band in scene.bands}):
+        own = whole[whole["band"] == band]
+        edges = int(own["edges"].sum())
+        if edges < ENOUGH:
+            remarks.append(
+                f"Band {band} has {edges} edges that can be measured, fewer than the {ENOUGH} that a mean "
+                "should have. Most often it is for want of straight edges slanted by 2 to 43 degrees."
+            )
+        if own["sharpened"].any():
+            remarks.append(
+                f"Band {band} has been sharpened: its edges overshoot by "
+                f"{100 * own['overshoot'].iloc[0]:.1f} % of their contrast. "
+                "Its factor says nothing about the camera."
+            )
+    return tuple(remarks)
+
+
+def _figures(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> JSON:
+    first = scenes[0].description
+    whole = means[(means["direction"] == "all") & (means["zone"] == "all")]
+    refused: Counter[str] = Counter()
+    for scene in scenes:
+        for band in scene.bands:
+            refused.update(band.edges.refused)
+    return {
+        "images": len(scenes),
+        "columns": first.columns,
+        "rows": first.rows,
+        "dtype": first.dtype,
+        "refused": dict(sorted(refused.items())),
+        "bands": [
+            {
+                "band": int(row["band"]),
+                "edges": int(row["edges"]),
+                "factor": float(row["factor"]),
+                "sigma_factor": float(row["sigma_factor"]),
+                "mtf50": float(row["mtf50"]),
+                "mtf_nyquist": float(row["mtf_nyquist"]),
+                "sharpened": bool(row["sharpened"]),
+            }
+            for _, row in whole.iterrows()
+        ],
+    }

@@ -1,0 +1,131 @@
+"""Images of scenes, strip by strip: their edges and the noise of their homogeneous areas.
+
+Pixels without data, and those at the limits of their range (0 and the largest value), take no part: what was
+clipped has another shape. Of an image of a gigabyte only some strips are in memory.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adjust.image_quality.edge_search import OVERLAP, EdgeSearch
+from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noise_of, tile_noise
+from tasks.errors import InputError
+from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
+
+_STRIP = 512
+#: Rows of a strip whose noise stands for that of the strip.
+_OF_STRIP = 128
+_THREADS = 2
+_log = logging.getLogger("aerocal")
+
+Strip = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class BandQuality:
+    """A band of an image.
+
+    Attributes
+    ----------
+    band : its number, from 1.
+    edges : that were measured, with the reasons why others were not.
+    levels : noise by grey level.
+    """
+
+    band: int
+    edges: EdgeSearch
+    levels: NoiseLevels
+
+
+@dataclass(frozen=True, eq=False)
+class SceneQuality:
+    """An image of a scene.
+
+    Attributes
+    ----------
+    image : name of the file.
+    description : what the file says about itself.
+    bands : without those of alpha.
+    """
+
+    image: str
+    description: ImageDescription
+    bands: tuple[BandQuality, ...]
+
+
+def examined_scene(path: Path) -> SceneQuality:
+    """Examine an image.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is too small.
+    InstallationError
+        If rasterio is not installed.
+    """
+    with opened_image(path, _THREADS) as reader:
+        about = reader.description
+        if min(about.rows, about.columns) < OVERLAP:
+            raise InputError(
+                f"The image has {about.columns} × {about.rows} pixels, fewer than edges need.",
+                f"Give an image of at least {OVERLAP} × {OVERLAP} pixels.",
+                file=path,
+            )
+        bands = [_Band(k, EdgeSearch(about.rows, about.columns), []) for k in range(about.bands)]
+        bands = [band for band in bands if band.index not in about.alpha]
+        with ThreadPoolExecutor(_THREADS) as pool:
+            for first, pixels in _strips(reader):
+                # Of a generator errors of the threads would be lost.
+                list(pool.map(lambda band, at=first, grey=pixels: band.take(grey[band.index], at), bands))
+                done = min(first + _STRIP, about.rows) / about.rows
+                _log.info("%s: %.0f %%", path.name, 100.0 * done)
+    found = tuple(
+        BandQuality(band.index + 1, band.search, noise_levels(TileNoise.together(band.tiles)))
+        for band in bands
+    )
+    return SceneQuality(path.name, about, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Band:
+    """What has been found in a band so far."""
+
+    index: int
+    search: EdgeSearch
+    tiles: list[TileNoise]
+
+    def take(self, grey: Strip, first_row: int) -> None:
+        """Examine the next strip; its last rows are the first of the one after it."""
+        self.search.search(grey, noise_of(grey[:_OF_STRIP]), first_row)
+        self.tiles.append(tile_noise(grey[:_STRIP]))
+
+
+def _strips(reader: ImageReader) -> Iterator[tuple[int, Strip]]:
+    """First row and pixels (bands, rows, columns) of strips; NaN where a pixel takes no part."""
+    about = reader.description
+    whole_numbers = not about.dtype.startswith("float")
+    for first in range(0, about.rows, _STRIP):
+        rows = (first, min(first + _STRIP + OVERLAP, about.rows))
+        if first and rows[1] - first <= OVERLAP:
+            return
+        pixels = reader.read(rows)
+        grey: Strip = pixels.astype(np.float32)
+        if whole_numbers:
+            grey[(pixels <= 0) | (pixels >= about.largest)] = np.nan
+        valid = reader.valid(rows)
+        if valid is not None:
+            _leave_out(grey, valid)
+        yield first, grey
+
+
+def _leave_out(grey: Strip, valid: NDArray[Any]) -> None:
+    grey[~np.broadcast_to(valid, grey.shape)] = np.nan

@@ -1,0 +1,54 @@
+"""Settings of image quality: which images are examined, and what is known of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from tasks.plain_text import LONGEST_NAME
+from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.coordinates import Positive
+
+
+def _one_or_several(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
+
+
+Images = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or_several)]
+
+
+class ImageQualitySettings(Settings):
+    """Resolution, noise and defects of the images of one camera."""
+
+    outside_key: ClassVar[frozenset[str]] = frozenset({"name"})
+
+    name: str = Field(
+        default="Image quality", min_length=1, max_length=LONGEST_NAME, description="Title of the report."
+    )
+    images: Images = Field(
+        default=(),
+        description="Images of scenes, whose edges and homogeneous areas are examined: one path or a list. "
+        "All must have the same size and bands.",
+    )
+    gsd_m: Positive | None = Field(
+        default=None,
+        description="Ground sampling distance of the images, m, for the effective one. Default: not stated.",
+    )
+
+    @model_validator(mode="after")
+    def _something_to_examine(self) -> ImageQualitySettings:
+        if not self.images:
+            raise trouble("There is no image to examine.", "Name one in image_quality.images.")
+        names = [path.name for path in self.images]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise trouble(f"Two images have the name {twice[0]}.", "Give them different names.")
+        return self
+
+
+class ImageQualityFile(Settings):
+    """A file that describes nothing but images to be examined."""
+
+    version: Literal[1] = Field(description="Version of the file, 1.")
+    image_quality: ImageQualitySettings = Field(description="The images.")

@@ -1,0 +1,104 @@
+"""``aerocal image-quality``: from image files to tables, page and summary."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tasks.image_files.library import raster_environment
+from tests.adjust.image_quality.synthetic_edges import scene
+from tests.command_line import aerocal
+
+BLURS = (0.4, 0.6)
+FACTORS = (1.208, 1.583)
+
+
+def write_image(path: Path, seed: int, size: int = 480) -> Path:
+    """Two bands of different blur, noise of 3 grey values, a border without data at the left."""
+    bands = [scene(blur, 3.0, np.random.default_rng([seed, k]), size) for k, blur in enumerate(BLURS)]
+    pixels = np.clip(np.rint(bands), 1, 254).astype(np.uint8)
+    pixels[:, :, :10] = 0
+    with (
+        raster_environment() as rasterio,
+        rasterio.open(
+            path, "w", driver="GTiff", width=size, height=size, count=len(BLURS), dtype="uint8"
+        ) as file,
+    ):
+        file.write(pixels)
+    return path
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("quality")
+    images = [write_image(folder / f"{k}.tif", k).name for k in range(2)]
+    project = folder / "quality.toml"
+    listed = ", ".join(f'"{name}"' for name in images)
+    project.write_text(f'version = 1\n[image_quality]\nname = "Two"\nimages = [{listed}]\ngsd_m = 0.1\n')
+    assert aerocal("image-quality", project, "--out", folder / "out").returncode == 0
+    return folder / "out"
+
+
+def test_the_factors_of_the_bands_are_those_of_their_blur(results: Path) -> None:
+    means = pd.read_parquet(results / "edge_means.parquet").set_index(["band", "direction", "zone"])
+    for band, factor in enumerate(FACTORS, start=1):
+        whole = means.loc[(band, "all", "all")]
+        assert whole["edges"] >= 40
+        assert whole["factor"] == pytest.approx(factor, abs=0.02)
+        assert whole["effective_gsd_m"] == pytest.approx(0.1 * whole["factor"])
+        assert not whole["sharpened"]
+        for direction in ("columns", "rows"):
+            assert means.loc[(band, direction, "all"), "factor"] == pytest.approx(factor, abs=0.03)
+
+
+def test_no_edge_is_that_of_the_border_without_data(results: Path) -> None:
+    edges = pd.read_parquet(results / "edges.parquet")
+    assert edges["column_px"].min() > 20.0
+    assert set(edges["image"]) == {"0.tif", "1.tif"}
+
+
+def test_the_noise_is_that_of_the_images(results: Path) -> None:
+    noise = pd.read_parquet(results / "noise_levels.parquet")
+    # Rounding to whole grey values adds 1/12.
+    np.testing.assert_allclose(noise["noise"], np.sqrt(9.0 + 1.0 / 12.0), rtol=0.05)
+    np.testing.assert_allclose(noise["signal_to_noise"], noise["level"] / noise["noise"])
+
+
+def test_page_summary_and_tables_say_the_same(results: Path) -> None:
+    summary = json.loads((results / "summary.json").read_text())
+    means = pd.read_parquet(results / "edge_means.parquet")
+    whole = means[(means["direction"] == "all") & (means["zone"] == "all")]
+    assert [band["factor"] for band in summary["image_quality"]["bands"]] == list(whole["factor"])
+    page = (results / "image_quality.html").read_text()
+    assert all(f'data-value="{factor!r}"' in page for factor in means["factor"].tolist())
+    assert set(json.loads((results / "manifest.json").read_text())["artifacts"]) == {
+        "edges", "edge_means", "edge_responses", "noise_levels", "image_quality",
+    }  # fmt: skip
+
+
+def test_one_image_needs_no_project_file(tmp_path: Path) -> None:
+    image = write_image(tmp_path / "one.tif", 5, size=320)
+    outcome = aerocal("image-quality", image, "--json")
+    assert outcome.returncode == 0
+    assert json.loads(outcome.stdout)["image_quality"]["images"] == 1
+    assert (tmp_path / "image-quality" / "image_quality.html").is_file()
+
+
+def test_what_cannot_be_examined_is_refused_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "text.tif").write_text("no image")
+    outcome = aerocal("image-quality", tmp_path / "text.tif")
+    assert outcome.returncode == 2
+    assert "no image that can be read" in outcome.stderr
+    write_image(tmp_path / "a.tif", 1, 320)
+    write_image(tmp_path / "b.tif", 2, 480)
+    project = tmp_path / "q.toml"
+    project.write_text('version = 1\n[image_quality]\nimages = ["a.tif", "b.tif"]\n')
+    outcome = aerocal("image-quality", project)
+    assert outcome.returncode == 2
+    assert "480 × 480 pixels" in outcome.stderr
+    project.write_text("version = 1\n[image_quality]\nimages = []\n")
+    assert "no image to examine" in aerocal("image-quality", project).stderr
