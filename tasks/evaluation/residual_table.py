@@ -70,32 +70,37 @@ class _Rows:
         factors = np.array([factor for _, factor in units])
         entered = rows < len(group.image)
         own = rows[entered]
-
-        def complete(values: Floats) -> Floats:
-            every = np.full((len(rows), len(factors)), np.nan)
-            every[entered] = values
-            return every
-
-        sigma = complete(result.sigma[own] * factors)
+        sigma = np.empty((len(rows), len(factors)))
+        sigma[entered] = result.sigma[own] * factors
         sigma[~entered] = self.unused_sigma[rows[~entered] - len(group.image)]
-        status = np.full(sigma.shape, int(ObservationStatus.NOT_USED))
-        status[entered] = result.status[own]
         by_name = np.argsort(np.array(group.components))
         row, place = np.nonzero(np.isfinite(sigma[:, by_name]))
         component, observation = by_name[place], rows[row]
+        known = entered[row]
+        of_known, factor = (observation[known], component[known]), factors[component]
+
+        def complete(values: Floats) -> Floats:
+            every = np.full(len(row), np.nan)
+            every[known] = values
+            return every
+
+        status = np.full(len(row), int(ObservationStatus.NOT_USED))
+        status[known] = result.status[of_known]
+        # Where each observation of the group stands among those of this piece.
+        piece = np.cumsum(entered)[row[known]] - 1
         return {
             "group": self.titles.take(self.title[observation]),
             "image": self.images.take(self.image[observation]),
             "point": self.points.take(self.point[observation]),
             "component": pa.array(group.components).take(pa.array(component)),
-            "residual": complete(result.residual[own] * factors)[row, component],
+            "residual": complete(result.residual[of_known]) * factor,
             "sigma": sigma[row, component],
             "unit": pa.array([unit for unit, _ in units]).take(pa.array(component)),
-            "redundancy": complete(result.redundancy[own])[row, component],
-            "standardized": complete(result.standardized[own])[row, component],
-            "mdb": complete(result.detectable[own] * factors)[row, component],
-            "external": complete(result.external_of(own))[row, component],
-            "status": _STATUS_NAMES.take(pa.array(status[row, component])),
+            "redundancy": complete(result.redundancy[of_known]),
+            "standardized": complete(result.standardized[of_known]),
+            "mdb": complete(result.detectable[of_known]) * factor,
+            "external": complete(result.external_of(own)[piece, component[known]]),
+            "status": _STATUS_NAMES.take(pa.array(status)),
         }
 
 

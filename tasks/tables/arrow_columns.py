@@ -50,11 +50,13 @@ def _array(schema: TableSchema, column: Column, columns: Mapping[str, Any], rows
     values = columns[column.name]
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
-    if not isinstance(values, pa.Array):
-        values = pa.array(values, from_pandas=True)
+    of_arrow = isinstance(values, pa.Array)
+    if not of_arrow:
+        values = pa.array(values, from_pandas=True)  # NaN is null
     array = values if values.type == ARROW_TYPES[column.type] else values.cast(ARROW_TYPES[column.type])
     if column.type == "float64":
-        array = pc.if_else(pc.is_nan(array), pa.scalar(None, pa.float64()), array)
+        if of_arrow:
+            array = pc.if_else(pc.is_nan(array), pa.scalar(None, pa.float64()), array)
         if bool(pc.any(pc.is_inf(array)).as_py()):
             raise ValueError(f"{name}: infinite")
     if len(array) != rows:

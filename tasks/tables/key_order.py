@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pyarrow as pa
@@ -55,24 +55,42 @@ def ascending(tables: Iterable[pa.Table], schema: TableSchema) -> Iterator[pa.Ta
     for table in tables:
         keys = table.select(key) if last is None else pa.concat_tables([last, table.select(key)])
         columns = [keys[name].combine_chunks() for name in key]
-        above = np.zeros(max(len(keys) - 1, 0), dtype=bool)
-        for column in reversed(columns):
-            greater, same = _compared(column)
-            above = greater | (same & above)
-        if not above.all():
-            row = int(np.argmin(above)) + 1
-            names = ", ".join(str(column[row].as_py()) for column in columns)
+        wrong = _out_of_order(columns)
+        if len(wrong):
+            names = ", ".join(str(column[int(wrong[0])].as_py()) for column in columns)
             raise ValueError(f"{schema.name}: the row ({names}) is not in the order of the key")
         last = keys.slice(len(keys) - 1) if len(keys) else None
         yield table
 
 
-def _compared(column: pa.Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether each value after the first is greater than the one before, and whether the same; null last."""
-    before, after = column[:-1], column[1:]
+def _out_of_order(columns: list[pa.Array]) -> NDArray[np.int64]:
+    """Rows whose key, made of these columns, is not above that of the row before; ascending.
+
+    A column is looked at where all columns before it leave the order open: most texts are never compared.
+    """
+    open_rows = np.arange(1, len(columns[0]))
+    wrong: list[NDArray[np.int64]] = []
+    for column in columns:
+        same = _tested(pc.equal, column, open_rows, of_nulls=True)
+        others = open_rows[~same]
+        wrong.append(others[~_tested(pc.greater, column, others, of_nulls=False)])
+        open_rows = open_rows[same]
+    return np.sort(np.concatenate([*wrong, open_rows]))
+
+
+def _tested(
+    test: Callable[[pa.Array, pa.Array], pa.Array],
+    column: pa.Array,
+    rows: NDArray[np.int64],
+    of_nulls: bool,
+) -> NDArray[np.bool_]:
+    """Whether some rows of a column stand in a relation to the row before; null is greater than all else."""
+    if len(rows) == len(column) - 1:
+        before, after = column[:-1], column[1:]
+    else:
+        before, after = column.take(pa.array(rows - 1)), column.take(pa.array(rows))
+    found = pc.fill_null(test(after, before), False).to_numpy(zero_copy_only=False)
+    if column.null_count == 0:
+        return np.asarray(found)
     null_before, null_after = (part.is_null().to_numpy(zero_copy_only=False) for part in (before, after))
-    greater, same = (
-        pc.fill_null(test(after, before), False).to_numpy(zero_copy_only=False)
-        for test in (pc.greater, pc.equal)
-    )
-    return greater | (null_after & ~null_before), same | (null_after & null_before)
+    return np.asarray(found | (null_after & (null_before if of_nulls else ~null_before)))

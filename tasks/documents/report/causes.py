@@ -191,7 +191,7 @@ def _unfit_images(material: Material) -> Iterator[Cause]:
     own = table[table["group"] == IMAGE_POINTS]
     own = own[own["status"].isin([*TOOK_PART, "rejected"])]
     bad = (own["status"] == "rejected") | (own["standardized"].abs() > _GROSS)
-    names, places = np.unique(own["image"].to_numpy(dtype=object), return_inverse=True)
+    places, names = pd.factorize(own["image"], sort=True)
     # Two rows a point, one a component: a point is rejected with both, and seldom beyond a limit in both.
     count = np.bincount(places, minlength=len(names)) / 2.0
     unfit = np.bincount(places[bad.to_numpy()], minlength=len(names)) / (2.0 if tested else 1.0)
