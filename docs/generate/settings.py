@@ -40,6 +40,7 @@ from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.settings.statement import StatementSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings
 from tasks.settings.trajectory import EventsInput, TrajectoryInput
@@ -116,6 +117,11 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         DeliverSettings,
         "One table for each delivery. A delivery that is refused, because the program would be wrong by a "
         "pixel or more, counts as a failed gate.",
+    ),
+    (
+        "[[statement]]",
+        StatementSettings,
+        "One table for each [statement about accuracy](statements.md).",
     ),
     ("[sweep]", SweepSettings, ""),
     ("[sweep.blocks.NAME]", BlockSelection, ""),

@@ -9,12 +9,13 @@ from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.settings.trust_map import TrustMapSettings
-from tasks.stages import bundle_adjustment_stage, delivery, report, trust_map_stage
+from tasks.stages import bundle_adjustment_stage, delivery, report, statements, trust_map_stage
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store
 
 adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
 draw_trust_map = stage(trust_map_stage.draw_trust_map)
+write_statements = stage(statements.write_statements)
 write_report = stage(report.write_report)
 publish = stage(publishing.publish)
 write_deliveries = stage(delivery.deliver)
@@ -25,6 +26,7 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     block = prepare_block(project, store)
     adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
     stages = (*block.stages, adjusted, *trust_map_of(project, store, adjusted))
+    stages = (*stages, *statements_of(project, store, stages))
     summary = publish(store, project, (*stages, report_of(project, store, stages)))
     return deliver(store, project, summary)
 
@@ -78,6 +80,13 @@ def trust_map_of(project: Project, store: Store, adjusted: Outputs) -> tuple[Out
             settings=project.trust_map,
         ),
     )
+
+
+def statements_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> tuple[Outputs, ...]:
+    """The accuracy statements that the project wants of the adjustment among the stages, if any."""
+    if not project.statement:
+        return ()
+    return (write_statements(store, stages=stages, statement=project.statement, name=project.project.name),)
 
 
 def report_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of
+from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of, statements_of
 from flows.stories.block_preparation import PreparedBlock, prepare_block
 from flows.stories.direct_georeferencing_check import checked_block, page_of_check
 from flows.stories.two_step_calibration import (
@@ -81,7 +81,7 @@ def system_calibration(project: Project, store: Store) -> Summary:
     if checked:
         stages = (*stages, checked_block(one.project, store, stages))
     described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
-    stages = (*stages, described)
+    stages = (*stages, described, *statements_of(one.project, store, stages))
     pages = (page_of_check(one.project, store, stages),) if checked else ()
     pages = (*pages, report_of(one.project, store, stages))
     certificates = tuple(

@@ -1,4 +1,4 @@
-"""What may be said about accuracy, from differences at independent check points.
+"""What may be said about accuracy, from differences at independent check points, in the words of a template.
 
 ASPRS, from edition 2 on: with the radial RMSE of the differences RMSE_H1 = √(RMSE_X² + RMSE_Y²) and that of
 the survey RMSE_H2,
@@ -10,56 +10,19 @@ NSSDA: Accuracy_r = 2.4477 · ½ (RMSE_x + RMSE_y), Accuracy_z = 1.9600 RMSE_z. 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Collection
+from dataclasses import asdict, dataclass
+from typing import Literal, TypeAlias
 
-import numpy as np
-
-from adjust.arrays import Bools, Floats
-from tasks.accuracy.standard import AsprsStandard, NssdaStandard, asprs, nssda
+from tasks.accuracy.check_points import QUANTITIES, CheckPointDifferences
+from tasks.accuracy.template import STANDARDS, Part, Template, delivered
 from tasks.files.json_text import JSON
 
-_CM = 100.0
-
-
-@dataclass(frozen=True, eq=False)
-class CheckPointDifferences:
-    """Differences at the n independent check points.
-
-    Attributes
-    ----------
-    difference : (n, 3) computed − given along east, north, up, metres; NaN where not known.
-    survey_sigma : (n, 3) standard deviations of the given coordinates, metres.
-    """
-
-    difference: Floats
-    survey_sigma: Floats
-
-    @property
-    def has_plan(self) -> Bools:
-        """(n,) points with both plan coordinates."""
-        return np.asarray(np.isfinite(self.difference[:, :2]).all(axis=1))
-
-    @property
-    def has_height(self) -> Bools:
-        """(n,) points with a height."""
-        return np.asarray(np.isfinite(self.difference[:, 2]))
-
-    @property
-    def number(self) -> int:
-        """How many points test plan and height: the smaller of the two numbers."""
-        return int(min(self.has_plan.sum(), self.has_height.sum()))
-
-    @property
-    def rmse(self) -> tuple[float, float, float]:
-        """RMSE of x, y, z, metres; not centred."""
-        plan, height = self.difference[self.has_plan, :2], self.difference[self.has_height, 2]
-        return _rms(plan[:, 0]), _rms(plan[:, 1]), _rms(height)
-
-    @property
-    def survey_rmse(self) -> tuple[float, float]:
-        """RMSE of the survey, radial and in height, metres."""
-        plan, height = self.survey_sigma[self.has_plan, :2], self.survey_sigma[self.has_height, 2]
-        return _rms(np.hypot(plan[:, 0], plan[:, 1])), _rms(height)
+#: What became of a part: no points, fewer than needed, no value, tested without limits, within, beyond.
+Case: TypeAlias = Literal["none", "too_few", "undefined", "found", "met", "missed"]
+_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+_UNCHECKED = "Limits and wording of this template were not checked against the document."
 
 
 @dataclass(frozen=True)
@@ -69,97 +32,196 @@ class AccuracyClass:
     horizontal_m: float
     vertical_m: float
 
+    def of(self, part: Part) -> float:
+        """The limit for a part, metres."""
+        both = math.hypot(self.horizontal_m, self.vertical_m)
+        return {"horizontal": self.horizontal_m, "vertical": self.vertical_m, "both": both}[part.class_from]
+
+
+@dataclass(frozen=True)
+class PartFound:
+    """A part of a statement: its points, what became of it, its figures in metres, what is beyond."""
+
+    points: str
+    number: int
+    case: Case
+    figures_m: dict[str, float]
+    limits_m: dict[str, float]
+    exceeded: tuple[str, ...]
+    sentence: str
+
 
 @dataclass(frozen=True)
 class Statement:
-    """What may be said according to one standard.
+    """What may be said according to one template.
 
     Attributes
     ----------
     standard, edition : which.
-    tested : whether there are enough check points for a statement.
-    check_points, least : how many there are and are needed.
-    figures : the figures of the standard, metres.
+    verified : what of the template was compared with its document.
+    tested : whether every part has enough check points.
+    passed : whether it says yes: tested, no limit exceeded, nothing missing.
+    check_points, least : how many the part with the fewest has, and how many are needed.
+    parts : with their figures and cases.
     sentence : in words.
     """
 
     standard: str
     edition: str
+    verified: str
     tested: bool
+    passed: bool
     check_points: int
     least: int
-    figures: dict[str, float]
+    parts: tuple[PartFound, ...]
     sentence: str
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """All figures, metres; of points under vegetation with that behind the name."""
+        return {
+            name if part.points != "vegetated" else f"{name} vegetated": value
+            for part in self.parts
+            for name, value in part.figures_m.items()
+        }
+
     def to_json(self) -> JSON:
-        """For summary.json."""
+        """For summary.json and statements.json."""
         return {
             "standard": self.standard,
             "edition": self.edition,
+            "verified": self.verified,
             "tested": self.tested,
+            "passed": self.passed,
             "check_points": self.check_points,
             "check_points_needed": self.least,
             "figures_m": dict(self.figures),
+            "parts": [{**asdict(part), "exceeded": list(part.exceeded)} for part in self.parts],
             "sentence": self.sentence,
         }
 
 
 def statements(found: CheckPointDifferences, wanted: AccuracyClass | None) -> tuple[Statement, ...]:
-    """Statements according to every standard, in the editions in use."""
-    return asprs_statement(found, wanted, asprs()), nssda_statement(found, nssda())
+    """Statements according to every standard that is delivered."""
+    return tuple(statement(delivered(name), found, wanted) for name in STANDARDS)
 
 
-def asprs_statement(
-    found: CheckPointDifferences, wanted: AccuracyClass | None, standard: AsprsStandard
+def statement(
+    template: Template,
+    found: CheckPointDifferences,
+    wanted: AccuracyClass | None = None,
+    missing: Collection[str] = (),
 ) -> Statement:
-    """Statement according to the ASPRS standards."""
-    words = standard.statements
-    places = {"name": standard.name, "edition": standard.edition, "least": str(standard.least_check_points)}
-    n = found.number
-    if n == 0:
-        return _statement(standard, 0, {}, words["none"].format(**places))
-    (x, y, z), (survey_h, survey_v) = found.rmse, found.survey_rmse
-    rmse_h, rmse_v = float(np.hypot(np.hypot(x, y), survey_h)), float(np.hypot(z, survey_v))
-    figures = {"RMSE_H": rmse_h, "RMSE_V": rmse_v, "RMSE_3D": float(np.hypot(rmse_h, rmse_v))}
-    places |= {name.lower(): f"{value * _CM:.1f}" for name, value in figures.items()} | {"n": f"{n:,}"}
-    if n < standard.least_check_points:
-        return _statement(standard, n, figures, words["too_few"].format(**places))
-    opening = words["no_class"]
-    if wanted is not None:
-        places["horizontal_class"] = f"{wanted.horizontal_m * _CM:g}"
-        places["vertical_class"] = f"{wanted.vertical_m * _CM:g}"
-        met = rmse_h <= wanted.horizontal_m and rmse_v <= wanted.vertical_m
-        opening = words["class" if met else "class_missed"]
-    return _statement(standard, n, figures, f"{opening} {words['found']}".format(**places))
+    """Statement according to a template.
+
+    Parameters
+    ----------
+    wanted : the class that is asked for; None: none.
+    missing : of the tables it requires, those that are not there.
+    """
+    parts = tuple(
+        part
+        for one in template.parts
+        if (part := _part(template, one, found.of(one.points), wanted)).number or not one.optional
+    )
+    numbers = [part.number for part in parts]
+    said = list(dict.fromkeys(part.sentence for part in parts if part.sentence))
+    if max(numbers) == 0 and found.control:
+        said.append(f"The {found.control:,} control points took part in the adjustment and prove nothing.")
+    rough = _rough_survey(template, found, wanted)
+    if rough:
+        said.append(rough)
+    if missing:
+        said.append(f"NOT complete: the required tables {', '.join(missing)} are missing or empty.")
+    if not template.verified:
+        said.append(_UNCHECKED)
+    tested = min(numbers) >= template.least_check_points
+    return Statement(
+        standard=template.name,
+        edition=template.edition,
+        verified=template.verified,
+        tested=tested,
+        passed=tested and not rough and not missing and all(p.case in ("found", "met") for p in parts),
+        check_points=min(numbers),
+        least=template.least_check_points,
+        parts=parts,
+        sentence=" ".join(said),
+    )
 
 
-def nssda_statement(found: CheckPointDifferences, standard: NssdaStandard) -> Statement:
-    """Statement according to the NSSDA."""
-    words = standard.statements
-    places = {"name": standard.name, "edition": standard.edition, "least": str(standard.least_check_points)}
-    n = found.number
-    if n == 0:
-        return _statement(standard, 0, {}, words["none"].format(**places))
-    x, y, z = found.rmse
-    ratio = min(x, y) / max(x, y) if max(x, y) > 0.0 else 1.0
-    figures = {"Accuracy_z": standard.vertical_factor * z}
-    if ratio >= standard.least_ratio:
-        figures["Accuracy_r"] = standard.horizontal_factor * 0.5 * (x + y)
-    places |= {name.lower(): f"{value:.3f}" for name, value in figures.items()}
-    places |= {"rmse_x": f"{x:.3f}", "rmse_y": f"{y:.3f}", "rmse_z": f"{z:.3f}", "n": f"{n:,}"}
-    places |= {"ratio": f"{ratio:.2f}", "least_ratio": f"{standard.least_ratio:g}"}
-    case = "found" if ratio >= standard.least_ratio else "not_circular"
-    case = case if n >= standard.least_check_points else "too_few"
-    return _statement(standard, n, figures, words[case].format(**places))
+def _part(
+    template: Template, part: Part, found: CheckPointDifferences, wanted: AccuracyClass | None
+) -> PartFound:
+    number = len(found.difference)
+    limits = dict(part.limits_m)
+    if part.class_of and wanted is not None:
+        limits[part.class_of] = wanted.of(part)
+    values = {name: QUANTITIES[name](found) for name in QUANTITIES} if number else {}
+    figures = {name: value for name in part.states if math.isfinite(value := values.get(name, math.nan))}
+    exceeded = tuple(name for name, limit in limits.items() if not abs(values.get(name, math.nan)) <= limit)
+    case = _case(template, part, number, figures, limits, exceeded)
+    of_limits = ("_missed" if exceeded else "_met") if limits else ""
+    text = getattr(part.texts, case)
+    if case == "too_few":
+        text = getattr(part.texts, f"too_few{of_limits}") or text
+    scale = _PER_METRE[template.unit]
+    places = {name: f"{value * scale:.{template.decimals}f}" for name, value in values.items()}
+    places |= {
+        "name": template.name,
+        "edition": template.edition,
+        "n": f"{number:,}",
+        "least": f"{template.least_check_points}",
+        "class": f"{limits[part.class_of] * scale:g}" if part.class_of in limits else "–",
+        "exceeded": ", ".join(
+            f"{name} {places.get(name, '–')} above {limits[name] * scale:g} {template.unit}"
+            for name in exceeded
+        ),
+    }
+    sentence = text.format_map(_Known(places))
+    return PartFound(part.points, number, case, figures, limits, exceeded, sentence)
 
 
-def _statement(
-    standard: AsprsStandard | NssdaStandard, n: int, figures: dict[str, float], sentence: str
-) -> Statement:
-    least = standard.least_check_points
-    return Statement(standard.name, standard.edition, n >= least, n, least, figures, sentence)
+class _Known(dict[str, str]):
+    """Places of a text; what has no value is a dash."""
+
+    def __missing__(self, key: str) -> str:
+        return "–"
 
 
-def _rms(values: Floats) -> float:
-    """Root mean square, not centred; NaN without values."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+def _case(
+    template: Template,
+    part: Part,
+    number: int,
+    figures: dict[str, float],
+    limits: dict[str, float],
+    exceeded: tuple[str, ...],
+) -> Case:
+    if number == 0:
+        return "none"
+    if number < template.least_check_points:
+        return "too_few"
+    if any(name not in figures for name in part.states):
+        return "undefined"
+    if not limits:
+        return "found"
+    return "missed" if exceeded else "met"
+
+
+def _rough_survey(template: Template, found: CheckPointDifferences, wanted: AccuracyClass | None) -> str:
+    """That the survey of the check points is not good enough for the class; empty: it is, or nobody asks."""
+    share = template.survey_at_most
+    if share is None or wanted is None:
+        return ""
+    pairs = zip(
+        ("plan", "height"),
+        (QUANTITIES["survey_H"](found), QUANTITIES["survey_V"](found)),
+        (wanted.horizontal_m, wanted.vertical_m),
+        strict=True,
+    )
+    rough = [way for way, survey, limit in pairs if survey > share * limit]
+    if not rough:
+        return ""
+    return (
+        f"NOT allowed: the survey of the check points in {' and '.join(rough)} is less accurate than "
+        f"{share:g} of the class."
+    )

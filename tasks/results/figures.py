@@ -285,6 +285,32 @@ class TrustMapFigure(Figure):
     uncontrolled: float
 
 
+class StatementPartFigure(Figure):
+    """A part of a statement: its points, what became of it, figures and limits in metres, what is beyond."""
+
+    points: str
+    number: int
+    case: str
+    figures_m: Mapping[str, float] = {}
+    limits_m: Mapping[str, float] = {}
+    exceeded: tuple[str, ...] = ()
+    sentence: str = ""
+
+
+class StatementFigure(Figure):
+    """What one standard, or the template of an authority, says; ``passed``: it says yes."""
+
+    standard: str
+    edition: str
+    verified: str = ""
+    tested: bool
+    passed: bool = False
+    check_points: int
+    check_points_needed: int
+    sentence: str
+    parts: tuple[StatementPartFigure, ...] = ()
+
+
 class AdjustmentFigures(Figure):
     """Figures of the adjustment beyond the contract of summary.json."""
 
@@ -310,6 +336,7 @@ class AdjustmentFigures(Figure):
     registered_calibrations: tuple[RegisteredCalibrationFigure, ...] = ()
     trust_map: TrustMapFigure | None = None
     trust_map_grid: TrustMapGrid | None = None
+    accuracy_statements: tuple[StatementFigure, ...] = ()
     frame: str = ""
 
 

@@ -78,6 +78,8 @@ DOCUMENTS = (
     "certificate.html",
     "certificate.json",
     "certificate.pdf",
+    "statements.html",
+    "statements.json",
 )
 EVERYTHING = (*PUBLISHED, *DOCUMENTS)
 #: What a system calibration publishes; the records of the cameras come with their own names.

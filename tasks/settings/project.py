@@ -20,6 +20,7 @@ from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.settings.inputs import Inputs
 from tasks.settings.quality import TRUST_MAP_GATES, ChecksSettings, Gates
+from tasks.settings.statement import StatementSettings
 from tasks.settings.sweep import SweepSettings
 from tasks.settings.trust_map import TrustMapSettings
 
@@ -96,6 +97,11 @@ class Project(Settings):
         default=(),
         description="Deliveries for other programs, written at the end of a run that adjusts; `[[deliver]]` "
         "for each of several.",
+    )
+    statement: Annotated[tuple[StatementSettings, ...], BeforeValidator(one_table_or_several)] = Field(
+        default=(),
+        description="Statements about accuracy that authorities want, made from the check points of the "
+        "adjustment; `[[statement]]` for each of several.",
     )
     sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
     image_quality: ImageQualitySettings | None = Field(

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tasks.accuracy.statement import AccuracyClass, CheckPointDifferences, statements
+from tasks.accuracy.check_points import CheckPointDifferences
+from tasks.accuracy.statement import AccuracyClass, statements
 from tasks.coordinates.crs import MapFrame
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from tasks.accuracy.statement import AccuracyClass, CheckPointDifferences, statements
+from tasks.accuracy.check_points import check_point_differences
+from tasks.accuracy.statement import AccuracyClass, statements
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, components, numbers, text_column
 from tasks.documents.certificate.content import Block, Listing, Section, Sentences, Words, beside
 from tasks.documents.certificate.material import CertificateMaterial
@@ -91,11 +92,7 @@ def _figure(key: str, values: pd.Series) -> float | None:
 
 def _statements(results: Material, check: pd.DataFrame) -> tuple[str, ...]:
     """The sentences of the standards for the check points of the adjustment."""
-    surveyed = results.control_points.set_index("point").loc[check["point"]]
-    found = CheckPointDifferences(
-        check[[f"{axis}_m" for axis in AXES]].to_numpy(np.float64),
-        surveyed[[f"sigma_{axis}_m" for axis in "xyz"]].to_numpy(np.float64),
-    )
+    found = check_point_differences(check, results.control_points)
     asked = results.project.direct_georeferencing.accuracy_class_m
     wanted = None if asked is None else AccuracyClass(*asked)
     return tuple(statement.sentence for statement in statements(found, wanted))

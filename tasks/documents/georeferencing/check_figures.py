@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from pydantic import BaseModel, ConfigDict
 
+from tasks.results.figures import StatementFigure
 from tasks.results.summary import ParameterFigure
 
 #: East, north, up; null where there is no point.
@@ -41,17 +42,6 @@ class DifferenceFigures(_Figure):
     def count(self) -> int:
         """Number of points; the largest of the three."""
         return int(max((value or 0.0) for value in self.points))
-
-
-class StatementFigure(_Figure):
-    """What one standard says."""
-
-    standard: str
-    edition: str
-    tested: bool
-    check_points: int
-    check_points_needed: int
-    sentence: str
 
 
 class CheckFigures(DifferenceFigures):

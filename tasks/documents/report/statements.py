@@ -1,0 +1,88 @@
+"""Statements about accuracy: in the report, and as a page of their own to be signed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.results.figures import StatementFigure
+
+_POINTS = {
+    "plan": "with a position",
+    "height": "with a height",
+    "both": "with both",
+    "vegetated": "under vegetation",
+}
+_CASES = {
+    "none": "no points",
+    "too_few": "too few points",
+    "undefined": "not defined",
+    "found": "stated",
+    "met": "met",
+    "missed": "NOT met",
+}
+
+
+def figures_table(statements: Sequence[StatementFigure]) -> Table:
+    """Every quantity of every statement beside its limit."""
+    columns = (
+        text_column("standard", "statement"),
+        text_column("points", "check points"),
+        Column("number", "number"),
+        Column("least", "needed"),
+        text_column("quantity", "quantity"),
+        Column("value", "value", "m"),
+        Column("limit", "limit", "m"),
+        text_column("verdict", "verdict"),
+    )
+    rows = []
+    for place, one in enumerate(statements):
+        for part in one.parts:
+            for name in dict.fromkeys((*part.figures_m, *part.limits_m)) or ("–",):
+                beyond = name in part.exceeded
+                cells: tuple[Cell, ...] = (
+                    f"{one.standard}, {one.edition}",
+                    _POINTS[part.points],
+                    Number(part.number),
+                    Number(one.check_points_needed),
+                    name,
+                    *numbers((part.figures_m.get(name), part.limits_m.get(name)), 4),
+                    _CASES["missed"] if beyond and part.number else _CASES[part.case],
+                )
+                rows.append(Row(f"{place}:{part.points}:{name}", cells))
+    return Table("statement-figures", "Figures of the statements", columns, tuple(rows))
+
+
+def render(statements: Sequence[StatementFigure], check_points: pd.DataFrame, name: str) -> str:
+    """The page of its own, with every check point."""
+    from tasks.documents.report.page import environment
+
+    tables = {table.name: table for table in (figures_table(statements), _points(check_points))}
+    page: str = (
+        environment()
+        .get_template("statements_page.html.j2")
+        .render(name=name, statements=statements, tables=tables)
+    )
+    return page
+
+
+def _points(check_points: pd.DataFrame) -> Table:
+    columns = (
+        text_column("point", "point"),
+        *(Column(f"d{a}_m", f"d {way}", "m") for a, way in zip("xyz", ("east", "north", "up"), strict=True)),
+        Column("rays", "rays"),
+    )
+    rows = tuple(
+        Row(
+            str(row["point"]),
+            (
+                str(row["point"]),
+                *numbers((row[f"d{axis}_m"] for axis in "xyz"), 3, plus=True),
+                Number(float(row["rays"])),
+            ),
+        )
+        for row in check_points.to_dict("records")
+    )
+    return Table("statement-points", "Check points, computed − given", columns, rows)

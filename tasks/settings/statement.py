@@ -1,0 +1,65 @@
+"""Settings of statements about accuracy: which an authority wants of this project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, field_validator, model_validator
+
+from tasks.accuracy.statement import AccuracyClass
+from tasks.accuracy.template import Standard, Template, delivered, read_template
+from tasks.errors import InputError
+from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.coordinates import PositivePair
+
+
+class StatementSettings(Settings):
+    """A statement about the accuracy at the check points, by a published standard or a template."""
+
+    standard: Standard | None = Field(
+        default=None, description="A delivered standard; either this or `template`."
+    )
+    template: InputPath | None = Field(
+        default=None,
+        description="File of a [template](statements.md#templates) of one's own, TOML; relative to the "
+        "project file.",
+    )
+    class_m: PositivePair | None = Field(
+        default=None,
+        description="Accuracy class to be met, horizontal and vertical RMSE with the survey in it, m; one "
+        "number or two. Default: no class.",
+    )
+    vegetated: tuple[str, ...] = Field(
+        default=(),
+        description="Names of check points under vegetation: they are stated apart (VVA), and no class is "
+        "asked of them.",
+    )
+
+    @field_validator("template", mode="after")
+    @classmethod
+    def _usable(cls, value: Path | None) -> Path | None:
+        if value is not None:
+            try:
+                read_template(value)
+            except InputError as error:
+                raise trouble(error.what, error.remedy) from error
+        return value
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> StatementSettings:
+        if (self.standard is None) == (self.template is None):
+            raise trouble("A statement has either a standard or a template.", "Give one of the two.")
+        return self
+
+    @property
+    def wanted(self) -> AccuracyClass | None:
+        """The class to be met; None: none."""
+        return None if self.class_m is None else AccuracyClass(*self.class_m)
+
+    def content(self) -> Template:
+        """The template that it is made with."""
+        if self.standard is not None:
+            return delivered(self.standard)
+        if self.template is None:
+            raise ValueError("a statement without a template")
+        return read_template(self.template)
