@@ -281,7 +281,7 @@ class ImagePoints:
             sigma=self.sigma[rows],
             active=self.active[rows],
             offset=None if self.offset is None else self.offset[rows],
-            known=None,
+            known=None if self.known is None else replace(self.known, basis=self.known.basis[rows]),
         )
 
     def without(self, rejected: Bools) -> Self:

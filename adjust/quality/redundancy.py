@@ -52,12 +52,14 @@ class GroupResiduals:
 
 # Below this the division by √r would only magnify rounding.
 _NO_REDUNDANCY = 1e-6
+# So many image points at a time, with all that is made of them, fit into the caches of a processor.
+_AT_ONCE = 8_192
 
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
     """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
     rays = system.observations.image_points
-    added = np.zeros((len(rays.image), 2))
+    added = None
     if cofactor.considered is not None:
         added = np.diagonal(cofactor.considered.covariance_of_rays(rays, state), axis1=1, axis2=2)
     results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays, added)]
@@ -68,28 +70,30 @@ def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[G
     return tuple(results)
 
 
-def _residuals_of_rays(rays: ImagePoints, residual: Floats, hat: Floats, added: Floats) -> GroupResiduals:
+def _residuals_of_rays(
+    rays: ImagePoints, residual: Floats, hat: Floats, added: Floats | None
+) -> GroupResiduals:
     """The same as :func:`_residuals` for image points: uncorrelated components need no matrices.
 
     Parameters
     ----------
     hat : (n, 3) elements xx, xy, yy of the hat matrices.
-    added : (n, 2) variances by errors of considered parameters, in units of σ².
+    added : (n, 2) variances by errors of considered parameters, in units of σ²; None without any.
     """
-    active = rays.active[:, None]
-    redundancy = np.where(active, 1.0 - hat[:, ::2], np.nan)
-    with np.errstate(invalid="ignore"):
-        root = np.where(redundancy > _NO_REDUNDANCY, np.sqrt(redundancy), np.nan)
-        growth = np.sqrt(1.0 + added / redundancy)
-    whitened = np.where(active, np.nan_to_num(residual), 0.0) * rays.inverse_sigma
-    return GroupResiduals(
-        residual,
-        redundancy,
-        redundancy,
-        whitened / root / growth,
-        NON_CENTRALITY * rays.sigma / root * growth,
-        float(np.sum(whitened**2)),
-    )
+    redundancy, standardized, detectable = (np.empty_like(residual) for _ in range(3))
+    whitened = np.empty_like(residual)
+    for first in range(0, len(residual), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        active = rays.active[part, None]
+        redundancy[part] = np.where(active, 1.0 - hat[part, ::2], np.nan)
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(np.where(redundancy[part] > _NO_REDUNDANCY, redundancy[part], np.nan))
+            growth = 1.0 if added is None else np.sqrt(1.0 + added[part] / redundancy[part])
+        whitened[part] = np.where(active, np.nan_to_num(residual[part]), 0.0) * rays.inverse_sigma[part]
+        standardized[part] = whitened[part] / root / growth
+        detectable[part] = NON_CENTRALITY * rays.sigma[part] / root * growth
+    squares = float(np.sum(whitened**2))
+    return GroupResiduals(residual, redundancy, redundancy, standardized, detectable, squares)
 
 
 def _residuals(group: ObservationGroup, residual: Floats, found: SingleErrors) -> GroupResiduals:

@@ -69,3 +69,17 @@ def subtract_eliminated(
                     if g >= 0:
                         for t in range(width):
                             rhs_border[g, t] -= of_system[0, c, s] * seen[t]
+
+
+@kernel
+def substitute_forward(point_factor, active_point, vectors):
+    """Overwrite vectors b (m, 3, d) at the object points that take part with L⁻¹ b."""
+    for j in range(vectors.shape[0]):
+        if not active_point[j]:
+            continue
+        for t in range(vectors.shape[2]):
+            for i in range(3):
+                value = vectors[j, i, t]
+                for k in range(i):
+                    value -= point_factor[j, i, k] * vectors[j, k, t]
+                vectors[j, i, t] = value / point_factor[j, i, i]

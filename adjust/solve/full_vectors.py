@@ -115,23 +115,12 @@ def inverse_products(
         at_points[~system.active_point] = 0.0
         load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
         of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, normals, load)
-        y = _forward_substituted(normals.point_factor, at_points, system.active_point).reshape(
-            -1, len(numbers)
-        )
+        elimination_kernel.substitute_forward(normals.point_factor, system.active_point, at_points)
+        y = at_points.reshape(-1, len(numbers))
         products[np.ix_(numbers, numbers)] = y.T @ y
     exposures, border = factorization.factor.forward(of_exposures, of_border)
     products += exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + border.T @ border
     return products, factorization.factor.border_of(border)
-
-
-def _forward_substituted(lower: Floats, vectors: Floats, active: Bools) -> Floats:
-    """L⁻¹ b (m, 3, d) at the object points that take part; zero at the others."""
-    factor = np.where(active[:, None, None], lower, np.eye(3))
-    found = np.empty_like(vectors)
-    for k in range(3):
-        rest = vectors[:, k] - np.einsum("mq,mqd->md", factor[:, k, :k], found[:, :k])
-        found[:, k] = rest / factor[:, k, k, None]
-    return found
 
 
 def solve_full(
