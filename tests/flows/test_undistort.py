@@ -1,0 +1,182 @@
+"""``aerocal undistort``: images of a calibrated block, and what is refused before one is written."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from adjust.arrays import Floats
+from tasks.handover.ideal_points import measured_points
+from tasks.handover.results import read_cameras, read_results
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+from tests.command_line import aerocal
+from tests.conftest import Start
+from tests.tasks.image_files.images import pixels, written
+
+pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
+#: 16 images of 1,308 × 2,001 pixels with radial errors and shifted CCD images.
+SMALL = (
+    "camera.columns=1308", "camera.rows=2001", "camera.pixel_um=52.0",
+    "project.crs=EPSG:25832", "project.latitude_deg=48", "project.longitude_deg=9.3",
+    "flight.0.exposures=4", "flight.1.exposures=4", "points.count=500", "terrain.mean_m=400",
+    "truth.image_errors.radial_um=60.0", "truth.image_errors.tile_um=15.0",
+)  # fmt: skip
+SETTINGS = (
+    'adjustment.free=["focal_length", "principal_point", "boresight", "gnss_shift"]',
+    "adjustment.residual_grid.iterations=2", "adjustment.residual_grid.cross_validation=false",
+    'adjustment.self_calibration.parameters="brown:K1,K2,P1,P2"',
+)  # fmt: skip
+COLUMNS, ROWS = 1308, 2001
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("calibrated")
+    project = simulate_project(load_simulation("uce-high", SMALL), folder / "b").project_file
+    words = [word for setting in SETTINGS for word in ("--set", setting)]
+    done = aerocal("adjust", project, "--out", folder / "results", *words)
+    assert done.returncode == 0, done.stderr
+    return folder / "results"
+
+
+@pytest.fixture(scope="module")
+def name(results: Path) -> str:
+    """Of an image of the block."""
+    return read_results(results).images.names[2]
+
+
+def sources(results: Path) -> Floats:
+    """(rows, columns, 2) where in a taken image the pixels of an undistorted one are."""
+    (camera,) = read_cameras(results)[0].values()
+    frame = camera.frame
+    row, column = np.indices((ROWS, COLUMNS))
+    away = np.stack([column - (COLUMNS - 1) / 2, (ROWS - 1) / 2 - row], axis=-1).reshape(-1, 2)
+    measured = measured_points(camera, away * frame.pixel_size) / frame.pixel_size
+    place = measured * [1.0, -1.0] + [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
+    return np.asarray(place.reshape(ROWS, COLUMNS, 2))
+
+
+def test_every_pixel_shows_what_the_camera_saw_in_its_direction(
+    results: Path, name: str, tmp_path: Path
+) -> None:
+    row, column = np.indices((ROWS, COLUMNS)).astype(np.float32)
+    image = written(tmp_path / f"{name}.tif", np.stack([column, row]))
+    done = aerocal("undistort", results, image, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    with rasterio.open(tmp_path / "out" / image.name) as file:
+        found = np.moveaxis(file.read(), 0, 2)
+    expected = sources(results)
+    inside = np.s_[10:-10, 10:-10]
+    assert np.abs(expected - np.stack([column, row], axis=2)).max() > 1.0
+    assert np.abs(found - expected)[inside].max() < 0.01
+
+    (camera,) = csv.DictReader((tmp_path / "out" / "cameras.csv").read_text().splitlines())
+    (calibrated,) = read_cameras(results)[0].values()
+    assert float(camera["focal_length_mm"]) == pytest.approx(1e3 * calibrated.frame.focal_length, abs=1e-7)
+    assert float(camera["x0_mm"]) == pytest.approx(1e3 * calibrated.frame.principal_point[0], abs=1e-7)
+    text = " ".join((tmp_path / "out" / "UNDISTORTED.txt").read_text().split())
+    assert f"parameters move image points by up to {1e6 * calibrated.largest_distortion:.1f} µm" in text
+    assert "NOT contained: refraction" in text
+    assert f"{image.name}: camera {camera['camera']}" in text
+    assert text.split()[:3] == done.stdout.split()[:3]
+
+
+def test_images_of_other_formats_and_blocks_are_written_too(results: Path, name: str, tmp_path: Path) -> None:
+    data = pixels(3, ROWS, COLUMNS, "uint8")
+    png = written(tmp_path / f"{name}.png", data, driver="PNG")
+    other = written(tmp_path / "other.TIF", data[:1])
+    (camera,) = read_cameras(results)[0]
+    done = aerocal(
+        "undistort",
+        results,
+        png,
+        other,
+        "--camera",
+        camera,
+        "--resampling",
+        "lanczos",
+        "--out",
+        tmp_path / "o",
+    )
+    assert done.returncode == 0, done.stderr
+    made = {path.name for path in (tmp_path / "o").iterdir()}
+    assert made == {f"{name}.tif", "other.TIF", "cameras.csv", "UNDISTORTED.txt"}
+    with (
+        rasterio.open(tmp_path / "o" / f"{name}.tif") as one,
+        rasterio.open(tmp_path / "o" / "other.TIF") as two,
+    ):
+        np.testing.assert_array_equal(one.read(1), two.read(1))
+
+
+def test_what_does_not_fit_is_refused_before_anything_is_written(
+    results: Path, name: str, tmp_path: Path
+) -> None:
+    fits = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8"))
+    (tmp_path / "a").mkdir()
+    turned = written(tmp_path / "a" / f"{name}.tif", pixels(1, COLUMNS, ROWS, "uint8"))
+    small = written(tmp_path / "a" / f"{name}.tiff", pixels(1, 20, 30, "uint8"))
+    strange = written(tmp_path / "strange.tif", pixels(1, ROWS, COLUMNS, "uint8"))
+    out = tmp_path / "out"
+    cases = [
+        ([turned], "2,001 × 1,308 pixels, and the camera UCE-80 1,308 × 2,001."),
+        ([fits, small], "30 × 20 pixels"),
+        ([fits, strange], "no adjusted image of this name"),
+        ([fits, fits], "so would"),
+        ([fits, tmp_path / "none.tif"], "no such file"),
+        ([fits, results / "cameras.parquet"], "no image"),
+        ([fits, "--camera", "UC"], "no camera 'UC'"),
+        ([fits, "--resampling", "nearest"], "'nearest' is not known"),
+        ([fits, "--out", tmp_path], "written over itself"),
+        ([fits, "--out", fits], "a file, not a folder"),
+    ]  # fmt: skip
+    for words, sentence in cases:
+        where = [] if "--out" in words else ["--out", out]
+        done = aerocal("undistort", results, *words, *where)
+        assert done.returncode == 2, (words, done.stdout)
+        assert sentence in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+        assert not out.exists()
+    done = aerocal("undistort", tmp_path, fits, "--out", out)
+    assert done.returncode == 2
+    assert "no results of a run" in done.stderr
+
+
+def test_an_image_that_is_damaged_is_named_and_not_left_half(
+    results: Path, name: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8"), compress="deflate")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 20_000] = bytes(20_000)
+    path.write_bytes(content)
+    done = aerocal("undistort", results, path, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert f"{path.name}: The image cannot be read in rows" in done.stderr
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_killed_process_leaves_no_image_and_the_next_one_no_trace_of_it(
+    start: Start, results: Path, name: str, tmp_path: Path
+) -> None:
+    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (8, 1, 1))
+    path, out = written(tmp_path / f"{name}.tif", data), tmp_path / "out"
+    command = (sys.executable, "-m", "flows.command", "undistort", results, path, "--out", out)
+    process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    part = out / f".{path.name}.part"
+    while not (part.exists() and part.stat().st_size > 0):
+        assert process.poll() is None
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+    assert part.exists()
+    assert not (out / path.name).exists()
+    done = aerocal("undistort", results, path, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert {file.name for file in out.iterdir()} == {path.name, "cameras.csv", "UNDISTORTED.txt"}
