@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ class AdjustedBlock:
 
 
 def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
-    """exterior_orientations.parquet: map coordinates, ω, φ, κ against the grid, standard deviations.
+    """exterior_orientations.parquet: map coordinates, ω, φ, κ against the grid, with their covariance.
 
     The scale of the map projection (a few 1e-4) is not applied to the standard deviations.
     """
@@ -96,6 +97,7 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
             **xyz_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
             **xyz_columns("sigma_{}_m", "xyz", of_position),
             **xyz_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
+            **_correlations(grid_from_local, from_small_rotation, cofactor),
         },
         adjusted.map_frame,
     )
@@ -164,6 +166,19 @@ def variances(target_from_source: Floats, cofactor: Floats) -> Floats:
 def _sigmas(target_from_source: Floats, cofactor: Floats, sigma0: float) -> Floats:
     """Standard deviations (n, 3) along the target axes."""
     return np.asarray(sigma0 * np.sqrt(variances(target_from_source, cofactor)))
+
+
+def _correlations(of_position: Floats, of_angles: Floats, cofactor: Floats) -> dict[str, Floats]:
+    """Correlations of the six elements of n orientations, from cofactors (n, 6, 6) in other axes each."""
+    turn = np.zeros_like(cofactor)
+    turn[:, :3, :3], turn[:, 3:, 3:] = of_position, of_angles
+    spread = turn @ cofactor @ np.swapaxes(turn, 1, 2)
+    sigma = np.sqrt(np.einsum("nii->ni", spread))
+    pairs = combinations(enumerate((*"xyz", "omega", "phi", "kappa")), 2)
+    return {
+        f"correlation_{one}_{other}": spread[:, i, j] / (sigma[:, i] * sigma[:, j])
+        for (i, one), (j, other) in pairs
+    }
 
 
 def xyz_columns(pattern: str, names: str | tuple[str, ...], values: Floats) -> dict[str, Floats]:

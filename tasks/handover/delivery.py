@@ -69,6 +69,13 @@ class Delivery:
         table = self.results.orientations
         return table[[name for name in table.columns if name.startswith("sigma_")]]
 
+    @property
+    def correlations(self) -> pd.DataFrame:
+        """Correlations of the elements of an orientation, where they are known."""
+        table = self.results.orientations
+        known = table[[name for name in table.columns if name.startswith("correlation_")]]
+        return known.dropna(axis="columns", how="all")
+
 
 #: Files a writer makes: name → text, or bytes of a binary one.
 Files: TypeAlias = Mapping[str, str | bytes]

@@ -1,19 +1,30 @@
-"""Orientations as a table with a header: image, camera, X, Y, Z, three angles, standard deviations."""
+"""Orientations as a table with a header: image, camera, X, Y, Z, three angles, their covariance.
+
+Standard deviations of all, and correlations, with which the covariance of an orientation is complete.
+"""
 
 from __future__ import annotations
 
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles, table
 
+_OF_POSITION = ("correlation_x_y", "correlation_x_z", "correlation_y_z")
+# Of a correlation; it makes covariances to 1e-6 of the variances.
+_CORRELATION = 6
 _DECIMALS = {"deg": ANGLES, "gon": ANGLES, "rad": ANGLES + 2}
 
 
 def write_eo_csv(delivery: Delivery) -> Files:
-    """``eo.csv``; standard deviations of angles only in the system they are known in, ω, φ, κ."""
+    """``eo.csv``; those of angles only in the system they are known in, ω, φ, κ."""
     angles, pose = delivery.angles, delivery.handed.pose
     names = [f"{name}_{angles.unit}" for name in angles.order.split("-")]
     sigmas = delivery.sigmas
-    known = list(sigmas.columns) if angles.order == "omega-phi-kappa" else list(sigmas.columns[:3])
+    correlations = delivery.correlations
+    if angles.order == "omega-phi-kappa":
+        known, together = list(sigmas.columns), list(correlations.columns)
+    else:
+        known = list(sigmas.columns[:3])
+        together = [name for name in correlations.columns if name in _OF_POSITION]
     factor = {"deg": 1.0, "gon": 200.0 / 180.0, "rad": 3.141592653589793 / 180.0}[angles.unit]
     header = [name.replace("_deg", f"_{angles.unit}") for name in known]
     rows = []
@@ -27,6 +38,7 @@ def write_eo_csv(delivery: Delivery) -> Files:
                 *fixed(in_angles(pose.map_from_camera[k : k + 1], angles)[0], _DECIMALS[angles.unit]),
                 *fixed(sigma[:3], METRES),
                 *fixed(sigma[3:], _DECIMALS[angles.unit]),
+                *fixed((float(correlations[name].iloc[k]) for name in together), _CORRELATION),
             ]
         )
-    return {"eo.csv": table(["image", "camera", "x_m", "y_m", "z_m", *names, *header], rows)}
+    return {"eo.csv": table(["image", "camera", "x_m", "y_m", "z_m", *names, *header, *together], rows)}

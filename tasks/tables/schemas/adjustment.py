@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 from tasks.tables.schemas.columns import (
     IMAGE,
     OPK,
@@ -27,6 +29,11 @@ EXTERIOR_ORIENTATIONS = TableSchema(
         *OPK,
         *sigmas(XYZ, "m"),
         *sigmas(("omega", "phi", "kappa"), "deg"),
+        # With them the covariance of the six elements is complete.
+        *(
+            number(f"correlation_{one}_{other}", "", f"correlation of {one} and {other}", nullable=True)
+            for one, other in combinations(("x", "y", "z", "omega", "phi", "kappa"), 2)
+        ),
     ),
     ("image",),
     XYZ_M,

@@ -16,7 +16,7 @@ from tasks.store.notes import read_notes
 from tasks.tables.parquet import read_table, write_table
 from tasks.tables.schemas import EXTERIOR_ORIENTATIONS
 
-COLUMNS = [column.name for column in EXTERIOR_ORIENTATIONS.columns]
+COLUMNS = [column.name for column in EXTERIOR_ORIENTATIONS.columns if not column.nullable]
 
 
 def orientations(delivery, folder: Path, shift_m: float = 0.5, **changes: object) -> Artifact:
