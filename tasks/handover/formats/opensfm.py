@@ -1,6 +1,8 @@
 """OpenSfM and OpenDroneMap: ``reconstruction.json`` (world east, north, up of its reference) and ``tracks.csv``.
 
 Cameras are ``brown``; lengths in the image are parts of its longer side, from its middle. Tracks go by the names of the points.
+A block on the earth has OpenDroneMap's ``gcp_list.txt``, with complete surveyed points (check points as ``CHK-NAME``), and ``geo.txt``, the
+positions of its images; both in longitude, latitude and ellipsoidal height.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -9,18 +11,25 @@ import json
 
 import numpy as np
 
+from adjust.arrays import Floats
 from adjust.geometry.earth import TopocentricFrame
 from adjust.geometry.rotation import log
 from tasks.errors import InputError
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import camera_from_world, pixels
+from tasks.handover.formats.numbers import fixed
 from tasks.handover.lens import LensModel
 
 _GREY = [128.0, 128.0, 128.0]
+# Of OpenDroneMap's lists: pixels count from the centre of the first one, and names of check points begin so.
+_CENTRE, _CHECK = 0.5, "CHK-"
+_EARTH = "+proj=longlat +datum=WGS84 +no_defs"
+# Decimals: a millionth of a metre.
+_DEGREES, _HEIGHT, _PIXEL = 11, 6, 4
 
 
 def write_opensfm(delivery: Delivery) -> Files:
-    """Both files."""
+    """The files."""
     rotation, translation = camera_from_world(delivery)
     frame, points = delivery.results.images.frame, delivery.points
     shots = {
@@ -49,7 +58,38 @@ def write_opensfm(delivery: Delivery) -> Files:
             "longitude": float(np.rad2deg(frame.longitude)),
             "altitude": float(frame.height_of_origin_m),
         }
-    return {"reconstruction.json": json.dumps([found], indent=1) + "\n", "tracks.csv": _tracks(delivery)}
+    return {
+        "reconstruction.json": json.dumps([found], indent=1) + "\n",
+        "tracks.csv": _tracks(delivery),
+        **(_on_earth(delivery, frame) if isinstance(frame, TopocentricFrame) else {}),
+    }
+
+
+def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
+    """What OpenDroneMap takes beside its images."""
+    files, points = {}, delivery.points
+    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    measured, rows = pixels(delivery) - _CENTRE, []
+    for ray, (image, point) in enumerate(zip(points.image, points.point, strict=True)):
+        at = surveyed.get(points.names[point])
+        if at is None or not np.isfinite(points.surveyed.local[at]).all():
+            continue
+        name = f"{_CHECK if points.surveyed.check[at] else ''}{points.names[point]}"
+        place = _longitude_latitude(frame, points.surveyed.local[at])
+        # Tabulators keep names with blanks whole.
+        rows.append("\t".join([*place, *fixed(measured[ray], _PIXEL), delivery.names[image], name]))
+    if rows:
+        files["gcp_list.txt"] = "\n".join([_EARTH, *rows]) + "\n"
+    if not any(sign.isspace() for name in delivery.names for sign in name):
+        places = (_longitude_latitude(frame, centre) for centre in delivery.handed.pose.centre)
+        lines = [" ".join([name, *place]) for name, place in zip(delivery.names, places, strict=True)]
+        files["geo.txt"] = "\n".join([_EARTH, *lines]) + "\n"
+    return files
+
+
+def _longitude_latitude(frame: TopocentricFrame, local: Floats) -> list[str]:
+    latitude, longitude, height = frame.to_geodetic(local)
+    return [*fixed(np.rad2deg([longitude, latitude]), _DEGREES), *fixed([height], _HEIGHT)]
 
 
 def _camera(model: LensModel) -> dict[str, object]:

@@ -8,7 +8,7 @@ orientations where the format has our own.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,7 @@ class Read:
     unit : of image points, where the format does not fix it.
     names : tables of names that it changes: file, column there.
     incomplete : whether a control point may lack a coordinate.
+    control_reader : where it is another one.
     """
 
     reader: str
@@ -59,6 +60,11 @@ class Read:
     unit: str = ""
     names: tuple[tuple[str, str], ...] = ()
     incomplete: bool = False
+    control_reader: str = ""
+
+    @property
+    def reader_of_control(self) -> str:
+        return self.control_reader or self.reader
 
 
 READ = {
@@ -73,8 +79,8 @@ READ = {
         names=(("points.csv", "POINT3D_ID"), ("images.csv", "image_there")),
     ),
     "opensfm": Read(
-        "opensfm", "tracks.csv", "reconstruction.json", "reconstruction.json",
-        image_point_um=6e-5, position_m=1e-7,
+        "opensfm", "tracks.csv", "reconstruction.json", "reconstruction.json", ("gcp_list.txt",),
+        image_point_um=6e-5, control_m=2e-6, position_m=1e-7, control_reader="odm-gcp",
     ),
     "opf": Read(
         "opf", WHOLE, WHOLE, WHOLE, (WHOLE,),
@@ -145,7 +151,7 @@ def test_every_format_of_the_register_is_read_again():
         assert read.reader in IMAGE_POINT_FORMATS
         # What a reader of the register can read of a format is compared.
         assert bool(read.cameras) == (read.reader in CAMERA_FORMATS), name
-        assert bool(read.control) == (read.reader in CONTROL_FORMATS), name
+        assert bool(read.control) == (read.reader_of_control in CONTROL_FORMATS), name
 
 
 def test_image_points_are_those_that_were_measured(written: Written):
@@ -196,14 +202,14 @@ def test_control_is_as_it_was_surveyed(written: Written):
     surveyed, names = written.points.surveyed, written.names("point")
     found = {}
     for file in written.read.control:
-        records = CONTROL_FORMATS[written.read.reader](written.folder / file)
+        records = CONTROL_FORMATS[written.read.reader_of_control](written.folder / file)
         where = records.position
         if records.states.crs is not None and records.states.crs != "local":
             frame = written.results.images.frame
             where = frame.from_geodetic(np.column_stack([np.radians(where[:, 1::-1]), where[:, 2]]))
         role = ["check" if "check" in file else one for one in records.role.to_pylist()]
         found |= {
-            names.get(point, point): (xyz, one)
+            names.get(point, point).removeprefix("CHK-"): (xyz, one)
             for point, xyz, one in zip(records.point.to_pylist(), where, role, strict=True)
         }
     in_map = EXCHANGE_OF[written.read.reader].lens == ()
@@ -250,3 +256,22 @@ def test_orientations_are_ours_where_the_world_is(written: Written):
     order = [listed.index(one) for one in NAMES]
     np.testing.assert_allclose(centre[order], images.projection_centre, rtol=0, atol=written.read.position_m)
     np.testing.assert_allclose(turn[order], images.local_from_camera, rtol=0, atol=written.read.rotation)
+
+
+def test_lists_of_opendronemap_have_marks_and_positions(tmp_path: Path):
+    results, points = flown(Flight())
+    images = replace(results.images, names=tuple(name.replace(" ", "_") for name in NAMES))
+    files = EXCHANGE["opensfm"].write(delivered(replace(results, images=images), points, "opensfm"))
+    for file in ("gcp_list.txt", "geo.txt"):
+        (tmp_path / file).write_text(str(files[file]))
+    marks = IMAGE_POINT_FORMATS["odm-gcp"](tmp_path / "gcp_list.txt")
+    assert marks.point.to_pylist() == ["P 3", "CHK-P80"]
+    assert marks.image.to_pylist() == ["1_a.tif", "0002.tif"]
+    frame = results.cameras[0].frame
+    seen_at = (marks.xy + 0.5) * frame.pixel_size * [1.0, -1.0] + np.array([-1.0, 1.0]) * frame.half_format
+    rays = [int(np.flatnonzero(points.point == k)[0]) for k in (3, 80)]
+    np.testing.assert_allclose(seen_at, points.xy[rays], atol=3e-10)
+    records = EXPOSURE_FORMATS["odm-geo"](tmp_path / "geo.txt", "omega-phi-kappa")
+    centre, _ = poses(results, records)
+    assert records.image.to_pylist() == list(images.names)
+    np.testing.assert_allclose(centre, images.projection_centre, atol=2e-6)
