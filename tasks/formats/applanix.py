@@ -12,6 +12,7 @@ names the columns; rows are separated by blanks.
 from __future__ import annotations
 
 import re
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,10 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from adjust.geometry.earth import Ellipsoid, geodetic_from_ecef
 from tasks.errors import InputError
-from tasks.formats.plain_lines import text_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
-from tasks.formats.text_table import TextTable, read_table_text
+from tasks.formats.text_table import TextTable, read_rows
 
 _MAP = ("EASTING", "NORTHING", "ELLIPSOID HEIGHT", "OMEGA", "PHI", "KAPPA")
 _GEOCENTRIC = ("X", "Y", "Z", "HEADING", "PITCH", "ROLL")
@@ -56,7 +57,11 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: no header of POSEO, columns missing, an order of angles the file does not have.
     """
-    text = text_of(path)
+    delivered = DeliveredLines.of(path, lone_return=b"")
+    encoding = "utf-8" if delivered.is_utf8 else "latin-1"
+    pieces = (piece.decode(encoding) for piece in delivered.pieces())
+    # The header is a page of text, and a piece holds megabytes.
+    text = next(pieces)
     found = _FORMAT.search(text)
     if found is None:
         raise InputError(
@@ -85,9 +90,9 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
         )
     _refuse_other_units(below[units], path, begin + units + 1)
     numeric = tuple(name for name in names if name not in ("ID", "# EVENT"))
-    rows = below[units + 1 :]
     layout = Layout(path, tuple(names), numeric, "blank")
-    table = read_table_text(["\n".join(rows).encode()], layout, len(rows), begin + units + 2)
+    rows = (piece.encode() for piece in chain(["\n".join(below[units + 1 :])], pieces))
+    table = read_rows(delivered, rows, layout, begin + units + 2)
     return _records(path, table, wanted, stated, header)
 
 

@@ -12,6 +12,7 @@ Of ``pose_priors`` there are three generations, told apart by their columns. The
 from __future__ import annotations
 
 import sqlite3
+from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -23,7 +24,8 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.colmap import camera_of_colmap, model_of_number
-from tasks.formats.homologous_points import joined_to_tracks, tie_names
+from tasks.formats.homologous_points import joined_to_tracks, named, tie_names
+from tasks.formats.long_columns import table_of
 from tasks.formats.plain_records import exposures_of, image_points_of
 from tasks.formats.records import (
     AngleOrder,
@@ -109,7 +111,7 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
     kept, track = joined_to_tracks(of_ends, measured)
     return image_points_of(
         path,
-        pa.array(names.values(), pa.string()).take(pa.array(of_ends[kept])).dictionary_encode(),
+        named(of_ends[kept], pa.array(names.values(), pa.string())),
         tie_names(track),
         measured[kept].astype(np.float64),
         range(1, len(kept) + 1),
@@ -124,10 +126,12 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
     InputError
         If the database is damaged, has no priors, or both geographic and Cartesian ones.
     """
-    image, position, sigma, systems = [], [], [], []
+    image: list[str] = []
+    camera: list[str] = []
+    position, sigma, systems = array("d"), array("d"), set()
     with _opened(path) as database:
         names = _names(path, database)
-        cameras = dict(_rows(path, database, "images", "image_id, camera_id"))
+        cameras = {number: str(own) for number, own in _rows(path, database, "images", "image_id, camera_id")}
         known = {row[1] for row in database.execute("PRAGMA table_info(pose_priors)")}
         key = "corr_data_id" if "corr_data_id" in known else "image_id"
         covariance = "position_covariance" if "position_covariance" in known else "NULL"
@@ -143,21 +147,22 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
             values = _array(path, row[1] or b"", "<f8", entry)
             if number not in names or len(values) != 3 or system not in (_WGS84, _CARTESIAN):
                 raise _damaged(path, entry)
-            image.append(number)
-            position.append(values[[1, 0, 2]] if system == _WGS84 else values)
-            sigma.append(_sigma(path, row[2], entry))
-            systems.append(system)
-    if len(set(systems)) > 1:
+            image.append(names[number])
+            camera.append(cameras[number])
+            position.extend(values[[1, 0, 2]] if system == _WGS84 else values)
+            sigma.extend(_sigma(path, row[2], entry))
+            systems.add(system)
+    if len(systems) > 1:
         raise InputError("Some priors are geographic, others Cartesian.", "Write them alike.", file=path)
-    states = FileStatement(crs="local" if systems and systems[0] == _CARTESIAN else None, datum="WGS 84")
+    states = FileStatement(crs="local" if systems == {_CARTESIAN} else None, datum="WGS 84")
     return exposures_of(
         path,
-        [names[number] for number in image],
-        np.array(position).reshape(-1, 3),
+        image,
+        table_of(position, 3),
         np.full((len(image), 3), np.nan),
-        list(range(1, len(image) + 1)),
-        camera=[str(cameras[number]) for number in image],
-        sigma_position=np.array(sigma).reshape(-1, 3).tolist(),
+        range(1, len(image) + 1),
+        camera=camera,
+        sigma_position=table_of(sigma, 3),
         states=states,
     )
 

@@ -6,6 +6,7 @@ tie point. A tie point with two places in one image contradicts itself and is le
 
 from __future__ import annotations
 
+import io
 from array import array
 from pathlib import PurePosixPath
 from typing import Any
@@ -19,7 +20,7 @@ from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.long_columns import table_of
 from tasks.formats.packed_folder import PackedFolder
-from tasks.formats.plain_records import image_points_of, names_of_numbers, numbers_of
+from tasks.formats.plain_records import image_points_of, numbers_of
 from tasks.formats.records import ImagePointRecords
 
 _HEAD, _TAIL = "Pastis", ".txt"
@@ -34,30 +35,34 @@ def homologous_points(folder: PackedFolder) -> ImagePointRecords:
         If there is no pair, or a line is not complete.
     """
     names: dict[str, int] = {}
-    image, places = [np.zeros((0, 2), dtype=np.int64)], [np.zeros((0, 4))]
+    pairs, counts, places = [], [], [np.zeros((0, 4))]
     for member in folder.members:
         parts = PurePosixPath(member).parts
         if len(parts) < 2 or not parts[-2].startswith(_HEAD) or not parts[-1].endswith(_TAIL):
             continue
-        pair = [
-            names.setdefault(name, len(names)) for name in (parts[-2][len(_HEAD) :], parts[-1][: -len(_TAIL)])
-        ]
-        rows = _rows(folder, member)
-        image.append(np.tile(np.array(pair, dtype=np.int64), (len(rows), 1)))
-        places.append(rows)
+        pairs.append(
+            [
+                names.setdefault(name, len(names))
+                for name in (parts[-2][len(_HEAD) :], parts[-1][: -len(_TAIL)])
+            ]
+        )
+        places.append(_rows(folder, member))
+        counts.append(len(places[-1]))
     if not names:
         raise InputError(
             "There are no homologous points Pastis…/….txt in the packed folder.",
             "Write them as text in MicMac (ExpTxt=1), and pack the folder Homol.",
             file=folder.file,
         )
-    of_ends = np.concatenate(image).T.reshape(-1)
-    xy = np.concatenate(places)
-    ends = np.concatenate([xy[:, :2], xy[:, 2:]])
+    of_ends = np.concatenate([np.repeat(of, counts) for of in np.array(pairs, dtype=np.int32).T])
+    ends = np.concatenate([*(rows[:, :2] for rows in places), *(rows[:, 2:] for rows in places)])
+    # As large as the ends themselves, and the file beside them.
+    places.clear()
+    folder.archive.close()
     kept, track = joined_to_tracks(of_ends, ends)
     return image_points_of(
         folder.file,
-        pa.array(names, pa.string()).take(pa.array(of_ends[kept])).dictionary_encode(),
+        named(of_ends[kept], pa.array(names, pa.string())),
         tie_names(track),
         ends[kept],
         range(1, len(kept) + 1),
@@ -66,8 +71,9 @@ def homologous_points(folder: PackedFolder) -> ImagePointRecords:
 
 def _rows(folder: PackedFolder, member: str) -> Floats:
     found = array("d")
-    text = folder.read(member).decode("latin-1")
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
+    # Line by line: a list of them takes several times the text.
+    lines = io.TextIOWrapper(io.BytesIO(folder.read(member)), encoding="latin-1", newline=None)
+    for number, line in enumerate(lines, start=1):
         if line.strip():
             try:
                 found.extend(numbers_of(folder.file, line.split(), 4, number, "x1 y1 x2 y2"))
@@ -76,11 +82,17 @@ def _rows(folder: PackedFolder, member: str) -> Floats:
     return table_of(found, 4)
 
 
+def named(number: NDArray[np.integer[Any]], names: pa.Array) -> pa.DictionaryArray:
+    """Names (n,) by their numbers, each kept once: without a text for every row."""
+    encoded = pa.array(number).dictionary_encode()
+    return pa.DictionaryArray.from_arrays(encoded.indices, names.take(encoded.dictionary))
+
+
 def tie_names(track: NDArray[np.int64]) -> pa.DictionaryArray:
-    """Names of tie points (n,) by their numbers."""
-    numbers = names_of_numbers(track)
+    """Names of tie points (n,) by their numbers, all of them from 1 on."""
+    numbers = pa.array(np.arange(1, track.max(initial=0) + 1)).cast(pa.string())
     return pa.DictionaryArray.from_arrays(
-        numbers.indices, pc.binary_join_element_wise("tie", numbers.dictionary, "")
+        (track - 1).astype(np.int32), pc.binary_join_element_wise("tie", numbers, "")
     )
 
 
@@ -101,18 +113,25 @@ def joined_to_tracks(
     for column in (image, xy[:, 0], xy[:, 1]):
         ascending = column[order]
         differs[1:] |= ascending[1:] != ascending[:-1]
-    first, half = order[differs], len(image) // 2
+    # A file has fewer lines than these numbers count.
+    first, half = order[differs].astype(np.int32), len(image) // 2
     count = len(first)
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.cumsum(differs) - 1
+    place = np.empty(len(order), dtype=np.int32)
+    place[order] = np.cumsum(differs, dtype=np.int32) - 1
     del order, differs
-    edges = coo_array((np.ones(half), (place[:half], place[half:])), shape=(count, count))
+    edges = coo_array((np.ones(half, dtype=np.int8), (place[:half], place[half:])), shape=(count, count))
     track = connected_components(edges, directed=False)[1]
-    pair, twice = np.unique(np.column_stack([track, image[first]]), axis=0, return_counts=True)
+    del edges, place
+    # Two places of one track in one image.
+    images = int(image.max(initial=0)) + 1
+    in_image = track * np.int64(images) + image[first]
+    in_image.sort()
     doubled = np.zeros(track.max(initial=-1) + 1, dtype=bool)
-    doubled[pair[twice > 1, 0]] = True
+    doubled[in_image[1:][in_image[1:] == in_image[:-1]] // images] = True
+    del in_image
     good = ~doubled[track]
-    order = np.argsort(first[good], kind="stable")
-    kept, found = first[good][order], track[good][order]
-    _, numbers = np.unique(found, return_inverse=True)
-    return kept, numbers.reshape(-1) + 1
+    kept, found = first[good], track[good]
+    del first, track, good
+    order = np.argsort(kept, kind="stable")
+    _, numbers = np.unique(found[order], return_inverse=True)
+    return kept[order].astype(np.int64), numbers.reshape(-1) + 1

@@ -120,7 +120,10 @@ def read_micmac_image_points(path: Path) -> ImagePointRecords:
     """
     content = read_bytes(path)
     if is_packed(content):
-        return homologous_points(packed_folder(path, content))
+        folder = packed_folder(path, content)
+        # It has the content, and lets it go when all is read.
+        del content
+        return homologous_points(folder)
     image, point, xy = [], [], []
     for one in parsed_xml_content(path, content).iter("MesureAppuiFlottant1Im"):
         for measured in one.iter("OneMesureAF1I"):

@@ -473,5 +473,5 @@ DOCUMENTS = {
         ("control", "micmac"),
     }
 }
-#: Not within the limit yet: a header looked for in the whole text; two numbers of every place.
-BEYOND = {("exposures", "applanix"), ("image points", "micmac")}
+#: Not within the limit yet: half a million cameras.
+BEYOND = {("camera", "colmap-database")}
