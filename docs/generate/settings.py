@@ -40,6 +40,7 @@ from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.settings.sensor_quality import ExposureLevel, SensorSettings
 from tasks.settings.statement import StatementSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings
@@ -132,6 +133,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         "For `aerocal image-quality` ([what it measures](image-quality.md)); may stand in a file of its own, "
         "with `version = 1` alone.",
     ),
+    ("[image_quality.sensor]", SensorSettings, ""),
+    ("[[image_quality.sensor.series]]", ExposureLevel, "One table for each exposure."),
 )
 
 _OPENING = """\

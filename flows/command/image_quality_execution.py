@@ -47,19 +47,24 @@ def execute_image_quality(
 
 
 def _show(summary: Summary, directory: Path) -> None:
-    """Problems, a line for each band, and where the page is."""
+    """Problems, a line for each band of scenes, and where the page is."""
     console = Console()
     for sentence in summary.problems:
         console.print(Text(f"• {sentence}", style="yellow"))
-    figures = cast(Mapping[str, JSON], (summary.model_extra or {})["image_quality"])
+    figures = (summary.model_extra or {}).get("image_quality")
+    if figures is not None:
+        console.print(_bands(figures))
+    console.print(Text(f"\nPage: {directory / 'image_quality.html'}"), soft_wrap=True)
+
+
+def _bands(figures: Mapping[str, JSON]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for column in ("band", "edges", "factor", "± σ", "MTF50 1/px", "at Nyquist", "sharpened"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in cast(Sequence[Mapping[str, JSON]], figures["bands"]):
         numbers = [f"{cast(float, row[name]):.3f}" if row[name] is not None else "–" for name in _NUMBERS]
         table.add_row(str(row["band"]), str(row["edges"]), *numbers, "yes" if row["sharpened"] else "no")
-    console.print(table)
-    console.print(Text(f"\nPage: {directory / 'image_quality.html'}"), soft_wrap=True)
+    return table
 
 
 _NUMBERS = ("factor", "sigma_factor", "mtf50", "mtf_nyquist")

@@ -8,15 +8,20 @@ from tasks.results.summary import Summary
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.stages import image_quality as examination
 from tasks.stages import image_quality_page
-from tasks.store.store import Store
+from tasks.store.store import Outputs, Store
 
 examine_images = stage(examination.examine_images)
+examine_sensor = stage(examination.examine_sensor)
 write_page = stage(image_quality_page.write_image_quality_page)
 publish = stage(publication.publish_image_quality)
 
 
 def image_quality(settings: ImageQualitySettings, store: Store) -> Summary:
-    """Examine the images, draw the page, publish."""
-    examined = examine_images(store, settings=settings)
-    page = write_page(store, examined=examined, settings=settings, name=settings.name)
-    return publish(store, settings, (examined, page))
+    """Examine scenes and sensor, draw the page, publish."""
+    examined: tuple[Outputs, ...] = ()
+    if settings.images:
+        examined = (examine_images(store, settings=settings.without_sensor()),)
+    if settings.sensor is not None:
+        examined = (*examined, examine_sensor(store, settings=settings.sensor))
+    page = write_page(store, stages=examined, settings=settings, name=settings.name)
+    return publish(store, settings, (*examined, page))

@@ -65,7 +65,18 @@ OF_CHECKS = (
     "georeferencing_map",
 )
 #: What an examination of images publishes.
-OF_IMAGE_QUALITY = ("edges", "edge_means", "edge_responses", "noise_levels", "image_quality")
+OF_IMAGE_QUALITY = (
+    "edges",
+    "edge_means",
+    "edge_responses",
+    "noise_levels",
+    "sensor_sheets",
+    "defect_pixels",
+    "defect_columns",
+    "photon_transfer",
+    "aperture",
+    "image_quality",
+)
 #: Tables that other kinds of runs publish in their place.
 OF_SWEEPS = ("sweep",)
 #: Published besides the tables.

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from tasks.plain_text import LONGEST_NAME
-from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import Positive
-
-
-def _one_or_several(value: object) -> object:
-    return (value,) if isinstance(value, str) else value
-
-
-Images = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or_several)]
+from tasks.settings.sensor_quality import Images, SensorSettings
 
 
 class ImageQualitySettings(Settings):
@@ -36,15 +30,23 @@ class ImageQualitySettings(Settings):
         description="Ground sampling distance of the images, m, for the effective one. Default: not stated.",
     )
 
+    sensor: SensorSettings | None = Field(
+        default=None, description="Images of the sensor without a scene. Default: none."
+    )
+
     @model_validator(mode="after")
     def _something_to_examine(self) -> ImageQualitySettings:
-        if not self.images:
+        if not self.images and self.sensor is None:
             raise trouble("There is no image to examine.", "Name one in image_quality.images.")
         names = [path.name for path in self.images]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise trouble(f"Two images have the name {twice[0]}.", "Give them different names.")
         return self
+
+    def without_sensor(self) -> ImageQualitySettings:
+        """The settings of the scenes alone: the sensor changes nothing about them."""
+        return self.model_copy(update={"sensor": None})
 
 
 class ImageQualityFile(Settings):

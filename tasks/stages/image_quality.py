@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tasks.settings.image_quality import ImageQualitySettings
+from tasks.settings.sensor_quality import SensorSettings
 from tasks.store.store import stored
 
 
@@ -21,3 +22,17 @@ def examine_images(folder: Path, *, settings: ImageQualitySettings) -> None:
     from tasks.image_quality.measurement import examine
 
     examine(folder, settings)
+
+
+@stored("sensor_quality")
+def examine_sensor(folder: Path, *, settings: SensorSettings) -> None:
+    """Write sensor_sheets, defect_pixels, defect_columns, photon_transfer and aperture.parquet.
+
+    Raises
+    ------
+    InputError
+        If an image cannot be read, images are not alike, or a series determines nothing.
+    """
+    from tasks.image_quality import sensor
+
+    sensor.examine_sensor(folder, settings)

@@ -19,7 +19,7 @@ PAGE = "image_quality.html"
 def write_image_quality_page(
     folder: Path,
     *,
-    examined: Mapping[str, Artifact],
+    stages: tuple[Mapping[str, Artifact], ...],
     settings: ImageQualitySettings,
     name: str,
     software: Mapping[str, str] = SOFTWARE,
@@ -28,9 +28,9 @@ def write_image_quality_page(
 
     Parameters
     ----------
-    examined : outputs of the examination.
+    stages : outputs of the examinations of scenes and sensor, those there are.
     name : title of the page (it is not part of the settings' content).
     software : versions that decide how the page looks.
     """
-    page = render(read_quality(examined, settings), name, software)
+    page = render(read_quality(stages, settings), name, software)
     (folder / PAGE).write_text(page, encoding="utf-8")

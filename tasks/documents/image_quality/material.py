@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -16,15 +16,13 @@ from tasks.tables.parquet import read_table
 
 
 @dataclass(frozen=True, eq=False)
-class QualityMaterial:
-    """Tables and figures of an examination.
+class SceneMaterial:
+    """Tables and figures of scenes.
 
     Attributes
     ----------
     edges, means, responses, noise : tables of these contents.
     figures : of the notes.
-    problems : remarks.
-    settings : of the run.
     """
 
     edges: pd.DataFrame
@@ -32,13 +30,6 @@ class QualityMaterial:
     responses: pd.DataFrame
     noise: pd.DataFrame
     figures: Mapping[str, JSON]
-    problems: tuple[str, ...]
-    settings: ImageQualitySettings
-
-    @property
-    def bands(self) -> tuple[int, ...]:
-        """Numbers of the bands that were examined."""
-        return tuple(sorted({int(band) for table in (self.means, self.noise) for band in table["band"]}))
 
     @property
     def whole(self) -> pd.DataFrame:
@@ -51,16 +42,65 @@ class QualityMaterial:
         return int(cast(int, self.figures["columns"])), int(cast(int, self.figures["rows"]))
 
 
-def read_quality(examined: Mapping[str, Artifact], settings: ImageQualitySettings) -> QualityMaterial:
-    """Read what the examination wrote."""
-    notes = read_notes(examined["notes"])
-    figures = cast(Mapping[str, JSON], notes.figures["image_quality"])
-    return QualityMaterial(
-        edges=read_table(examined["edges"]),
-        means=read_table(examined["edge_means"]),
-        responses=read_table(examined["edge_responses"]),
-        noise=read_table(examined["noise_levels"]),
-        figures=figures,
-        problems=notes.problems,
-        settings=settings,
-    )
+@dataclass(frozen=True, eq=False)
+class SensorMaterial:
+    """Tables and figures of a sensor.
+
+    Attributes
+    ----------
+    sheets, pixels, columns, transfer, aperture : tables of these contents.
+    figures : of the notes.
+    """
+
+    sheets: pd.DataFrame
+    pixels: pd.DataFrame
+    columns: pd.DataFrame
+    transfer: pd.DataFrame
+    aperture: pd.DataFrame
+    figures: Mapping[str, JSON]
+
+
+@dataclass(frozen=True, eq=False)
+class QualityMaterial:
+    """What was examined; None: it was not.
+
+    Attributes
+    ----------
+    problems : remarks of all stages.
+    settings : of the run.
+    """
+
+    scenes: SceneMaterial | None
+    sensor: SensorMaterial | None
+    problems: tuple[str, ...]
+    settings: ImageQualitySettings
+
+
+def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualitySettings) -> QualityMaterial:
+    """Read what the examinations wrote."""
+    scenes = sensor = None
+    problems: tuple[str, ...] = ()
+    for outputs in stages:
+        notes = read_notes(outputs["notes"])
+        problems = (*problems, *notes.problems)
+        tables = {name: read_table(one) for name, one in outputs.items() if name != "notes"}
+        if "edges" in outputs:
+            figures = cast(Mapping[str, JSON], notes.figures["image_quality"])
+            scenes = SceneMaterial(
+                tables["edges"],
+                tables["edge_means"],
+                tables["edge_responses"],
+                tables["noise_levels"],
+                figures,
+            )
+        else:
+            figures = cast(Mapping[str, JSON], notes.figures["sensor"])
+            sensor = SensorMaterial(
+                sheets=tables["sensor_sheets"],
+                pixels=tables["defect_pixels"],
+                columns=tables["defect_columns"],
+                transfer=tables["photon_transfer"],
+                aperture=tables["aperture"],
+                figures=figures,
+            )
+    return QualityMaterial(scenes, sensor, problems, settings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -11,8 +11,14 @@ from markupsafe import Markup
 
 from tasks.document_kit.table import Table
 from tasks.documents.image_quality import plots
-from tasks.documents.image_quality.material import QualityMaterial
+from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
 from tasks.documents.image_quality.quality_tables import mean_table, noise_table, refused_table
+from tasks.documents.image_quality.sensor_tables import (
+    column_table,
+    pixel_table,
+    sheet_table,
+    transfer_table,
+)
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.report.provenance import files_table, settings_table, versions_table
 
@@ -21,22 +27,23 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 def render(material: QualityMaterial, name: str, software: Mapping[str, str]) -> str:
     """The page."""
-    settings = material.settings
-    tables: tuple[Table, ...] = (
-        mean_table(material),
-        refused_table(material),
-        noise_table(material),
+    settings, scenes, sensor = material.settings, material.scenes, material.sensor
+    tables: list[Table] = [
         settings_table(settings),
         files_table(settings, [path.name for path in settings.input_files()]),
         versions_table(software),
-    )
+    ]
+    if scenes is not None:
+        tables += [mean_table(scenes), refused_table(scenes), noise_table(scenes)]
+    if sensor is not None:
+        tables += [sheet_table(sensor), pixel_table(sensor), column_table(sensor), transfer_table(sensor)]
     page: str = (
         _environment()
         .get_template("image_quality.html.j2")
         .render(
             name=name,
-            line=_line(material),
-            verdict=_verdict(material),
+            line=_line(scenes),
+            verdict=" ".join(_verdicts(material)),
             problems=material.problems,
             tables={table.name: table for table in tables},
             plots=_plots(material),
@@ -45,32 +52,39 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
     return page
 
 
-def _line(material: QualityMaterial) -> str:
-    columns, rows = material.size
-    return (
-        f"{material.figures['images']} images of {columns:,} × {rows:,} pixels, {material.figures['dtype']}"
-    )
+def _line(scenes: SceneMaterial | None) -> str:
+    if scenes is None:
+        return "Sensor"
+    columns, rows = scenes.size
+    return f"Images: {scenes.figures['images']} of {columns:,} × {rows:,} pixels, {scenes.figures['dtype']}"
 
 
-def _verdict(material: QualityMaterial) -> str:
-    """The factors of the bands in a sentence."""
-    if not len(material.whole):
-        return "No edge could be measured."
-    words = [
-        f"band {row['band']}: {row['factor']:.2f} ± {row['sigma_factor']:.3f}"
-        for _, row in material.whole.iterrows()
-    ]
-    return f"Factor of effective resolution: {', '.join(words)}."
+def _verdicts(material: QualityMaterial) -> Iterator[str]:
+    """The factors of the bands, and whether the sensor keeps its thresholds."""
+    if material.scenes is not None and not len(material.scenes.whole):
+        yield "No edge could be measured."
+    elif material.scenes is not None:
+        words = [
+            f"band {row['band']}: {row['factor']:.2f} ± {row['sigma_factor']:.3f}"
+            for _, row in material.scenes.whole.iterrows()
+        ]
+        yield f"Factor of effective resolution: {', '.join(words)}."
+    if material.sensor is not None:
+        passed = bool(material.sensor.figures["passed"])
+        yield "The sensor keeps all thresholds." if passed else "The sensor misses thresholds."
 
 
 def _plots(material: QualityMaterial) -> dict[str, Markup]:
     """The plots for which there is something to show."""
     drawn = {}
-    if len(material.edges):
-        drawn["edges"] = plots.edge_map(material)
-        drawn["responses"] = plots.response_plot(material)
-    if len(material.noise):
-        drawn["noise"] = plots.noise_plot(material)
+    scenes, sensor = material.scenes, material.sensor
+    if scenes is not None and len(scenes.edges):
+        drawn["edges"] = plots.edge_map(scenes)
+        drawn["responses"] = plots.response_plot(scenes)
+    if scenes is not None and len(scenes.noise):
+        drawn["noise"] = plots.noise_plot(scenes)
+    if sensor is not None and len(sensor.transfer):
+        drawn["transfer"] = plots.transfer_plot(sensor)
     return drawn
 
 

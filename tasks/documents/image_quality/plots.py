@@ -13,14 +13,14 @@ from adjust.arrays import Floats
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
-from tasks.documents.image_quality.material import QualityMaterial
+from tasks.documents.image_quality.material import SceneMaterial, SensorMaterial
 
 _LEFT, _TOP, _RIGHT = 78.0, 10.0, axes.WIDTH - 12.0
 _CLASSES = 6
 _HIGHEST = 620.0
 
 
-def edge_map(material: QualityMaterial) -> Markup:
+def edge_map(material: SceneMaterial) -> Markup:
     """Every edge at its place in the format, in its direction, coloured by its factor."""
     columns, rows = material.size
     unit = min((_RIGHT - _LEFT) / columns, _HIGHEST / rows)
@@ -66,7 +66,7 @@ def _edge(row: pd.Series, x: Scale, y: Scale, colour: str) -> Markup:
     return markup.element("line", ends | {"stroke": colour, "stroke-width": 3}, markup.title(words))
 
 
-def response_plot(material: QualityMaterial) -> Markup:
+def response_plot(material: SceneMaterial) -> Markup:
     """The response of every band and direction."""
     groups = [
         (f"band {band}, along {way}", part)
@@ -83,7 +83,7 @@ def response_plot(material: QualityMaterial) -> Markup:
     )
 
 
-def noise_plot(material: QualityMaterial) -> Markup:
+def noise_plot(material: SceneMaterial) -> Markup:
     """Noise against grey level, band by band."""
     curves = []
     for band, part in material.noise.groupby("band"):
@@ -97,6 +97,23 @@ def noise_plot(material: QualityMaterial) -> Markup:
         Scale(0.0, max(top, 1e-6), 300.0, _TOP),
         "grey value",
         "noise [grey values]",
+    )
+
+
+def transfer_plot(sensor: SensorMaterial) -> Markup:
+    """Variance against signal, band by band."""
+    curves = []
+    for band, part in sensor.transfer.groupby("band"):
+        ordered = part.sort_values("signal")
+        curves.append((f"band {band}", ordered["signal"].to_numpy(), ordered["variance"].to_numpy()))
+    right = max(float(signal.max()) for _, signal, _ in curves)
+    top = 1.1 * max(float(variance.max()) for _, _, variance in curves)
+    return _curves(
+        curves,
+        Scale(0.0, 1.02 * max(right, 1.0), _LEFT, _RIGHT),
+        Scale(0.0, max(top, 1e-6), 300.0, _TOP),
+        "signal [grey values]",
+        "variance [grey values²]",
     )
 
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import cast
 
 from tasks.document_kit.table import Column, Number, Row, Table, text_column
-from tasks.documents.image_quality.material import QualityMaterial
+from tasks.documents.image_quality.material import SceneMaterial
 
 
-def mean_table(material: QualityMaterial) -> Table:
+def mean_table(material: SceneMaterial) -> Table:
     """Factors by band, direction and zone."""
     columns = (
         Column("band", "band"),
@@ -56,7 +56,7 @@ def mean_table(material: QualityMaterial) -> Table:
     return Table("means", "Effective resolution", columns, rows, note)
 
 
-def refused_table(material: QualityMaterial) -> Table:
+def refused_table(material: SceneMaterial) -> Table:
     """Why candidates were not taken."""
     columns = (text_column("reason", "reason"), Column("count", "candidates"))
     refused = cast(Mapping[str, int], material.figures["refused"])
@@ -64,7 +64,7 @@ def refused_table(material: QualityMaterial) -> Table:
     return Table("refused", "Candidates that were tried and not taken", columns, rows)
 
 
-def noise_table(material: QualityMaterial) -> Table:
+def noise_table(material: SceneMaterial) -> Table:
     """Noise by grey level."""
     columns = (
         text_column("image", "image"),

@@ -34,7 +34,17 @@ from tasks.tables.schemas.georeferencing import (
     STEREO_MODELS,
     Y_PARALLAXES,
 )
-from tasks.tables.schemas.image_quality import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS
+from tasks.tables.schemas.image_quality import (
+    APERTURE,
+    DEFECT_COLUMNS,
+    DEFECT_PIXELS,
+    EDGE_MEANS,
+    EDGE_RESPONSES,
+    EDGES,
+    NOISE_LEVELS,
+    PHOTON_TRANSFER,
+    SENSOR_SHEETS,
+)
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
 from tasks.tables.schemas.parameters import (
     CORRELATIONS,
@@ -92,10 +102,16 @@ SCHEMAS: dict[str, TableSchema] = {
         EDGE_MEANS,
         EDGE_RESPONSES,
         NOISE_LEVELS,
+        SENSOR_SHEETS,
+        DEFECT_PIXELS,
+        DEFECT_COLUMNS,
+        PHOTON_TRANSFER,
+        APERTURE,
     )
 }
 
 __all__ = [
+    "APERTURE",
     "APPROXIMATE_BORESIGHT",
     "APPROXIMATE_ORIENTATIONS",
     "APPROXIMATE_POINTS",
@@ -104,6 +120,8 @@ __all__ = [
     "CONTROL_POINTS",
     "CONTROL_RESIDUALS",
     "CORRELATIONS",
+    "DEFECT_COLUMNS",
+    "DEFECT_PIXELS",
     "DIRECT_GEOREFERENCING",
     "DIRECT_GEOREFERENCING_MODELS",
     "DISTANCES",
@@ -123,11 +141,13 @@ __all__ = [
     "ORIENTATION_DIFFERENCE_MEANS",
     "PARAMETERS",
     "PARAMETER_INFLUENCES",
+    "PHOTON_TRANSFER",
     "RESIDUALS",
     "RESIDUAL_AUTOCORRELATION",
     "RESIDUAL_GRID",
     "SCHEMAS",
     "SELF_CALIBRATION",
+    "SENSOR_SHEETS",
     "STEREO_MODELS",
     "STRIP_ERRORS",
     "SWEEP",

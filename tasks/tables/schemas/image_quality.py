@@ -1,4 +1,4 @@
-"""Tables of ``aerocal image-quality``: edges, their means and responses, noise by grey level."""
+"""Tables of ``aerocal image-quality``: edges, means and responses, noise, and the sheets of a sensor."""
 
 from __future__ import annotations
 
@@ -102,4 +102,80 @@ NOISE_LEVELS = TableSchema(
         count("tiles", "number of homogeneous areas of 16 × 16 pixels"),
     ),
     ("image", "band", "level"),
+)
+SHEETS = (
+    "defect_pixels", "defect_columns_single", "defect_columns_double", "defect_column_distance", "linearity",
+    "sensitivity", "noise", "aperture",
+)  # fmt: skip
+DEFECT_PIXELS = TableSchema(
+    "defect_pixels",
+    "A defect pixel outside of defect columns.",
+    (
+        BAND,
+        count("number", "number in the list of the band"),
+        count("row", "row of the pixel, from 0"),
+        count("column", "column of the pixel, from 0"),
+        count("cluster", "number of the cluster of touching pixels it belongs to; 0: it is alone"),
+        text("test", "image in which it deviates", values=("bright", "dark", "both")),
+    ),
+    ("band", "number"),
+)
+DEFECT_COLUMNS = TableSchema(
+    "defect_columns",
+    "A defect column, or several beside each other.",
+    (
+        BAND,
+        count("number", "number in the list of the band"),
+        count("row_start", "first row with a defect"),
+        count("column_start", "first column"),
+        count("row_end", "last row with a defect"),
+        count("column_end", "last column"),
+    ),
+    ("band", "number"),
+)
+PHOTON_TRANSFER = TableSchema(
+    "photon_transfer",
+    "A level of an exposure series, in the middle of the format.",
+    (
+        BAND,
+        number("exposure_ms", "ms", "exposure time"),
+        number("signal", "", "mean grey value above that of the dark images"),
+        number("variance", "", "variance of a pixel, squared grey values, without that of quantisation"),
+        flag("used", "whether it takes part in the line of photon transfer"),
+        number("residual", "", "mean grey value minus the line of linearity, in parts of the largest signal"),
+    ),
+    ("band", "exposure_ms"),
+)
+APERTURE = TableSchema(
+    "aperture",
+    "Light in a cell of the format, the table of the aperture correction.",
+    (
+        BAND,
+        count("row", "number of the cell from the top, from 0"),
+        count("column", "number of the cell from the left, from 0"),
+        number("light", "", "signal in parts of that in the middle; the correction divides by it"),
+    ),
+    ("band", "row", "column"),
+)
+SENSOR_SHEETS = TableSchema(
+    "sensor_sheets",
+    "A sheet of the protocol: what was found against its threshold.",
+    (
+        BAND,
+        text("sheet", "what is tested", values=SHEETS),
+        number(
+            "value", "", "what the sheet is about: a number of defects, or the unit says what", nullable=True
+        ),
+        number("sigma", "", "its standard deviation", nullable=True),
+        text("unit", "unit of value; empty for numbers", nullable=True),
+        number(
+            "largest_residual",
+            "",
+            "largest residual, or the number itself where defects are counted",
+            nullable=True,
+        ),
+        number("threshold", "", "that it must keep"),
+        flag("passed", "whether it does"),
+    ),
+    ("band", "sheet"),
 )

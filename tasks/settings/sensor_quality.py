@@ -1,0 +1,81 @@
+"""Settings of the examination of a sensor: flat, dark and exposure series, and the limits of the protocol."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.coordinates import NotNegative, Positive, Whole, one_table_or_several
+
+
+def one_or_several(value: object) -> object:
+    """One path stands for a list with one path."""
+    return (value,) if isinstance(value, str) else value
+
+
+Images = Annotated[tuple[InputPath, ...], BeforeValidator(one_or_several)]
+#: Most defect pixels, single and double columns of the two kinds of sensors: certificate of a DMC (2010).
+PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
+
+
+class ExposureLevel(Settings):
+    """Images of the same light with the same exposure."""
+
+    exposure_ms: NotNegative = Field(description="Exposure time, ms.")
+    images: Annotated[tuple[InputPath, InputPath], Field()] = Field(
+        description="Two images, whose difference is noise alone."
+    )
+
+
+class SensorSettings(Settings):
+    """Images of a sensor without a scene, and the limits they must keep."""
+
+    kind: Literal["pan", "multispectral"] = Field(
+        description="Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 "
+        "double columns, multispectral ones 36, 1 and 0."
+    )
+    bright: Images = Field(default=(), description="Flat images at about half the range.")
+    dark: Images = Field(default=(), description="Images without light.")
+    bright_limit: Positive = Field(
+        default=0.3,
+        description="Deviation from its neighbours in bright images above which a pixel is defect.",
+    )
+    dark_limit: Positive | None = Field(
+        default=None,
+        description="The same in dark images, grey values. Default: 1 % of the largest grey value.",
+    )
+    column_pixels: Annotated[Whole, Field(ge=1)] = Field(
+        default=12, description="Defect pixels that a column may have without being defective."
+    )
+    column_distance: Annotated[Whole, Field(ge=1)] = Field(
+        default=3, description="Columns that defect columns must be apart."
+    )
+    series: Annotated[tuple[ExposureLevel, ...], BeforeValidator(one_table_or_several)] = Field(
+        default=(), description="Exposure series, for linearity, sensitivity and photon transfer."
+    )
+    linearity_limit: Positive = Field(
+        default=0.01, description="Largest residual of linearity that passes, in parts of the largest signal."
+    )
+    transfer_limit: Positive = Field(
+        default=0.05, description="Largest residual of photon transfer that passes, in parts of the variance."
+    )
+    sensitivity_limit: Positive = Field(
+        default=0.01, description="Largest relative σ of the sensitivity that passes."
+    )
+    aperture_limit: Positive = Field(
+        default=0.02,
+        description="Largest deviation of a cell of the format from the smooth fall-off of light that "
+        "passes, in parts.",
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> SensorSettings:
+        if not (self.bright or self.dark or self.series):
+            raise trouble("There is no image of the sensor.", "Name bright or dark images, or a series.")
+        if self.series and not self.dark:
+            raise trouble("A series needs the level without light.", "Name dark images, too.")
+        if self.series and len(self.series) < 3:
+            raise trouble("A series of fewer than three exposures says nothing.", "Add further levels.")
+        return self

@@ -1,0 +1,127 @@
+"""``aerocal image-quality`` on images of a sensor: planted defects, simulated light, limits, page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from adjust.arrays import Floats
+from tasks.image_files.library import raster_environment
+from tests.command_line import aerocal
+
+ROWS, COLUMNS, BANDS = 400, 560, 2
+GAIN, READ, DARK, FULL = 4.0, 20.0, 200.0, 16_000.0
+PIXELS = ([(10, 10), (399, 559), (0, 300)], [(200, 100), (200, 101)])
+EXPOSURES = (1.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
+
+
+def light(exposure_ms: float, band: int, rng: np.random.Generator) -> Floats:
+    """Grey values (rows, columns): 1000 and 1500 electrons a millisecond in the middle, falling off."""
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    square = ((row - ROWS / 2) ** 2 + (column - COLUMNS / 2) ** 2) / ((ROWS / 2) ** 2 + (COLUMNS / 2) ** 2)
+    electrons = rng.poisson(exposure_ms * (1000.0 + 500.0 * band) * (1.0 - 0.1 * square))
+    return DARK + (electrons + rng.normal(0.0, READ, electrons.shape)) / GAIN
+
+
+def write(path: Path, bands: Floats) -> str:
+    pixels = np.clip(np.rint(bands), 1, 65_534).astype(np.uint16)
+    size = {"width": COLUMNS, "height": ROWS, "count": BANDS, "dtype": "uint16"}
+    with raster_environment() as rasterio, rasterio.open(path, "w", driver="GTiff", **size) as file:
+        file.write(pixels)
+    return path.name
+
+
+def write_sensor(folder: Path) -> Path:
+    """A project with bright, dark and pairs of images; defects are planted into bright and dark."""
+    rng = np.random.default_rng(17)
+
+    def image(name: str, exposure_ms: float, *, part: float = 1.0, added: float = 0.0) -> str:
+        bands = np.stack([light(exposure_ms, band, rng) for band in range(BANDS)])
+        for band, places in enumerate(PIXELS):
+            for place in places:
+                bands[(band, *place)] = bands[(band, *place)] * part + added
+        bands[0, 50:350, 222] *= part
+        bands[1, 100:300, 0:2] *= part
+        return write(folder / name, bands)
+
+    bright, dark = image("bright.tif", 30.0, part=0.5), image("dark.tif", 0.0, added=900.0)
+    series = []
+    for exposure in EXPOSURES:
+        first, second = (image(f"{exposure:g}_{side}.tif", exposure) for side in "ab")
+        series.append("[[image_quality.sensor.series]]\n")
+        series.append(f'exposure_ms = {exposure}\nimages = ["{first}", "{second}"]\n')
+    project = folder / "sensor.toml"
+    project.write_text(
+        'version = 1\n[image_quality]\nname = "Sensor"\n[image_quality.sensor]\nkind = "multispectral"\n'
+        f'bright = "{bright}"\ndark = "{dark}"\ndark_limit = 160.0\n' + "".join(series)
+    )
+    return project
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sensor")
+    outcome = aerocal("image-quality", write_sensor(folder), "--out", folder / "out")
+    assert outcome.returncode == 0
+    return folder / "out"
+
+
+def test_all_planted_defects_are_listed_and_no_others(results: Path) -> None:
+    pixels = pd.read_parquet(results / "defect_pixels.parquet")
+    for band, places in enumerate(PIXELS, start=1):
+        listed = pixels.loc[pixels["band"] == band, ["row", "column"]].to_numpy().tolist()
+        assert sorted(map(tuple, listed)) == sorted(places)
+    assert set(pixels["test"]) == {"both"}
+    assert pixels.loc[pixels["band"] == 2, "cluster"].tolist() == [1, 1]
+    columns = pd.read_parquet(results / "defect_columns.parquet").drop(columns="number")
+    assert columns.to_numpy().tolist() == [[1, 50, 222, 349, 222], [2, 100, 0, 299, 1]]
+
+
+def test_the_limits_of_the_protocol_are_applied(results: Path) -> None:
+    sheets = pd.read_parquet(results / "sensor_sheets.parquet").set_index(["band", "sheet"])["passed"]
+    # A multispectral sensor may have one single column, and no double one.
+    assert sheets.loc[(1, "defect_columns_single")]
+    assert sheets.loc[(1, "defect_columns_double")]
+    assert not sheets.loc[(2, "defect_columns_double")]
+    assert sheets.drop((2, "defect_columns_double")).all()
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["sensor"]["passed"] is False
+    assert "defect_columns_double of band 2" in summary["problems"][0]
+
+
+def test_gain_and_read_noise_are_those_of_the_sensor(results: Path) -> None:
+    for found in json.loads((results / "summary.json").read_text())["sensor"]["photon_transfer"]:
+        assert found["gain"] == pytest.approx(GAIN, rel=0.02)
+        assert found["read_noise"] == pytest.approx(READ, rel=0.1)
+        assert found["full_well"] is None
+
+
+def test_sensitivity_linearity_and_aperture_are_those_of_the_light(results: Path) -> None:
+    sheets = pd.read_parquet(results / "sensor_sheets.parquet").set_index(["band", "sheet"])
+    for band, electrons in ((1, 1000.0), (2, 1500.0)):
+        # The middle window takes in some of the fall-off: 3 % on average.
+        assert sheets.loc[(band, "sensitivity"), "value"] == pytest.approx(electrons / GAIN, rel=0.05)
+        assert sheets.loc[(band, "linearity"), "value"] == pytest.approx(DARK, abs=3.0)
+        assert sheets.loc[(band, "linearity"), "largest_residual"] < 1e-3
+        assert sheets.loc[(band, "aperture"), "value"] == pytest.approx(0.91, abs=0.02)
+    aperture = pd.read_parquet(results / "aperture.parquet")
+    assert len(aperture) == BANDS * 32 * 48
+
+
+def test_the_page_lists_what_the_tables_do(results: Path) -> None:
+    page = (results / "image_quality.html").read_text()
+    assert "The sensor misses thresholds." in page
+    assert page.count('<tr data-key="2:defect_columns_double">') == 1
+    assert "RowStart" in page
+
+
+def test_a_series_without_dark_images_is_refused(tmp_path: Path) -> None:
+    project = write_sensor(tmp_path)
+    project.write_text(project.read_text().replace('dark = "dark.tif"\n', ""))
+    outcome = aerocal("image-quality", project)
+    assert outcome.returncode == 2
+    assert "Name dark images" in outcome.stderr
