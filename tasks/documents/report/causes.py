@@ -21,8 +21,8 @@ from tasks.evaluation.remark_words import global_test_words, misfit_words, rejec
 from tasks.quantities import group_words, unit_words
 from tasks.results.figures import ModelFinding
 
-#: Causes on the first screen; more are in the tables.
-MOST_CAUSES = 6
+#: Places on the first screen; more are in the tables.
+MOST_PLACES = 6
 # Of calling any check point of a sound block wrong.
 _ERROR_PROBABILITY = 0.005
 # So many observations of a strip, and more than half of them, have one cause.
@@ -32,6 +32,12 @@ _LEAST_POINTS, _LEAST_SHARE = 5, 0.2
 # Beyond this a standardized residual is a gross error where nothing was rejected: 1 of 27,000 by chance.
 _GROSS = 4.13
 _OF_IMAGES = {"gnss_position": "gnss_positions", "ins_attitude": "ins_attitudes"}
+_OF_ALL = {
+    "convergence": "the north of the attitudes",
+    "gnss_height_scale": "the heights of the GNSS positions",
+    "refraction": "the correction of refraction",
+    "time_offset": "the times of the exposures",
+}
 _ITS_OWN = {"gnss_positions": "GNSS position", "ins_attitudes": "INS attitude"}
 _GROUPS = {
     **_OF_IMAGES,
@@ -105,6 +111,8 @@ def _of_finding(material: Material, finding: ModelFinding) -> Cause:
         return Cause(place, finding.sentence, group, frozenset(own))
     if finding.quantity.startswith("control_"):
         return Cause("the control points", finding.sentence, "control_points")
+    if finding.quantity in _OF_ALL:
+        return Cause(_OF_ALL[finding.quantity], finding.sentence, group)
     if finding.entity in material.cameras:
         return Cause(f"camera {finding.entity}", finding.sentence, group)
     return Cause("all exposures", finding.sentence, group)
@@ -223,7 +231,15 @@ def _check_points(material: Material) -> Iterator[Cause]:
         yield Cause(f"check point {row['point']}", sentence, point=str(row["point"]))
 
 
-def shown(found: Sequence[Cause]) -> tuple[tuple[Cause, ...], int]:
-    """The causes of the first screen, and how many more there are."""
-    first = tuple(islice(found, MOST_CAUSES))
-    return first, len(found) - len(first)
+def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:
+    """What is to be said of each place, the likeliest first."""
+    places: dict[str, tuple[str, ...]] = {}
+    for cause in found:
+        places[cause.place] = (*places.get(cause.place, ()), cause.sentence)
+    return places
+
+
+def shown(found: Sequence[Cause]) -> tuple[Mapping[str, tuple[str, ...]], int]:
+    """The places of the first screen with what is said of them, and how many more there are."""
+    places = by_place(found)
+    return dict(islice(places.items(), MOST_PLACES)), max(len(places) - MOST_PLACES, 0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
-from tasks.documents.report.causes import Cause
+from tasks.documents.report.causes import Cause, by_place
 from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
@@ -42,7 +42,8 @@ def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
         test, good = f"{test}; it contradicts a calibration of the registry", False
     link = "and" if good else "but"
     if causes:
-        things = "one thing contradicts" if len(causes) == 1 else f"{len(causes)} things contradict"
+        places = len(by_place(causes))
+        things = "one thing contradicts" if places == 1 else f"{places} things contradict"
         test, good = f"{test}, {'but' if good else 'and'} {things} the rest", False
     if failed:
         named = "; ".join(failed)

@@ -185,7 +185,7 @@ def test_a_group_that_fits_badly_without_a_cause_stays_among_the_remarks() -> No
         ({"scope": "height", "part": "780 m"}, "the height 780 m"),
         ({"scope": "flight", "part": "1"}, "flight 1"),
         ({"quantity": "control_tilt", "entity": "", "scope": "all", "part": ""}, "the control points"),
-        ({"quantity": "convergence", "entity": "", "scope": "all", "part": ""}, "all exposures"),
+        ({"quantity": "convergence", "entity": "", "scope": "all", "part": ""}, "the north of the attitudes"),
     ],
 )
 def test_every_finding_has_a_place(finding: dict[str, object], place: str) -> None:
@@ -247,3 +247,11 @@ def test_a_check_point_beyond_its_sigma_is_named_unless_a_finding_may_have_moved
     assert [cause.place for cause in found] == (["strip A"] if explained else ["check point 12"])
     if not explained:
         assert "dz +0.300 m, 10.0 times its σ" in found[0].sentence
+
+
+def test_what_concerns_one_place_stands_together_and_counts_once() -> None:
+    both: list[JSON] = [_finding("It is shifted."), _finding("It is turned.", quantity="boresight", rank=2)]
+    material = _material(_residuals({}), {"model_findings": both})
+    found = causes(material)
+    assert shown(found) == ({"strip A": ("It is shifted.", "It is turned.")}, 0)
+    assert "one thing contradicts the rest" in verdict(material, found).sentence
