@@ -1,8 +1,8 @@
 """Edges of an image that are good enough, measured: blur, factor, contrast, noise, straightness.
 
 An edge is taken if its adjustment converges near where it was found, its contrast is ten times the scatter of
-the pixels on either side (texture fails here), it is straight to a tenth of a pixel beyond its noise, and it
-is slanted enough that its pixels see it at all phases.
+the pixels on either side out to 9 px (texture and lines fail here), it is straight to a tenth of a pixel
+beyond its noise, and it is slanted enough that its pixels see it at all phases.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from adjust.image_quality.edge_fit import OFFSET, EdgeFit, fit_edge, straightness
 from adjust.image_quality.edge_profile import LEVELS_FROM
-from adjust.image_quality.edge_samples import REACH, EdgeLine, samples_of
+from adjust.image_quality.edge_samples import EdgeLine, EdgeSamples, samples_of
 
+#: How far the levels of both sides must reach, px from the edge: beyond its pixels, or it is that of a line.
+LEVELS_TO = 9.0
 #: Contrast in standard deviations of the noise at least.
 CONTRAST = 10.0
 _MOVED, _TURNED = 3.0, np.deg2rad(6.0)
@@ -57,7 +59,7 @@ def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
     if not _inside(grey.shape, line):
         return "beside the image"
     samples = samples_of(grey, line)
-    if not np.isfinite(samples.grey).all():
+    if not np.isfinite(samples_of(grey, line, LEVELS_TO).grey).all():
         return "beside the image"
     fit = fit_edge(samples)
     turned = abs(fit.angle - line.angle)
@@ -67,7 +69,7 @@ def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
     crossed = line.length * np.sin(adjusted.slant)
     if crossed < _CROSSED or adjusted.slant > 0.25 * np.pi - _FROM_DIAGONAL:
         return "slant"
-    noise = _scatter(fit)
+    noise = _scatter(samples_of(grey, adjusted, LEVELS_TO))
     if not fit.contrast >= CONTRAST * fit.noise:
         return "low contrast"
     if not fit.contrast >= CONTRAST * noise:
@@ -81,8 +83,8 @@ def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
 def _inside(shape: tuple[int, ...], line: EdgeLine) -> bool:
     """Whether all pixels beside the edge are in the image."""
     sine, cosine = abs(np.sin(line.angle)), abs(np.cos(line.angle))
-    half_width = REACH * cosine + 0.5 * line.length * sine
-    half_height = REACH * sine + 0.5 * line.length * cosine
+    half_width = LEVELS_TO * cosine + 0.5 * line.length * sine
+    half_height = LEVELS_TO * sine + 0.5 * line.length * cosine
     return bool(
         half_width <= line.column <= shape[1] - 1 - half_width
         and half_height <= line.row <= shape[0] - 1 - half_height
@@ -95,8 +97,8 @@ def _adjusted(line: EdgeLine, fit: EdgeFit) -> EdgeLine:
     return EdgeLine(float(column), float(row), angle, line.length)
 
 
-def _scatter(fit: EdgeFit) -> float:
+def _scatter(samples: EdgeSamples) -> float:
     """Standard deviation of the pixels on the levels, the larger of both sides, grey values."""
-    distance = fit.distance
-    sides = (fit.samples.grey[side * distance > LEVELS_FROM] for side in (-1.0, 1.0))
+    distance = samples.across(samples.line.angle)
+    sides = (samples.grey[side * distance > LEVELS_FROM] for side in (-1.0, 1.0))
     return max(float(np.std(side, ddof=1)) if len(side) > 1 else np.inf for side in sides)

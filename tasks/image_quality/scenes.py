@@ -21,7 +21,7 @@ from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noi
 from tasks.errors import InputError
 from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
 
-_STRIP = 512
+_STRIP = 256
 #: Rows of a strip whose noise stands for that of the strip.
 _OF_STRIP = 128
 _THREADS = 2
