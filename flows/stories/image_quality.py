@@ -7,21 +7,25 @@ from tasks.image_quality import publication
 from tasks.results.summary import Summary
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.stages import image_quality as examination
-from tasks.stages import image_quality_page
+from tasks.stages import image_quality_page, radiometric_certificate
 from tasks.store.store import Outputs, Store
 
 examine_images = stage(examination.examine_images)
 examine_sensor = stage(examination.examine_sensor)
+write_certificate = stage(radiometric_certificate.write_radiometric_certificate)
 write_page = stage(image_quality_page.write_image_quality_page)
 publish = stage(publication.publish_image_quality)
 
 
 def image_quality(settings: ImageQualitySettings, store: Store) -> Summary:
-    """Examine scenes and sensor, draw the page, publish."""
+    """Examine scenes and sensor, draw the page, certify what has been examined of a sensor, publish."""
     examined: tuple[Outputs, ...] = ()
     if settings.images:
         examined = (examine_images(store, settings=settings.without_sensor()),)
     if settings.sensor is not None:
         examined = (*examined, examine_sensor(store, settings=settings.sensor))
     page = write_page(store, stages=examined, settings=settings, name=settings.name)
-    return publish(store, settings, (*examined, page))
+    pages: tuple[Outputs, ...] = (page,)
+    if settings.sensor is not None:
+        pages = (*pages, write_certificate(store, stages=examined, settings=settings, name=settings.name))
+    return publish(store, settings, (*examined, *pages))

@@ -76,6 +76,9 @@ OF_IMAGE_QUALITY = (
     "photon_transfer",
     "aperture",
     "image_quality",
+    "radiometric_certificate.html",
+    "radiometric_certificate.json",
+    "radiometric_certificate.pdf",
 )
 #: Tables that other kinds of runs publish in their place.
 OF_SWEEPS = ("sweep",)

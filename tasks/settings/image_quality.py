@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -19,6 +20,15 @@ class ImageQualitySettings(Settings):
 
     name: str = Field(
         default="Image quality", min_length=1, max_length=LONGEST_NAME, description="Title of the report."
+    )
+    camera: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=LONGEST_NAME,
+        description="Type and serial number of the camera, for the certificate. Default: `name`.",
+    )
+    examined: date | None = Field(
+        default=None, description="Date of the images, e.g. 2026-09-21, for the certificate."
     )
     images: Images = Field(
         default=(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 
 from adjust.arrays import Floats
+from tasks.files.json_text import json_text
 from tasks.image_files.library import raster_environment
 from tests.command_line import aerocal
 
@@ -125,3 +127,19 @@ def test_a_series_without_dark_images_is_refused(tmp_path: Path) -> None:
     outcome = aerocal("image-quality", project)
     assert outcome.returncode == 2
     assert "Name dark images" in outcome.stderr
+
+
+def test_the_certificate_says_the_same_in_three_forms(results: Path) -> None:
+    twin = json.loads((results / "radiometric_certificate.json").read_text())
+    assert twin["title"] == "Radiometric limits not kept"
+    assert twin["verdict"] == "refused"
+    digest = hashlib.sha256(json_text(twin["record"]).encode()).hexdigest()
+    assert twin["code"] == digest
+    page = (results / "radiometric_certificate.html").read_text()
+    assert twin["short_code"] in page
+    assert "defect columns double of band 2: 1, threshold 0" in page
+    assert (results / "radiometric_certificate.pdf").read_bytes().startswith(b"%PDF")
+    sheets = pd.read_parquet(results / "sensor_sheets.parquet")
+    (section,) = (one for one in twin["sections"] if one["name"] == "sheets")
+    rows = section["blocks"][0]["rows"]
+    assert [row["cells"][2]["value"] for row in rows] == pytest.approx(sheets["value"].tolist())

@@ -183,6 +183,11 @@ _TITLES: Mapping[Verdict, str] = {
     "restricted": "Calibration certificate with restrictions",
     "refused": "Calibration not accepted",
 }
+_RADIOMETRIC_TITLES: Mapping[Verdict, str] = {
+    "accepted": "Radiometric certificate",
+    "restricted": "Radiometric certificate with restrictions",
+    "refused": "Radiometric limits not kept",
+}
 
 
 @dataclass(frozen=True)
@@ -197,6 +202,8 @@ class CertificateContent:
     sentence : the verdict in words.
     code : sha256 of the record.
     sections : in their order.
+    kind : of what is certified; decides the title and what stands under it.
+    file : name of the documents, without their endings.
     """
 
     camera: str
@@ -205,11 +212,20 @@ class CertificateContent:
     sentence: str
     code: str
     sections: tuple[Section, ...]
+    kind: Literal["geometric", "radiometric"] = "geometric"
+    file: str = "certificate"
 
     @property
     def title(self) -> str:
         """What the document is: nobody may take a refused calibration for a certificate."""
-        return _TITLES[self.verdict]
+        return (_TITLES if self.kind == "geometric" else _RADIOMETRIC_TITLES)[self.verdict]
+
+    @property
+    def subject(self) -> str:
+        """What it is about, under the camera."""
+        if self.kind == "geometric":
+            return f"System calibration of an aerial camera · flight {self.project}"
+        return f"Radiometric examination of an aerial camera · {self.project}"
 
     @property
     def short_code(self) -> str:

@@ -41,6 +41,8 @@ def document_of(content: CertificateContent) -> Mapping[str, JSON]:
         "title": content.title,
         "camera": content.camera,
         "project": content.project,
+        "subject": content.subject,
+        "file": content.file,
         "verdict": content.verdict,
         "sentence": content.sentence,
         "code": content.code,

@@ -1,0 +1,177 @@
+"""What the radiometric certificate says: the tree of the certificate kit from tables and figures."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, text_column
+from tasks.documents.certificate.content import (
+    Block,
+    CertificateContent,
+    Fact,
+    Facts,
+    Figure,
+    Listing,
+    Section,
+    Sentences,
+    Signature,
+    Signatures,
+    Words,
+)
+from tasks.documents.image_quality import plots
+from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial, SensorMaterial
+from tasks.documents.image_quality.sensor_tables import column_table, pixel_table, sheet_table, transfer_table
+from tasks.files.json_text import JSON, json_text
+from tasks.store.artifact import Artifact
+
+FILE = "radiometric_certificate"
+_ROLES = ("Responsible for the examination", "Approved")
+_LISTED = 200
+
+
+def radiometric_record(
+    stages: Sequence[Mapping[str, Artifact]], material: QualityMaterial, software: Mapping[str, str]
+) -> Mapping[str, JSON]:
+    """What the certificate stands on: digests of all tables, settings, figures, software."""
+    tables = {
+        name: artifact.sha256 for outputs in stages for name, artifact in outputs.items() if name != "notes"
+    }
+    figures = {
+        name: dict(part.figures)
+        for name, part in (("scenes", material.scenes), ("sensor", material.sensor))
+        if part is not None
+    }
+    settings = material.settings.key_content()
+    return {"tables": dict(tables), "figures": figures, "settings": settings, "software": dict(software)}
+
+
+def radiometric_content(
+    material: QualityMaterial, record: Mapping[str, JSON], name: str
+) -> CertificateContent:
+    """The certificate of a sensor, with the resolution of scenes where there are any."""
+    sensor, scenes, settings = material.sensor, material.scenes, material.settings
+    assert sensor is not None  # a certificate is written of a sensor
+    passed = bool(sensor.figures["passed"])
+    sections = [
+        _identity(material),
+        *([] if passed else [_reasons(sensor)]),
+        Section("sheets", "Sheets", (Listing(sheet_table(sensor), wide=("unit",)),)),
+        *([] if not len(sensor.transfer) else [_transfer(sensor)]),
+        *([] if scenes is None or not len(scenes.whole) else [_resolution(scenes)]),
+        _lists(sensor),
+        _verification(),
+    ]
+    return CertificateContent(
+        camera=settings.camera or name,
+        project=name,
+        verdict="accepted" if passed else "refused",
+        sentence=_sentence(sensor),
+        code=hashlib.sha256(json_text(cast(JSON, dict(record))).encode()).hexdigest(),
+        sections=tuple(sections),
+        kind="radiometric",
+        file=FILE,
+    )
+
+
+def _sentence(sensor: SensorMaterial) -> str:
+    missed = int((~sensor.sheets["passed"]).sum())
+    if not missed:
+        return f"All {len(sensor.sheets)} thresholds are kept."
+    return f"{missed} of {len(sensor.sheets)} thresholds are missed."
+
+
+def _reasons(sensor: SensorMaterial) -> Section:
+    missed = sensor.sheets[~sensor.sheets["passed"]]
+    items = tuple(
+        f"{str(row['sheet']).replace('_', ' ')} of band {row['band']}: {row['largest_residual']:.4g}, "
+        f"threshold {row['threshold']:.4g}"
+        for _, row in missed.iterrows()
+    )
+    return Section("reasons", "Verdict", (Sentences("Not kept", items),))
+
+
+def _identity(material: QualityMaterial) -> Section:
+    settings, scenes = material.settings, material.scenes
+    day: tuple[Cell, ...] = () if settings.examined is None else (settings.examined.isoformat(),)
+    facts = [Fact("camera", "camera", () if settings.camera is None else (settings.camera,))]
+    facts.append(Fact("examined", "date of the images", day))
+    if settings.sensor is not None:
+        facts.append(Fact("kind", "sensor", (settings.sensor.kind,)))
+    if scenes is not None:
+        facts.append(Fact("size", "columns, rows", tuple(Number(size) for size in scenes.size)))
+        facts.append(Fact("images", "images of scenes", (Number(cast(int, scenes.figures["images"])),)))
+    return Section("identity", "Camera", (Facts("identity", "", tuple(facts)),))
+
+
+def _transfer(sensor: SensorMaterial) -> Section:
+    drawing = plots.transfer_plot(sensor)
+    figure = Figure("transfer", "Photon transfer", "Variance of the grey values against the signal", drawing)
+    return Section("transfer", "Photon transfer", (Listing(transfer_table(sensor)), figure))
+
+
+def _resolution(scenes: SceneMaterial) -> Section:
+    columns = (
+        Column("band", "band"),
+        text_column("direction", "along"),
+        Column("edges", "edges"),
+        Column("factor", "factor"),
+        Column("sigma_factor", "σ"),
+        Column("effective_gsd_m", "effective GSD", "m"),
+        Column("mtf50", "MTF50", "1/px"),
+        Column("mtf_nyquist", "MTF at Nyquist"),
+        text_column("sharpened", "sharpened"),
+    )
+    decimals = {
+        "edges": 0,
+        "factor": 3,
+        "sigma_factor": 3,
+        "effective_gsd_m": 4,
+        "mtf50": 3,
+        "mtf_nyquist": 3,
+    }
+    rows = tuple(
+        Row(
+            f"{row['band']}:{row['direction']}",
+            (
+                Number(row["band"]),
+                str(row["direction"]),
+                *(Number(row[name], digits) for name, digits in decimals.items()),
+                "yes" if row["sharpened"] else "no",
+            ),
+        )
+        for _, row in scenes.means[scenes.means["zone"] == "all"].iterrows()
+    )
+    table = Table("resolution", "Factor of effective resolution, at slanted edges", columns, rows)
+    edges = Figure("edges", "Edges over the format", "Edges coloured by their factor", plots.edge_map(scenes))
+    response = Figure(
+        "response", "Response", "Response against spatial frequency", plots.response_plot(scenes)
+    )
+    return Section("resolution", "Effective resolution", (Listing(table), edges, response))
+
+
+def _lists(sensor: SensorMaterial) -> Section:
+    blocks: list[Block] = []
+    if len(sensor.pixels):
+        listed = pixel_table(sensor)
+        left = len(sensor.pixels) - _LISTED
+        note = f"{left:,} more stand in defect_pixels.parquet." if left > 0 else ""
+        blocks.append(
+            Listing(Table(listed.name, listed.caption, listed.columns, listed.rows[:_LISTED], note))
+        )
+    if len(sensor.columns):
+        blocks.append(Listing(column_table(sensor)))
+    if not blocks:
+        blocks.append(Words("No pixel or column is defective."))
+    return Section("defects", "Defects", tuple(blocks))
+
+
+def _verification() -> Section:
+    words = Words(
+        "The verification code is the SHA-256 of the record in the JSON file, which has the digests of all "
+        "tables, the settings and the figures.",
+        "note",
+    )
+    places = (Signature("Place, date"), *(Signature(role) for role in _ROLES))
+    return Section("verification", "Verification", (words, Signatures(places)))
