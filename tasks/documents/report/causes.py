@@ -196,8 +196,8 @@ def _unfit_images(material: Material) -> Iterator[Cause]:
     if table.empty:
         return
     tested = material.figures.critical_value is not None
-    own = table[table["group"] == IMAGE_POINTS]
-    own = own[own["status"].isin([*TOOK_PART, "rejected"])]
+    chosen = (table["group"] == IMAGE_POINTS) & table["status"].isin([*TOOK_PART, "rejected"])
+    own = table.loc[chosen, ["image", "status", "standardized"]]
     bad = (own["status"] == "rejected") | (own["standardized"].abs() > _GROSS)
     places, names = pd.factorize(own["image"], sort=True)
     # Two rows a point, one a component: a point is rejected with both, and seldom beyond a limit in both.
