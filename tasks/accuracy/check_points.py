@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
-import pandas as pd
 
 from adjust.arrays import Bools, Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: The points that a part of a statement is about: with a position, with a height, with both; and with a
 #: height under vegetation. Those under vegetation belong to no other.
