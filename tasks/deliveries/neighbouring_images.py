@@ -69,6 +69,11 @@ def _positions(images: int, one: NDArray[np.int64], other: NDArray[np.int64]) ->
     return position
 
 
+def neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows (n,), (n,) of images that follow each other in a strip; none where no positions are known."""
+    return _neighbours(exposures)[:2] if "x_m" in exposures else (_NONE, _NONE)
+
+
 def _neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.int64], list[str]]:
     """Rows of images that follow each other in a strip at its usual distance, and its name."""
     one, other, strips = [], [], []

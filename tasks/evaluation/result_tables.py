@@ -79,15 +79,11 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
 
     The scale of the map projection (a few 1e-4) is not applied to the standard deviations.
     """
-    state = adjusted.result.state
-    x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, state.projection_centre)
-    grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
-    grid_from_local = np.swapaxes(grid, 1, 2)
-    angles = rotation.to_omega_phi_kappa(grid_from_local @ state.local_from_camera)
-    from_small_rotation = np.asarray(np.linalg.inv(rotation.omega_phi_kappa_jacobian(angles)), np.float64)
+    x_in_map, angles, grid_from_local = _in_map(adjusted)
+    axes = axes_of_orientations(adjusted)
     cofactor = adjusted.cofactor.reduced.of_exposures
     of_position = _sigmas(grid_from_local, cofactor[:, :3, :3], adjusted.sigma0)
-    of_angles = _sigmas(from_small_rotation, cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
+    of_angles = _sigmas(axes[:, 3:, 3:], cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
     write_table(
         folder / "exterior_orientations.parquet",
         schemas.EXTERIOR_ORIENTATIONS,
@@ -97,10 +93,28 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
             **xyz_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
             **xyz_columns("sigma_{}_m", "xyz", of_position),
             **xyz_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
-            **_correlations(grid_from_local, from_small_rotation, cofactor),
+            **_correlations(grid_from_local, axes[:, 3:, 3:], cofactor),
         },
         adjusted.map_frame,
     )
+
+
+def _in_map(adjusted: AdjustedBlock) -> tuple[Floats, Floats, Floats]:
+    """Projection centres (n, 3) in the map, ω, φ, κ (n, 3) against its grid, and its axes (n, 3, 3) there."""
+    state = adjusted.result.state
+    x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, state.projection_centre)
+    grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
+    grid_from_local = np.swapaxes(grid, 1, 2)
+    return x_in_map, rotation.to_omega_phi_kappa(grid_from_local @ state.local_from_camera), grid_from_local
+
+
+def axes_of_orientations(adjusted: AdjustedBlock) -> Floats:
+    """(n, 6, 6) from small changes of position and attitude to those of map coordinates and ω, φ, κ."""
+    _, angles, grid_from_local = _in_map(adjusted)
+    axes = np.zeros((len(angles), 6, 6))
+    axes[:, :3, :3] = grid_from_local
+    axes[:, 3:, 3:] = np.linalg.inv(rotation.omega_phi_kappa_jacobian(angles))
+    return axes
 
 
 def write_object_points(folder: Path, adjusted: AdjustedBlock, piece: int = PIECE) -> None:

@@ -31,6 +31,7 @@ PUBLISHED = (
     "control_points",
     "distances",
     "exterior_orientations",
+    "neighbouring_images",
     "object_points",
     "residuals",
     "parameters",

@@ -41,6 +41,7 @@ from tasks.evaluation.influence_table import write_parameter_influences
 from tasks.evaluation.model_alternatives import model_alternatives
 from tasks.evaluation.model_findings import model_findings
 from tasks.evaluation.model_test_tables import ExaminedModel, write_model_alternatives
+from tasks.evaluation.neighbour_table import write_neighbouring_images
 from tasks.evaluation.parameter_tables import write_parameters
 from tasks.evaluation.residual_grid_figures import (
     residual_grid_figures,
@@ -112,6 +113,7 @@ def write_adjusted_bundle(
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment)
     notes = _written(folder, prepared, estimated, adjustment)
+    write_neighbouring_images(folder, estimated.adjusted, delivered.exposures)
     if trust_map is not None:
         notes = _with_trust_map(folder, notes, estimated.adjusted, trust_map, adjustment)
     write_notes(folder, notes)

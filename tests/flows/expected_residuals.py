@@ -85,3 +85,15 @@ def orientations(table: pd.DataFrame) -> Iterator[Item]:
             if str(column).endswith(("_m", "_deg")):
                 factor = 1e3 if str(column).startswith("sigma") and str(column).endswith("deg") else 1.0
                 yield ("orientation-list", row["image"], str(column)), value * factor
+
+
+def neighbours(table: pd.DataFrame) -> Iterator[Item]:
+    """Correlation of neighbouring images; σ of differences of angles in millidegrees."""
+    for axis in (*"xyz", "omega", "phi", "kappa") if len(table) else ():
+        rho = table[f"rho_{axis}"]
+        unit, factor = ("m", 1.0) if axis in "xyz" else ("deg", 1e3)
+        sigma = table[f"sigma_d{axis}_{unit}"] * factor
+        for column, value in (("min", rho.min()), ("median", rho.median()), ("max", rho.max())):
+            yield ("neighbours", axis, column), value
+        yield ("neighbours", axis, "sigma"), sigma.median()
+        yield ("neighbours", axis, "largest"), sigma.max()

@@ -229,6 +229,7 @@ def lists(reported: Reported) -> Iterator[Item]:
     residuals = reported.table("residuals")
     yield from expected_residuals.worst(residuals)
     yield from expected_residuals.lists(residuals, images_of(reported).sort_values("image"))
+    yield from expected_residuals.neighbours(reported.table("neighbouring_images"))
     yield from expected_residuals.orientations(reported.table("exterior_orientations"))
 
 

@@ -45,6 +45,7 @@ class Material:
     trust_map : trust_map_cells; empty without a trust map.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
     exposures, trajectories : the tables of these names; empty if no exposures come from a trajectory.
+    neighbours : neighbouring_images; empty if there are none.
     suspicions : those of the problems that say the delivery itself is wrong.
     """
 
@@ -70,6 +71,7 @@ class Material:
     exposures: pd.DataFrame = field(default_factory=pd.DataFrame)
     trajectories: pd.DataFrame = field(default_factory=pd.DataFrame)
     trust_map: pd.DataFrame = field(default_factory=pd.DataFrame)
+    neighbours: pd.DataFrame = field(default_factory=pd.DataFrame)
     suspicions: tuple[str, ...] = ()
 
     @cached_property
@@ -179,8 +181,8 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     }
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
-    optional = ("self_calibration", "orientation_difference_means", "trust_map_cells")
-    offered, means, trusted = (
+    optional = ("self_calibration", "orientation_difference_means", "trust_map_cells", "neighbouring_images")
+    offered, means, trusted, neighbours = (
         pd.DataFrame() if (table := tables.get(name)) is None else read_table(table) for name in optional
     )
     camera_table = read_table(tables["cameras"])
@@ -193,6 +195,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         self_calibration=offered,
         strip_means=means,
         trust_map=trusted,
+        neighbours=neighbours,
         exposures=read_table(tables["exposures"]) if "trajectories" in tables else pd.DataFrame(),
         trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
         suspicions=tuple(dict.fromkeys(sentence for note in notes for sentence in note.suspicions)),

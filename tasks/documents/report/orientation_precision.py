@@ -10,7 +10,7 @@ from adjust.arrays import Floats, Ints
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
-from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
 from tasks.documents.report.worst_residuals import MOST_LISTED, listed_note
 
@@ -85,6 +85,36 @@ def orientation_list(material: Material) -> Table:
     )
     note = listed_note(images, "exterior_orientations.parquet")
     return Table("orientation-list", "Exterior orientations of the images", columns, rows, note)
+
+
+def neighbour_table(material: Material) -> Table:
+    """Correlation of neighbouring images of strips, and σ of their differences."""
+    columns = (
+        text_column("component", "component"),
+        Column("min", "ρ least"),
+        Column("median", "ρ median"),
+        Column("max", "ρ largest"),
+        text_column("unit", "unit"),
+        Column("sigma", "median σ of the difference"),
+        Column("largest", "largest"),
+        text_column("image", "between"),
+    )
+    pairs, rows = material.neighbours, []
+    for name, symbol, unit, factor in COMPONENTS if len(material.neighbours) else ():
+        axis = name.split("_")[1]
+        rho = pairs[f"rho_{axis}"].to_numpy(np.float64)
+        sigma = pairs[name.replace("sigma_", "sigma_d")].to_numpy(np.float64) * factor
+        worst = pairs.iloc[int(np.argmax(sigma))]
+        cells: tuple[Cell, ...] = (
+            symbol.removeprefix("σ "),
+            *numbers((float(rho.min()), float(np.median(rho)), float(rho.max())), 2),
+            unit,
+            *numbers((float(np.median(sigma)), float(sigma.max())), decimals_for(float(np.median(sigma)))),
+            f"{worst['image']}, {worst['next_image']}",
+        )
+        rows.append(Row(axis, cells))
+    note = f"{len(pairs):,} pairs that follow each other in a strip; all in neighbouring_images.parquet."
+    return Table("neighbours", "Correlation of neighbouring images", columns, tuple(rows), note)
 
 
 def orientation_plot(material: Material) -> Markup:

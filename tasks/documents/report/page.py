@@ -121,6 +121,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         surveyed_points.distance_table(material),
         orientation_precision.orientation_table(material),
         orientation_precision.orientation_list(material),
+        orientation_precision.neighbour_table(material),
         worst_residuals.worst_table(material),
         worst_residuals.image_table(by_image),
         *worst_residuals.strip_tables(by_image),

@@ -39,6 +39,24 @@ EXTERIOR_ORIENTATIONS = TableSchema(
     XYZ_M,
 )
 
+_OPK_NAMES = ("omega", "phi", "kappa")
+
+NEIGHBOURING_IMAGES = TableSchema(
+    "neighbouring_images",
+    "Two images that follow each other in a strip and share an object point: how their errors hang together.",
+    (
+        IMAGE,
+        text("next_image", "the next image of the strip"),
+        *(number(f"rho_{name}", "", f"correlation of {name} of both") for name in (*XYZ, *_OPK_NAMES)),
+        *(number(f"sigma_d{name}_m", "m", f"standard deviation of the difference in {name}") for name in XYZ),
+        *(
+            number(f"sigma_d{name}_deg", "deg", f"standard deviation of the difference in {name}")
+            for name in _OPK_NAMES
+        ),
+    ),
+    ("image", "next_image"),
+)
+
 OBJECT_POINTS = TableSchema(
     "object_points",
     "Adjusted object point.",
