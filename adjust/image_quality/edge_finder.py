@@ -77,7 +77,7 @@ def candidates(grey: NDArray[Any], noise: float) -> list[Candidate]:
     listed = []
     for i, j in places[order]:
         line = _line(float(column[i, j]) + j * TILE, float(row[i, j]) + i * TILE, float(angle[i, j]))
-        listed.append(Candidate(_to_bright_side(grey, line), float(np.sqrt(windows[i, j, 9]))))
+        listed.append(Candidate(to_bright_side(grey, line), float(np.sqrt(windows[i, j, 9]))))
     return listed
 
 
@@ -106,7 +106,7 @@ def _line(column: float, row: float, angle: float) -> EdgeLine:
     return EdgeLine(column, row, angle, float(WINDOW))
 
 
-def _to_bright_side(grey: NDArray[Any], line: EdgeLine) -> EdgeLine:
+def to_bright_side(grey: NDArray[Any], line: EdgeLine) -> EdgeLine:
     """The line with the normal that points to the brighter side, which the gradients leave open."""
     step = 3.0 * np.array([np.sin(line.angle), np.cos(line.angle)])
     ends = [np.rint([line.row, line.column] + side * step).astype(int) for side in (1.0, -1.0)]

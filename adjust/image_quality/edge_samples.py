@@ -29,6 +29,13 @@ class EdgeLine:
     angle: float
     length: float
 
+    @classmethod
+    def between(cls, ends: Floats) -> EdgeLine:
+        """The edge between two places, (4,) column and row of each; its normal points to either side."""
+        across, down = float(ends[2] - ends[0]), float(ends[3] - ends[1])
+        middle = 0.5 * float(ends[0] + ends[2]), 0.5 * float(ends[1] + ends[3])
+        return cls(*middle, float(np.arctan2(across, -down)), float(np.hypot(across, down)))
+
     @property
     def slant(self) -> float:
         """Angle between the edge and the nearest of rows and columns, rad, 0 to π/4."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats, Ints
-from adjust.image_quality.edge_finder import WINDOW, candidates
+from adjust.image_quality.edge_finder import WINDOW, candidates, to_bright_side
 from adjust.image_quality.edge_measurement import MeasuredEdge, measured_edge
 from adjust.image_quality.edge_samples import REACH, EdgeLine
 
@@ -23,6 +23,23 @@ from adjust.image_quality.edge_samples import REACH, EdgeLine
 OVERLAP = 2 * WINDOW
 _CELLS = 10
 _ENOUGH, _TRIED = 4, 12
+
+#: How far from a given point an edge is looked for, px.
+NEAR = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class GivenEdges:
+    """Where edges are, as somebody has seen it.
+
+    Attributes
+    ----------
+    points : (n, 2) columns and rows near which an edge is looked for, px.
+    lines : (m, 4) column and row of both ends of edges, px.
+    """
+
+    points: Floats
+    lines: Floats
 
 
 @dataclass(eq=False)
@@ -56,17 +73,50 @@ class EdgeSearch:
             cell = self._cell(line, first_row)
             if self._taken[cell] >= _ENOUGH or self._tried[cell] >= _TRIED:
                 continue
-            place = np.array([line.column, line.row + first_row])
-            if self._is_near(place):
+            if self._is_near(self._place(line, first_row)):
                 continue
             found = measured_edge(grey, line)
-            if isinstance(found, str):
-                self.refused[found] += 1
+            if self._take(found, line, first_row):
+                self._taken[cell] += 1
+            else:
                 self._tried[cell] += found != "beside the image"
-                continue
-            self._taken[cell] += 1
-            self._places.append(place)
-            self.edges.append(found.moved(first_row))
+
+    def search_given(self, grey: NDArray[Any], noise: float, first_row: int, given: GivenEdges) -> None:
+        """Measure the edges of a strip that are given, and the nearest one to each point that is given.
+
+        Parameters
+        ----------
+        noise, first_row : as of `search`.
+        given : in the coordinates of the whole image.
+        """
+        for ends in given.lines - np.array([0.0, first_row, 0.0, first_row]):
+            line = to_bright_side(grey, EdgeLine.between(ends))
+            if 0.0 <= line.row < grey.shape[0] and not self._is_near(self._place(line, first_row)):
+                self._take(measured_edge(grey, line), line, first_row)
+        if not len(given.points):
+            return
+        lines = [candidate.line for candidate in candidates(grey, noise)]
+        places = np.array([self._place(line, first_row) for line in lines]).reshape(-1, 2)
+        for point in given.points:
+            distance = np.hypot(places[:, 0] - point[0], places[:, 1] - point[1])
+            for index in np.argsort(distance, kind="stable"):
+                taken = [np.hypot(*(place - point)) <= NEAR for place in self._places]
+                if distance[index] > NEAR or any(taken):
+                    break
+                self._take(measured_edge(grey, lines[index]), lines[index], first_row)
+
+    def _take(self, found: MeasuredEdge | str, line: EdgeLine, first_row: int) -> bool:
+        """Keep an edge, or count why it is none."""
+        if isinstance(found, str):
+            self.refused[found] += 1
+            return False
+        self._places.append(self._place(line, first_row))
+        self.edges.append(found.moved(first_row))
+        return True
+
+    @staticmethod
+    def _place(line: EdgeLine, first_row: int) -> Floats:
+        return np.array([line.column, line.row + first_row])
 
     def _cell(self, line: EdgeLine, first_row: int) -> tuple[int, int, int]:
         down = int((line.row + first_row) * _CELLS / self.rows)

@@ -230,7 +230,7 @@ def _tuple_kind(arguments: tuple[Any, ...]) -> str:
     if arguments[-1] is Ellipsis:
         inner = _kind(arguments[0])
         return "table, or array of tables" if inner == "table" else f"list of {inner}"
-    return {2: "two numbers", 3: "three numbers"}[len(arguments)]
+    return {2: "two numbers", 3: "three numbers", 4: "four numbers"}[len(arguments)]
 
 
 def _default(field: FieldInfo) -> str:

@@ -6,8 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from adjust.image_quality.edge_search import GivenEdges
 from adjust.image_quality.edge_statistics import ENOUGH
 from tasks.errors import InputError
 from tasks.files.json_text import JSON
@@ -27,7 +29,8 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
     InputError
         If an image cannot be read, or the images are not alike.
     """
-    scenes = [examined_scene(path) for path in settings.images]
+    given = _given(settings)
+    scenes = [examined_scene(path, given) for path in settings.images]
     _require_alike(scenes, settings.images)
     means, responses = mean_tables(scenes, settings.gsd_m)
     tables = (
@@ -39,6 +42,14 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
     for schema, table in tables:
         _write(folder, schema, table)
     write_notes(folder, Notes(_remarks(scenes, means), {"image_quality": _figures(scenes, means)}))
+
+
+def _given(settings: ImageQualitySettings) -> GivenEdges | None:
+    """The edges that the settings name, if they do."""
+    if not (settings.points_px or settings.edges_px):
+        return None
+    points = np.array(settings.points_px, dtype=np.float64).reshape(-1, 2)
+    return GivenEdges(points, np.array(settings.edges_px, dtype=np.float64).reshape(-1, 4))
 
 
 def _write(folder: Path, schema: TableSchema, table: pd.DataFrame) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adjust.image_quality.edge_search import OVERLAP, EdgeSearch
+from adjust.image_quality.edge_search import OVERLAP, EdgeSearch, GivenEdges
 from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noise_of, tile_noise
 from tasks.errors import InputError
 from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
@@ -62,8 +62,12 @@ class SceneQuality:
     bands: tuple[BandQuality, ...]
 
 
-def examined_scene(path: Path) -> SceneQuality:
+def examined_scene(path: Path, given: GivenEdges | None = None) -> SceneQuality:
     """Examine an image.
+
+    Parameters
+    ----------
+    given : the edges that are measured; None: those that are found over the whole format.
 
     Raises
     ------
@@ -85,7 +89,11 @@ def examined_scene(path: Path) -> SceneQuality:
         with ThreadPoolExecutor(_THREADS) as pool:
             for first, pixels in _strips(reader):
                 # Of a generator errors of the threads would be lost.
-                list(pool.map(lambda band, at=first, grey=pixels: band.take(grey[band.index], at), bands))
+                list(
+                    pool.map(
+                        lambda band, at=first, grey=pixels: band.take(grey[band.index], at, given), bands
+                    )
+                )
                 done = min(first + _STRIP, about.rows) / about.rows
                 _log.info("%s: %.0f %%", path.name, 100.0 * done)
     found = tuple(
@@ -103,9 +111,13 @@ class _Band:
     search: EdgeSearch
     tiles: list[TileNoise]
 
-    def take(self, grey: Strip, first_row: int) -> None:
+    def take(self, grey: Strip, first_row: int, given: GivenEdges | None) -> None:
         """Examine the next strip; its last rows are the first of the one after it."""
-        self.search.search(grey, noise_of(grey[:_OF_STRIP]), first_row)
+        noise = noise_of(grey[:_OF_STRIP])
+        if given is None:
+            self.search.search(grey, noise, first_row)
+        else:
+            self.search.search_given(grey, noise, first_row, given)
         self.tiles.append(tile_noise(grey[:_STRIP]))
 
 

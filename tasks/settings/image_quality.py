@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from datetime import date
+from math import hypot
 from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import Settings, trouble
-from tasks.settings.coordinates import Positive
+from tasks.settings.coordinates import Positive, Real
 from tasks.settings.sensor_quality import Images, SensorSettings
+
+#: Length of an edge at least, px.
+SHORTEST_EDGE = 20
 
 
 class ImageQualitySettings(Settings):
@@ -40,6 +44,16 @@ class ImageQualitySettings(Settings):
         description="Ground sampling distance of the images, m, for the effective one. Default: not stated.",
     )
 
+    points_px: tuple[tuple[Real, Real], ...] = Field(
+        default=(),
+        description="Columns and rows (the centre of the first pixel is 0, 0) near which edges are looked "
+        "for, within 40 px; then nowhere else. Only with one image.",
+    )
+    edges_px: tuple[tuple[Real, Real, Real, Real], ...] = Field(
+        default=(),
+        description="Edges that are measured: column and row of one end, and of the other. Only with one "
+        "image.",
+    )
     sensor: SensorSettings | None = Field(
         default=None, description="Images of the sensor without a scene. Default: none."
     )
@@ -48,6 +62,15 @@ class ImageQualitySettings(Settings):
     def _something_to_examine(self) -> ImageQualitySettings:
         if not self.images and self.sensor is None:
             raise trouble("There is no image to examine.", "Name one in image_quality.images.")
+        if (self.points_px or self.edges_px) and len(self.images) != 1:
+            raise trouble("Points and edges are given, which are those of one image.", "Name one image.")
+        short = [
+            ends for ends in self.edges_px if hypot(ends[2] - ends[0], ends[3] - ends[1]) < SHORTEST_EDGE
+        ]
+        if short:
+            raise trouble(
+                f"The edge {list(short[0])} is short.", f"Give edges of at least {SHORTEST_EDGE} px."
+            )
         names = [path.name for path in self.images]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

@@ -102,3 +102,22 @@ def test_what_cannot_be_examined_is_refused_with_the_reason(tmp_path: Path) -> N
     assert "480 × 480 pixels" in outcome.stderr
     project.write_text("version = 1\n[image_quality]\nimages = []\n")
     assert "no image to examine" in aerocal("image-quality", project).stderr
+
+
+def test_edges_are_measured_where_they_are_given_and_near_points(results: Path, tmp_path: Path) -> None:
+    image = results.parent / "0.tif"
+    found = pd.read_parquet(results / "edges.parquet").query("image == '0.tif' and band == 1").iloc[0]
+    column, row, normal = found["column_px"], found["row_px"], np.deg2rad(found["normal_deg"])
+    along = 14.0 * np.array([-np.sin(normal), np.cos(normal)])
+    ends = [column - along[0], row - along[1], column + along[0], row + along[1]]
+    places = {"points_px": [[column + 8.0, row - 8.0]], "edges_px": [ends]}
+    for name, value in places.items():
+        out = tmp_path / name
+        given = f"image_quality.{name}={json.dumps(np.asarray(value).tolist())}"
+        assert aerocal("image-quality", image, "--out", out, "--set", given).returncode == 0
+        (edge,) = pd.read_parquet(out / "edges.parquet").query("band == 1").itertuples()
+        assert np.hypot(edge.column_px - column, edge.row_px - row) < 40.0
+        assert edge.factor == pytest.approx(FACTORS[0], abs=0.1)
+    outcome = aerocal("image-quality", image, "--set", "image_quality.edges_px=[[1.0, 1.0, 5.0, 5.0]]")
+    assert outcome.returncode == 2
+    assert "at least 20 px" in outcome.stderr
