@@ -1,8 +1,10 @@
-"""Metashape: cameras with their calibration and orientations as its XML (File > Import > Import Cameras).
+"""Metashape: calibrated cameras, orientations and markers as its XML (Import Cameras, Import Markers).
 
 The chunk is east, north, up of the middle of the block, and the transform of the component carries it to
 geocentric WGS 84; a local block has none. A camera's transform is that of its axes x right, y down, z forward
 to the chunk, row by row. f is along rows; cx, cy count from the middle of the image, and P1, P2 are p2, p1.
+Markers are the surveyed points that were measured, in longitude, latitude, ellipsoidal height (local: in the
+chunk); check points are switched off, and pixels count from the corner of the first one.
 """
 
 from __future__ import annotations
@@ -13,20 +15,25 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pyproj
 
+from adjust.arrays import Floats
 from adjust.geometry.earth import TopocentricFrame, ecef_from_enu, ecef_from_geodetic
+from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.formats.earth_poses import WGS84
 from tasks.formats.plain_records import CV_AXES
 from tasks.handover.delivery import Delivery, Files
-from tasks.handover.formats.camera_axes import exact
+from tasks.handover.formats.camera_axes import exact, pixels
+from tasks.handover.formats.numbers import fixed
 from tasks.handover.lens import LensModel
 
 _LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "p1": "p2", "p2": "p1"}
+# Decimals of pixels.
+_PIXEL = 4
 # Of the chunk; its heights are ellipsoidal.
 _DATUM = 4326
 
 
 def write_metashape_xml(delivery: Delivery) -> Files:
-    """``metashape_cameras.xml``."""
+    """``metashape_cameras.xml``, and ``metashape_markers.xml`` where surveyed points were measured."""
     document = ElementTree.Element("document", version="2.0.0")
     chunk = _add(document, "chunk", label=delivery.results.name, enabled="true")
     sensors = _add(chunk, "sensors")
@@ -44,11 +51,49 @@ def write_metashape_xml(delivery: Delivery) -> Files:
         camera = _add(cameras, "camera", **known, label=name, enabled="true")
         _add(camera, "transform").text = _numbers(matrix[k].ravel())
         _add(camera, "orientation").text = "1"
+    return {"metashape_cameras.xml": _finished(document, chunk, frame), **_markers(delivery, frame)}
+
+
+def _markers(delivery: Delivery, frame: AdjustmentFrame) -> dict[str, str]:
+    points, measured = delivery.points, pixels(delivery)
+    of_name = {name: k for k, name in enumerate(points.names)}
+    known = [(k, name) for k, name in enumerate(points.surveyed.names) if name in of_name]
+    if not known:
+        return {}
+    document = ElementTree.Element("document", version="2.0.0")
+    chunk = _add(document, "chunk", label=delivery.results.name, enabled="true")
+    cameras, markers = _add(chunk, "cameras"), _add(chunk, "markers")
+    for k, name in enumerate(delivery.names):
+        _add(cameras, "camera", id=str(k), label=name)
+    places = _add(_add(_add(chunk, "frames"), "frame", id="0"), "markers")
+    for number, (at, name) in enumerate(known):
+        marker = _add(markers, "marker", id=str(number), label=name)
+        place = points.surveyed.local[at]
+        if np.isfinite(place).all():
+            enabled = "false" if points.surveyed.check[at] else "true"
+            xyz = dict(zip("xyz", map(exact, _in_chunk(place, frame)), strict=True))
+            _add(marker, "reference", **xyz, enabled=enabled)
+        own = _add(places, "marker", marker_id=str(number))
+        for ray in np.flatnonzero(points.point == of_name[name]):
+            x, y = fixed(measured[ray], _PIXEL)
+            _add(own, "location", camera_id=str(points.image[ray]), pinned="true", x=x, y=y)
+    return {"metashape_markers.xml": _finished(document, chunk, frame)}
+
+
+def _in_chunk(place: Floats, frame: AdjustmentFrame) -> list[float]:
+    """Longitude, latitude (degrees) and height of local coordinates (3,), or these."""
+    if not isinstance(frame, TopocentricFrame):
+        return [float(value) for value in place]
+    latitude, longitude, height = frame.to_geodetic(place)
+    return [float(np.rad2deg(longitude)), float(np.rad2deg(latitude)), float(height)]
+
+
+def _finished(document: ElementTree.Element, chunk: ElementTree.Element, frame: AdjustmentFrame) -> str:
+    """The text of a document whose chunk has its CRS."""
     if isinstance(frame, TopocentricFrame):
         _add(chunk, "reference").text = pyproj.CRS.from_epsg(_DATUM).to_wkt("WKT1_GDAL")
     ElementTree.indent(document)
-    text = ElementTree.tostring(document, encoding="unicode", xml_declaration=True)
-    return {"metashape_cameras.xml": text + "\n"}
+    return ElementTree.tostring(document, encoding="unicode", xml_declaration=True) + "\n"
 
 
 def _add_sensor(sensors: ElementTree.Element, number: int, model: LensModel) -> None:

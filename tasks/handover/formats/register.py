@@ -57,10 +57,11 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         DeliveryFormat("metashape", "Metashape OPK text", write_metashape, f"{_ANGLES}, matrix 1e-12"),
         DeliveryFormat(
             "metashape-xml",
-            "Metashape XML: cameras with distortion, orientations on the earth",
+            "Metashape XML: cameras with distortion, orientations on the earth, markers",
             write_metashape_xml,
-            "15 digits",
+            "15 digits; image points 1e-4 px",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
+            points=True,
         ),
         DeliveryFormat(
             "rpc",

@@ -19,7 +19,7 @@ from adjust.geometry.earth import CartesianFrame
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord, PixelCamera
-from tasks.formats.register import CAMERA_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
+from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
 from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.formats.short_names import without_blanks
@@ -178,6 +178,33 @@ def test_control_points_of_an_exchanged_block_are_surveyed_ones(tmp_path):
     assert text.count("<ControlPoint>") == 2
     assert text.count("<CheckPoint>true</CheckPoint>") == 1
     assert text.count("<TiePoint>") == 300 - 2
+
+
+@pytest.mark.parametrize("local", [False, True])
+def test_markers_of_metashape_are_surveyed_points_with_their_measurements(local, tmp_path):
+    results, points = flown(Flight())
+    if local:
+        images = replace(results.images, map_frame=LOCAL, frame=CartesianFrame())
+        results = replace(results, images=images)
+    write(delivered(results, points, "metashape-xml"), "metashape-xml", tmp_path)
+    file = tmp_path / "metashape_markers.xml"
+    control = CONTROL_FORMATS["metashape-markers"](file)
+    assert control.point.to_pylist() == ["P 3", "P80"]
+    assert control.role.to_pylist() == ["control", "check"]
+    where = control.position
+    if not local:
+        frame = results.images.frame
+        where = frame.from_geodetic(np.column_stack([np.radians(where[:, 1::-1]), where[:, 2]]))
+    np.testing.assert_allclose(where, points.surveyed.local[:2], atol=1e-7)
+    marks = IMAGE_POINT_FORMATS["metashape-markers"](file)
+    # A point without a surveyed height is measured all the same.
+    assert marks.point.to_pylist() == ["P 3", "P80", "P160"]
+    assert marks.image.to_pylist() == [NAMES[0], NAMES[1], NAMES[2]]
+    for xy, point in zip(marks.xy, (3, 80, 160), strict=True):
+        ray = int(np.flatnonzero(points.point == point)[0])
+        image = int(points.image[ray])
+        ours = pixels(results, points, image)[ray - np.searchsorted(points.image, image)]
+        np.testing.assert_allclose(xy, ours, atol=0.6e-4)
 
 
 def test_nerfstudio_matrices_are_ours_about_the_middle():
