@@ -8,13 +8,15 @@ STAMP  := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.installed-bench
 DEPLOY_VENV := $(VENV)-deploy
 DEPLOY_STAMP := $(DEPLOY_VENV)/.installed
+DOCS_VENV := $(VENV)-docs
+DOCS_STAMP := $(DOCS_VENV)/.installed
 AUDIT_VENV := $(VENV)-audit
 AUDIT_STAMP := $(AUDIT_VENV)/.installed
 
 # Everything is compiled once for all the processes that a target starts, whatever the machine's default is.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint audit demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint docs spelling audit demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -32,7 +34,7 @@ test: $(STAMP)
 # Debian's packages that the service tests need; as root.
 service-deps:
 	apt-get update -q
-	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium postgresql poppler-utils systemd
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium nginx-light postgresql poppler-utils systemd
 
 # A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
 # Two at a time, because most of the time is waiting; no more, because some of them measure how long an end takes.
@@ -66,6 +68,22 @@ deploy-lint: $(DEPLOY_STAMP)
 	$(DEPLOY_VENV)/bin/check-jsonschema --builtin-schema vendor.compose-spec deploy/compose.yaml
 	$(DEPLOY_VENV)/bin/kubernetes-validate deploy/kubernetes/aerocal.yaml
 	$(DEPLOY_VENV)/bin/shellcheck deploy/init.sh
+
+# The documentation site, in build/site; what builds it, in an environment of its own, needs no network.
+$(DOCS_STAMP): requirements-docs.lock
+	test -x $(DOCS_VENV)/bin/python || $(PYTHON) -m venv $(DOCS_VENV)
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
+	touch $@
+
+# Every warning is an error: a broken link, a missing anchor, a docstring that cannot be read.
+docs: $(DOCS_STAMP) spelling
+	$(DOCS_VENV)/bin/sphinx-build -q -W --keep-going -E -a -b html -c docs . build/site
+	@echo "The documentation is in build/site/docs/index.html."
+
+# Pages against a dictionary and the words of the field in docs/words.txt; sources against common misspellings.
+spelling: $(DOCS_STAMP)
+	$(DOCS_VENV)/bin/python -m docs.generate.spelling
+	$(DOCS_VENV)/bin/codespell
 
 # Known vulnerabilities of everything locked. It asks PyPI's advisories over the network, so CI does not run it.
 $(AUDIT_STAMP): requirements-audit.lock

@@ -1,10 +1,10 @@
 """Smoothing of the mean residuals of neighbouring cells, never across a seam between CCD images.
 
-``gaussian``   Σ w m / Σ w with w = exp(−d²/2L²), d the distance of the cells: every mean alike
-``counts``     the same with w n: a mean of many residuals counts more
-``collocation``  least-squares collocation: ŝ = C (C + D)⁻¹ m, C_ij = C0 exp(−(d_ij/L)²), D = diag(σ²), C0
-               the variance of the means less their noise, and L the length that makes the means most
-               probable given each other
+* ``gaussian``: Σ w m / Σ w with w = exp(−d²/2L²), d the distance of the cells: every mean alike;
+* ``counts``: the same with w n: a mean of many residuals counts more;
+* ``collocation``: least-squares collocation: ŝ = C (C + D)⁻¹ m, C_ij = C0 exp(−(d_ij/L)²), D = diag(σ²), C0
+  the variance of the means less their noise, and L the length that makes the means most probable given each
+  other.
 
 Collocation finds its own width; the two others are told it.
 """

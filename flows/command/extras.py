@@ -11,6 +11,7 @@ EXTRA_OF = {
     "dash_ag_grid": "server",
     "plotly": "server",
     "waitress": "server",
+    "prometheus_client": "server",
     "distributed": "cluster",
     "dask": "cluster",
     "pg8000": "postgresql",

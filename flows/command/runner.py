@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.server_log import LogFormatOption, said_as
 
 
 def runner(
@@ -68,6 +69,7 @@ def runner(
             envvar="AEROCAL_STATE",
         ),
     ] = None,
+    log_format: LogFormatOption = "text",
 ) -> None:
     """Carry out runs of a server beside its own runner, on this machine or another.
 
@@ -83,12 +85,13 @@ def runner(
     [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
     """
     given = dict(locals())
+    say = said_as(given.pop("log_format"))
 
     def carry_out() -> int:
         from flows.server.settings import settings_of
         from flows.serving.serve import run_further_runner, work_for
 
         url, settings = work_for(given.pop("server"), settings_of(given))
-        return run_further_runner(url, settings, lambda sentence: typer.echo(sentence))
+        return run_further_runner(url, settings, say)
 
     end_with(carry_out)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.server_log import LogFormatOption, said_as
 
 
 def serve(
@@ -148,6 +149,7 @@ def serve(
             envvar="AEROCAL_STATE",
         ),
     ] = None,
+    log_format: LogFormatOption = "text",
 ) -> None:
     """Run the server: dashboard, deployments, and a runner that carries them out.
 
@@ -163,11 +165,12 @@ def serve(
     [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
     """
     given = dict(locals())
+    say = said_as(given.pop("log_format"))
 
     def carry_out() -> int:
         from flows.server.settings import settings_of
         from flows.serving.serve import serve as run_server
 
-        return run_server(settings_of(given), lambda sentence: typer.echo(sentence))
+        return run_server(settings_of(given), say)
 
     end_with(carry_out)

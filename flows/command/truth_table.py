@@ -140,7 +140,7 @@ def _verdict(console: Console, comparison: TruthComparison, outcome: RunOutcome)
         for sentence in contradictions:
             console.print(Text(f"• {sentence}", style="red"))
     else:
-        console.print(Text("\nEvery estimate agrees with the truth within its own σ.", style="bold green"))
+        console.print(Text(f"\n{comparison.agreement()}", style="bold green"))
     checked = outcome.summary.direct_georeferencing is not None
     for page in ("report.html", *([CHECK_PAGE] if checked else [])):
         console.print(Text(f"Report: {outcome.directory / page}"), soft_wrap=True)

@@ -15,6 +15,7 @@ from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, 
 from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
 from flows.overview.layout import cards, no_projects, page, revision_data
+from flows.overview.metrics import add_metrics
 from flows.overview.project_grid import GRID, row_data
 from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
@@ -61,6 +62,7 @@ def application(sources: Sources) -> Dash:
 
     app.server.add_url_rule("/health", view_func=_health)
     add_results(app.server, sources)
+    add_metrics(app.server, sources)
     guard(app.server, sources.door, page_policy(app.csp_hashes()))
     return app
 

@@ -256,6 +256,17 @@ class Records:
             for row in self.rows(select(ranked).where(ranked.c.place == 1))
         )
 
+    def tally(self) -> tuple[tuple[str, str, int, datetime | None], ...]:
+        """For every story and state: how many runs are in it, and when the latest of them ended."""
+        chosen = select(
+            RUNS.c.story, RUNS.c.state, func.count().label("number"), func.max(RUNS.c.ended).label("last")
+        )
+        rows = self.rows(chosen.group_by(RUNS.c.story, RUNS.c.state).order_by(RUNS.c.story, RUNS.c.state))
+        return tuple(
+            (row.story, row.state, row.number, None if row.last is None else datetime.fromisoformat(row.last))
+            for row in rows
+        )
+
     def holds_results(self, run: RunRecord) -> bool:
         """Whether the output folder of a run still holds what that run has published."""
         of_its_kind = _IS_SWEEP if run.story == SWEEP else ~_IS_SWEEP

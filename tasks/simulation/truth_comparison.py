@@ -123,6 +123,21 @@ class TruthComparison:
         ]
         return tuple(found)
 
+    def agreement(self) -> str:
+        """What was tested and held, a sentence for a result without contradictions."""
+        tested = []
+        if self.parameters:
+            largest = max(abs(item.t) for item in self.parameters)
+            tested.append(f"the largest error of a parameter is {largest:.1f} σ ({_LARGEST_T:g} σ allowed)")
+        if self.kinds:
+            ratios = (
+                f"{item.kind} {item.pooled:.2f} ({low:g} to {high:g})"
+                for item in self.kinds
+                for low, high in (self._limits(item.kind),)
+            )
+            tested.append(f"RMS of error/σ with its limits: {', '.join(ratios)}")
+        return f"The result agrees with the truth: {'; '.join(tested) or 'nothing is estimated'}."
+
     def _limits(self, kind: str) -> tuple[float, float]:
         """Smallest and largest pooled ratio of a kind that chance lets expect."""
         common = any(item.parameter == "focal_length" for item in self.parameters)

@@ -5,6 +5,7 @@ Expected values: README.md of the data folder, worked out there with independent
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from adjust.geometry import rotation
+from docs.generate.example_figures import FIGURES, RUNS, figures_of
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.coordinates.crs import MapFrame
@@ -238,3 +240,11 @@ def test_without_ins_the_strips_give_the_headings_and_the_block_the_attitudes(
     attitude, _ = in_camera_axes(table, test_data)
     assert np.abs(attitude.mean(axis=0)).max() <= 0.003
     assert attitude.std(axis=0, ddof=1).max() <= 0.003
+
+
+def test_the_figures_that_pages_state_are_those_of_a_run(adjusted) -> None:
+    found = figures_of(
+        {name: figures(adjusted(f"adjustment.rejection={value}")) for name, value in RUNS.items()}
+    )
+    stated = json.loads(FIGURES.read_text(encoding="utf-8"))
+    assert found == pytest.approx(stated, abs=2e-4), "run python -m docs.generate.example_figures"

@@ -59,7 +59,9 @@ def difference_tables(material: CheckMaterial) -> tuple[Table, ...]:
             "models", "Independent check points, two rays of a stereo model", figures.in_models
         ),
         _difference_table(
-            "control", "Control of the calibration: no accuracy", figures.at_control_of_calibration
+            "control",
+            "Control points of the calibration (not independent)",
+            figures.at_control_of_calibration,
         ),
     )
 

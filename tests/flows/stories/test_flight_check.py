@@ -31,6 +31,14 @@ def test_every_estimate_agrees_with_the_truth(checked) -> None:
     assert {item.parameter for item in check.comparison.parameters} >= {"boresight_roll", "gnss_shift_z"}
 
 
+def test_what_was_tested_is_said_with_its_limits(checked) -> None:
+    comparison = checked[1].comparison
+    said = comparison.agreement()
+    assert f"parameter is {max(abs(item.t) for item in comparison.parameters):.1f} σ (4 σ allowed)" in said
+    for item in comparison.kinds:
+        assert f"{item.kind} {item.pooled:.2f} (0." in said
+
+
 def test_a_parameter_that_is_not_the_true_one_is_named(checked) -> None:
     _, check = checked
     first = check.comparison.parameters[0]

@@ -1,0 +1,102 @@
+"""Figures of the production for Prometheus: ``/metrics`` on the port of the production page.
+
+They are counted from the records when they are asked for, so that they survive a restart, and the same ones
+come from every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+from flask import Flask, Response
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from flows.overview.sources import ServerView, Sources
+from tasks.errors import AerocalError
+from tasks.production.outbox import Outbox
+
+_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+
+def add_metrics(server: Flask, sources: Sources) -> None:
+    """Let a server answer a scraper; who may ask is the business of the door, as for every page."""
+    registry = CollectorRegistry()
+    registry.register(ProductionFigures(sources))
+
+    @server.get("/metrics")
+    def _metrics() -> Response:
+        try:
+            return Response(generate_latest(registry), content_type=_MEDIA_TYPE)
+        except AerocalError as error:
+            return Response(str(error), 503, mimetype="text/plain")
+
+
+class ProductionFigures(Collector):
+    """Everything that is counted."""
+
+    def __init__(self, sources: Sources) -> None:
+        self.sources = sources
+
+    def describe(self) -> list[Metric]:
+        """Nothing: asking the records when the server starts would be in the way of its start."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """The figures of this moment."""
+        now = datetime.now(UTC)
+        yield InfoMetricFamily("aerocal", "Version of aerocal.", value={"version": version("aerocal")})
+        yield from self._of_runs()
+        yield from _of_server(self.sources.server(), now)
+        waiting = GaugeMetricFamily("aerocal_notices_waiting", "Notices that are not delivered yet.")
+        waiting.add_metric([], len(Outbox(self.sources.records).waiting()))
+        yield waiting
+        watch = self.sources.calibrations().watch
+        if watch is not None:
+            due = GaugeMetricFamily("aerocal_calibrations_due", "Cameras whose calibration is due.")
+            due.add_metric([], len(watch.due))
+            yield due
+        inbox = self.sources.inbox()
+        if inbox is not None:
+            folders = GaugeMetricFamily(
+                "aerocal_inbox_folders", "Deliveries that are not started.", labels=["state"]
+            )
+            folders.add_metric(["incomplete"], len(inbox.waiting))
+            folders.add_metric(["refused"], len(inbox.refused))
+            yield folders
+
+    def _of_runs(self) -> Iterator[Metric]:
+        runs = GaugeMetricFamily("aerocal_runs", "Runs on record.", labels=["story", "state"])
+        ended = GaugeMetricFamily(
+            "aerocal_last_end_timestamp_seconds",
+            "When the latest run of a story ended in a state.",
+            labels=["story", "state"],
+        )
+        for story, state, number, last in self.sources.records.tally():
+            runs.add_metric([story, state], number)
+            if last is not None:
+                ended.add_metric([story, state], last.timestamp())
+        yield runs
+        yield ended
+
+
+def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
+    up = GaugeMetricFamily("aerocal_server_up", "Whether the server of runs answers.")
+    up.add_metric([], view.reachable)
+    yield up
+    queue = GaugeMetricFamily(
+        "aerocal_queue_runs", "Runs in work, and runs whose time has come.", labels=["state"]
+    )
+    states = [run.state for run in view.queue]
+    for state in sorted({*states, "Running"}):
+        queue.add_metric([state], states.count(state))
+    yield queue
+    since = [start for run in view.queue if (start := run.waiting_since(now)) is not None]
+    oldest = GaugeMetricFamily(
+        "aerocal_queue_oldest_seconds", "How long the run that waits longest has been waiting."
+    )
+    oldest.add_metric([], max(((now - start).total_seconds() for start in since), default=0.0))
+    yield oldest
