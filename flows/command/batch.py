@@ -30,8 +30,8 @@ def batch(
             "--workers",
             metavar="N",
             min=1,
-            help="Projects at a time on this machine.",
-            show_default="one for each processor",
+            help="Projects processed at the same time on this machine.",
+            show_default="one per processor",
         ),
     ] = None,
     dask: Dask = None,
@@ -42,7 +42,7 @@ def batch(
     """Run many projects: one table of states, σ0 and check points.
 
     Each project is run as [bold]aerocal run[/bold] would, with its own output folder and lock, and with the
-    same bytes. One that fails stops no other; what is finished is reused.
+    same bytes. A failing project does not stop the others; completed stages are reused.
 
     [bold]Examples[/bold]
 

@@ -18,9 +18,9 @@ def calibrate(
 
     Focal length, principal point, additional parameters, boresight and GNSS shift (or lever arm) are
     estimated together in the adjustment, released in stages; what the flight does not determine is held, and
-    said with what to fly. Beside it stands the two-step calibration (adjustment on control alone, then
-    means of the differences to GNSS and INS), a test whether both agree, and the direct-georeferencing
-    check with what was found.
+    reported together with what to fly. The two-step calibration (adjustment on control alone, then means of
+    the differences to GNSS and INS) is computed for comparison, with a test whether both agree, and the
+    direct-georeferencing check with the calibrated values.
 
     Without image points, but with orientations of another adjustment (calibration.adjusted), the second step
     is all there is: boresight and lever arm or shift, no interior orientation and no certificate.

@@ -14,10 +14,10 @@ def check(
     server: Server = None,
     json: Json = False,
 ) -> None:
-    """Check what GNSS, INS and a calibration give without any control.
+    """Check the accuracy of GNSS, INS and a calibration without control points.
 
     Points are intersected with the corrected orientations and compared with their survey; y-parallaxes of
-    all stereo models show how well neighbouring images fit. Both stand beside what the stated σ let expect.
+    all stereo models show how well neighbouring images fit. Both are compared with what the stated σ predict.
 
     The table direct_georeferencing of the project says which calibration: that of the cameras, of another
     project, of this project's own adjustment, or the approved one of the registry (aerocal registry) for the

@@ -17,19 +17,23 @@ def clean(
     older_than: Annotated[
         int,
         typer.Option(
-            "--older-than", metavar="DAYS", help="Only what has not been used for so long.", min=0, max=36_500
+            "--older-than",
+            metavar="DAYS",
+            help="Only what has not been used for this long.",
+            min=0,
+            max=36_500,
         ),
     ] = 90,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would go, and remove nothing.")
+        bool, typer.Option("--dry-run", help="Report what would be removed, and remove nothing.")
     ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")] = False,
 ) -> None:
-    """Remove stored results of stages (DIR/.store) that nobody has used for long.
+    """Remove stored results of stages (DIR/.store) that have not been used for a long time.
 
-    Published files stay, and so does what manifest.json names and what that was made from.
+    Published files are kept, and so is what manifest.json names and what it was made from.
 
-    Nothing goes while a run is writing, nor where manifest.json cannot be read.
+    Nothing is removed while a run is writing, or if manifest.json cannot be read.
 
     [bold]Examples[/bold]
 

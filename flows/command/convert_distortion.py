@@ -23,7 +23,7 @@ def convert_distortion(
     ],
     camera: Annotated[
         str | None,
-        typer.Option("--camera", metavar="NAME", help="Which camera; left out where only one has values."),
+        typer.Option("--camera", metavar="NAME", help="Which camera; not needed if only one has values."),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,
@@ -32,8 +32,8 @@ def convert_distortion(
     """Convert a camera's known distortion between directions and conventions.
 
     OpenCV, COLMAP and Metashape distort the ideal point, Australis and laboratories correct the measured one.
-    Coefficients of one are never those of the other: the format is sampled and the other set fitted, and what
-    is left (the misfit) is shown. More than 0.1 µm is remarked on.
+    The coefficients of one are not those of the other: the format is sampled, the other set is fitted, and
+    the misfit is shown. More than 0.1 µm triggers a warning.
 
     [bold]Example[/bold]
 

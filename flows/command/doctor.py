@@ -15,12 +15,12 @@ def doctor(
 ) -> None:
     """Read and check a project: what is there, and what looks wrong.
 
-    All mistakes are listed at once, each with what was measured under every hypothesis and the line of the
-    project file that mends it: units, order and reference of angles, turned or mirrored images, swapped axes,
-    feet, heights, zones, antenna, time offset, mixed names, images and points that take no part. What would
-    stop a run is corrected in memory or set aside, and the rest is looked at behind it.
+    All mistakes are listed at once, each with the evidence for every hypothesis and the line of the project
+    file that corrects it: units, order and reference of angles, rotated or mirrored images, swapped axes,
+    feet, heights, zones, antenna, time offset, mixed-up names, images and points that take no part. What
+    would stop a run is corrected in memory or set aside, so that the rest can be checked as well.
 
-    Nothing is published; with --out the finished stages are kept there for the run that follows.
+    Nothing is published; with --out, completed stages are kept for the next run.
 
     [bold]Example[/bold]
 

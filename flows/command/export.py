@@ -12,10 +12,10 @@ from flows.command.exit_code import end_with
 
 def export(
     results: Annotated[
-        Path | None, typer.Argument(metavar="RESULTS", help="Folder a run has written into.")
+        Path | None, typer.Argument(metavar="RESULTS", help="Results folder of a run.")
     ] = None,
     to: Annotated[
-        str | None, typer.Option("--to", metavar="FORMAT", help="Format; left out: all formats are listed.")
+        str | None, typer.Option("--to", metavar="FORMAT", help="Format; without it, all formats are listed.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -26,7 +26,7 @@ def export(
         typer.Option(
             "--world",
             metavar="KIND",
-            help="How the program that reads it understands the world: [bold]local[/bold] (Cartesian, in "
+            help="How the receiving program handles coordinates: [bold]local[/bold] (Cartesian, in "
             "our frame), [bold]map[/bold] (knows the projection and the curved earth), "
             "[bold]map-cartesian[/bold] (takes map coordinates as Cartesian), "
             "[bold]map-cartesian-curved[/bold] (the same, and corrects curvature).",
@@ -39,14 +39,16 @@ def export(
     unit: Annotated[str, typer.Option("--unit", metavar="UNIT", help="deg, gon or rad (eo-csv).")] = "deg",
     force: Annotated[
         bool,
-        typer.Option("--force", help="Write even if the program's model misses ours by a pixel and more."),
+        typer.Option(
+            "--force", help="Write even if the program's model differs from ours by a pixel or more."
+        ),
     ] = False,
 ) -> None:
     """Hand results over to another program.
 
-    What a program can be given is decided by how it understands the world, not by the format of the file.
+    What a program needs depends on how it handles coordinates, not on the file format.
     Each export says in HANDOVER.txt for which kind it is, what must be switched on and off, what was fitted,
-    and how far the program's model is from ours: half a pixel is said, one is refused.
+    and how far the program's model differs from ours: half a pixel is reported, one is refused.
 
     [bold]Examples[/bold]
 

@@ -12,14 +12,14 @@ from flows.command.exit_code import DONE, end_with, remark
 
 def fetch(
     address: Annotated[
-        str, typer.Argument(metavar="s3://BUCKET/PREFIX", help="What a run had as [bold]--out[/bold].")
+        str, typer.Argument(metavar="s3://BUCKET/PREFIX", help="The [bold]--out[/bold] of the run.")
     ],
     to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder for the results.")],
 ) -> None:
-    """Bring the results of a run on object storage into a folder.
+    """Fetch the results of a run from object storage into a folder.
 
-    Every file is checked against its digest in the manifest; what is there already is not brought again. The
-    folder is then as a run leaves it, for registry add, figures and everything else that reads results.
+    Every file is checked against its digest in the manifest; existing files are not fetched again. The
+    folder is then the same as after a run, for registry add, figures and everything else that reads results.
 
     Endpoint, region and credentials come from the environment: AWS_ENDPOINT_URL, AWS_REGION,
     AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY.

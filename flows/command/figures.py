@@ -11,7 +11,7 @@ from flows.command.exit_code import end_with
 
 
 def figures(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder a run has written into.")],
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder of a run.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder of the figures; default RESULTS/figures."),
@@ -19,7 +19,7 @@ def figures(
 ) -> None:
     """Write the figures of a report as SVG files, for papers and slides.
 
-    They are those of report.html to the last line: block, residuals, systematic image errors, correlations …
+    They are identical to those of report.html: block, residuals, systematic image errors, correlations …
 
     [bold]Examples[/bold]
 

@@ -31,7 +31,7 @@ def flight_check(
 ) -> None:
     """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with the truth.
 
-    A sound installation gives errors that agree with the standard deviations it states.
+    On a sound installation, the errors agree with the stated standard deviations.
 
     [bold]Examples[/bold]
 

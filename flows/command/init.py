@@ -13,10 +13,10 @@ from flows.command.exit_code import end_with
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the delivered files.")],
 ) -> None:
-    """Look at a folder of delivered files and begin its project file.
+    """Identify delivered files and create its project file.
 
-    Says what each file is, by its content. FOLDER/project.toml names the files and holds what they say
-    themselves; what a person has to declare (units, coordinate systems, heights, angles) stands there as
+    Identifies each file by its content. FOLDER/project.toml names the files and holds what they say
+    themselves; what a person has to declare (units, coordinate systems, heights, angles) is marked
     DECLARE, and aerocal run refuses the project until that is done. A project file is never overwritten.
 
     [bold]Example[/bold]

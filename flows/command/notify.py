@@ -8,7 +8,7 @@ from flows.command.exit_code import DEFECT, DONE, end_with
 
 
 def notify() -> None:
-    """Send a test message to every address that notices go to, and say what became of it.
+    """Send a test message to every address that receives notices, and report the outcome.
 
     The addresses are secrets: they stand in AEROCAL_NOTIFY, separated by spaces, or one a line in a private
     file that AEROCAL_NOTIFY_FILE names; none is shown. [bold]aerocal serve[/bold] sends to the same ones.

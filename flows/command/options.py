@@ -45,7 +45,7 @@ Server: TypeAlias = Annotated[
     typer.Option(
         "--server",
         metavar="URL|none",
-        help="Prefect server the run is reported to; [bold]none[/bold] runs in process whatever is set.",
+        help="Prefect server the run is reported to; [bold]none[/bold] always runs in process.",
         show_default="PREFECT_API_URL, else that of a running aerocal serve, else in process",
     ),
 ]
@@ -55,8 +55,8 @@ Dask: TypeAlias = Annotated[
     typer.Option(
         "--dask",
         metavar="ADDRESS|none",
-        help="Scheduler of a Dask cluster whose workers do the adjustments, e.g. "
-        "[bold]tcp://HOST:8786[/bold]; [bold]none[/bold] takes processes of this machine whatever is set.",
+        help="Scheduler of a Dask cluster whose workers compute the adjustments, e.g. "
+        "[bold]tcp://HOST:8786[/bold]; [bold]none[/bold] always uses processes of this machine.",
         show_default="AEROCAL_DASK, else processes of this machine",
     ),
 ]

@@ -15,7 +15,7 @@ def plan(
         str,
         typer.Argument(
             metavar="PRESET|SPEC.toml|PROJECT.toml",
-            help="A flight plan as the simulator takes it, or a project whose orientations are given.",
+            help="A flight plan for the simulator, or a project with given orientations.",
         ),
     ],
     free: Annotated[
@@ -33,7 +33,7 @@ def plan(
         typer.Option(
             "--additional",
             metavar="SELECTION",
-            help="Additional parameters to be calibrated, too, e.g. [bold]bluh:1-12[/bold]; "
+            help="Additional parameters to calibrate as well, e.g. [bold]bluh:1-12[/bold]; "
             "[bold]none[/bold] for none.",
             show_default="adjustment.self_calibration.parameters of a project",
         ),
@@ -44,8 +44,8 @@ def plan(
             "--strip-bias",
             metavar="M",
             min=0.0,
-            help="σ of the GNSS error that all images of a strip have in common, m; [bold]0[/bold]: the "
-            "errors are independent, which promises too much.",
+            help="σ of the GNSS error that all images of a strip have in common, m; [bold]0[/bold]: "
+            "independent errors, which is too optimistic.",
             show_default="0.03, or the project's",
         ),
     ] = None,
@@ -71,7 +71,7 @@ def plan(
 ) -> None:
     """What can this flight determine? Standard deviations before it is flown.
 
-    They follow from the geometry and the σ of the observations alone; nothing is measured or adjusted.
+    They depend only on the geometry and the σ of the observations; nothing is measured or adjusted.
 
     Flight directions and heights are recognised from the exposures. Every quantity is determined, weak or not
     determinable, with the reason. If the flight is refused, additions (lines back, lines across, a second

@@ -13,7 +13,7 @@ from flows.command.exit_code import end_with
 registry = typer.Typer(
     help="Keep calibrations: immutable versions, approved by name, valid from a date.\n\n"
     "A calibration goes in as a draft (add), is compared with the one that holds and approved (approve), "
-    "and is later superseded by the next one. Nothing is ever changed or taken out; whatever is edited "
+    "and is later superseded by the next one. Nothing is ever changed or removed; anything edited "
     "behind the registry's back is found (verify).\n\n"
     'A project takes the one that holds for its cameras on project.flown: calibration = "registry".\n\n'
     "[bold]Examples[/bold]\n\n"
@@ -40,9 +40,14 @@ Address: TypeAlias = Annotated[
 ]
 Person: TypeAlias = Annotated[
     str | None,
-    typer.Option("--by", metavar="NAME", help="Who does it.", show_default="name of the user's account"),
+    typer.Option(
+        "--by",
+        metavar="NAME",
+        help="Name of the person responsible.",
+        show_default="name of the user's account",
+    ),
 ]
-Note: TypeAlias = Annotated[str, typer.Option("--note", metavar="TEXT", help="What is to be said about it.")]
+Note: TypeAlias = Annotated[str, typer.Option("--note", metavar="TEXT", help="A comment.")]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")]
 Number: TypeAlias = Annotated[
     str, typer.Argument(metavar="ID", help="Number of the calibration, or 8 digits of its verification code.")
@@ -124,10 +129,10 @@ def show(
 @registry.command()
 def approve(
     number: Number,
-    start: Annotated[datetime, typer.Option("--from", help="First day on which it holds.", **_DAY)],
+    start: Annotated[datetime, typer.Option("--from", help="First day of validity.", **_DAY)],
     end: Annotated[
         datetime | None,
-        typer.Option("--to", help="Last day.", show_default="until superseded", **_DAY),
+        typer.Option("--to", help="Last day of validity.", show_default="until superseded", **_DAY),
     ] = None,
     person: Person = None,
     note: Note = "",
@@ -174,7 +179,7 @@ def export(
 def verify(
     since: Annotated[
         str | None,
-        typer.Option("--since", metavar="DIGEST", help="A state of the registry that was noted earlier."),
+        typer.Option("--since", metavar="DIGEST", help="A state of the registry that was recorded earlier."),
     ] = None,
     json: Json = False,
     address: Address = None,
@@ -192,14 +197,20 @@ def verify(
 @registry.command()
 def due(
     within: Annotated[
-        int, typer.Option("--within", metavar="DAYS", help="An end so near counts.", min=0)
+        int,
+        typer.Option(
+            "--within",
+            metavar="DAYS",
+            help="Days before the end of validity from which it counts as due.",
+            min=0,
+        ),
     ] = 30,
     max_age: Annotated[
         int,
         typer.Option(
             "--max-age",
             metavar="DAYS",
-            help="Age at which a calibration no longer serves; 0: at none.",
+            help="Age from which a calibration is too old, days; 0: no limit.",
             min=0,
         ),
     ] = 730,
@@ -209,7 +220,7 @@ def due(
             "--sigma",
             metavar="T",
             help="Limit of a single parameter, in σ of its change.",
-            show_default="left by chance once in 1,000 times",
+            show_default="exceeded by chance once in 1,000 cases",
             min=1.0,
         ),
     ] = None,
@@ -218,7 +229,7 @@ def due(
         typer.Option(
             "--limit",
             metavar="NAME=NUMBER",
-            help="Limit besides, whatever the σ: focal_length or principal_point in µm, boresight in °, "
+            help="Additional absolute limit: focal_length or principal_point in µm, boresight in °, "
             "lever_arm in mm. Repeatable.",
         ),
     ] = None,
@@ -231,7 +242,7 @@ def due(
     json: Json = False,
     address: Address = None,
 ) -> None:
-    """Say which cameras need a calibration: none in force, expired or about to, too old, or drifted.
+    """List cameras that need a calibration: none in force, expired or about to expire, too old, or drifted.
 
     The newest calibration of a camera is compared with the one before, and with the first of its mounting.
 

@@ -156,7 +156,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
 
 
 def _person(option: str | None) -> str:
-    """Who does it.
+    """Name of the person responsible.
 
     Raises
     ------

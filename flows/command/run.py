@@ -17,11 +17,11 @@ def run(
     """Run what the project file declares.
 
     With a table calibration it is the system calibration, with direct_georeferencing the check of direct
-    georeferencing, else the adjustment; aerocal calibrate, check and adjust do one of them whatever the
-    file declares. Deliveries are read, tables, figures and report published.
+    georeferencing, else the adjustment; aerocal calibrate, check and adjust run one of them regardless of the
+    file. Deliveries are read, tables, figures and report published.
 
     Stages whose inputs, settings and code did not change are reused, so a rerun is cheap. On a terminal, one
-    line says which stage is in work and about how long the rest takes.
+    line shows the current stage and about how long the rest takes.
 
     [bold]Examples[/bold]
 

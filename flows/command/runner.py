@@ -71,10 +71,10 @@ def runner(
     ] = None,
     log_format: LogFormatOption = "text",
 ) -> None:
-    """Carry out runs of a server beside its own runner, on this machine or another.
+    """Execute runs of a server alongside its own runner, on this machine or another.
 
-    The folders of projects must have the same paths as on the server's machine. SIGTERM or the interrupt
-    key ends it when the runs that have started are finished; a second one ends them, too.
+    The folders of projects must have the same paths as on the server's machine. After SIGTERM or the
+    interrupt key, it finishes the running runs and stops; a second one stops them, too.
 
     [bold]Examples[/bold]
 
@@ -82,7 +82,7 @@ def runner(
 
       aerocal runner --server http://10.0.0.5:4200 --database postgresql://me@10.0.0.5/aerocal --root /data
 
-    [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
+    [bold]Exit codes[/bold]  0 stopped as requested · 2 an option is wrong · 1 it cannot start, or failed
     """
     given = dict(locals())
     say = said_as(given.pop("log_format"))

@@ -64,18 +64,18 @@ def serve(
         typer.Option(
             "--inbox",
             metavar="DIR",
-            help="Folder of deliveries, one folder each; started once its file DELIVERED is there.",
+            help="Folder of deliveries, one folder each; a delivery starts when DELIVERED appears in it.",
         ),
     ] = None,
     story: Annotated[
         str, typer.Option("--story", help="What is done with deliveries.")
     ] = "aerial-triangulation",
     watch: Annotated[
-        float, typer.Option("--watch", metavar="S", help="Seconds between two looks into the inbox.", min=1.0)
+        float, typer.Option("--watch", metavar="S", help="Seconds between two checks of the inbox.", min=1.0)
     ] = 20.0,
     cron: Annotated[
         str | None,
-        typer.Option("--cron", metavar='"M H D M W"', help="When the inbox is looked through in any case."),
+        typer.Option("--cron", metavar='"M H D M W"', help="Schedule of a full scan of the inbox."),
     ] = None,
     timezone: Annotated[str, typer.Option("--timezone", help="Time zone of all schedules.")] = "UTC",
     registry: Annotated[
@@ -93,7 +93,7 @@ def serve(
         typer.Option(
             "--recalibration-cron",
             metavar='"M H D M W"',
-            help="When the registry is looked through for calibrations that are due.",
+            help="When the registry is checked for calibrations that are due.",
             show_default='"0 6 * * 1" with a registry',
         ),
     ] = None,
@@ -102,8 +102,8 @@ def serve(
         typer.Option(
             "--keep-days",
             metavar="N",
-            help="Every night, remove stored results of stages that nobody has used for N days; never what a "
-            "manifest names (see aerocal clean).",
+            help="Every night, remove stored results of stages that have not been used for N days, but never "
+            "what a manifest names (see aerocal clean).",
             show_default="nothing is removed",
             min=1,
             max=36_500,
@@ -114,7 +114,7 @@ def serve(
         typer.Option(
             "--history-days",
             metavar="N",
-            help="How long the dashboard remembers runs that have ended.",
+            help="How long the dashboard keeps finished runs.",
             min=1,
             max=36_500,
         ),
@@ -135,7 +135,7 @@ def serve(
         typer.Option(
             "--notify-on",
             metavar="KINDS",
-            help="What notices are about: gate, failure, recalibration, success. They go to the addresses in "
+            help="Which notices are sent: gate, failure, recalibration, success. They go to the addresses in "
             "AEROCAL_NOTIFY, or in the file that AEROCAL_NOTIFY_FILE names.",
         ),
     ] = "gate,failure,recalibration",
@@ -151,10 +151,10 @@ def serve(
     ] = None,
     log_format: LogFormatOption = "text",
 ) -> None:
-    """Run the server: dashboard, deployments, and a runner that carries them out.
+    """Run the server: dashboard, deployments, and a runner that executes them.
 
-    While it runs, [bold]aerocal run[/bold] and the others appear in the dashboard. SIGTERM or the
-    interrupt key ends it when the runs that have started are finished; a second one ends them, too.
+    While it is running, [bold]aerocal run[/bold] and the others appear in the dashboard. After SIGTERM or the
+    interrupt key, it finishes the running runs and stops; a second one stops them, too.
 
     [bold]Examples[/bold]
 
@@ -162,7 +162,7 @@ def serve(
 
       aerocal serve --root /data --inbox /data/inbox --cron "30 1 * * *" --timezone Europe/Berlin
 
-    [bold]Exit codes[/bold]  0 ended as asked · 2 an option is wrong · 1 it cannot start, or broke off
+    [bold]Exit codes[/bold]  0 stopped as requested · 2 an option is wrong · 1 it cannot start, or failed
     """
     given = dict(locals())
     say = said_as(given.pop("log_format"))

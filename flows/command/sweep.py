@@ -18,9 +18,9 @@ def sweep(
     """Adjust every scenario of a project's sweep: one table, one page.
 
     A scenario is a sub-block, a choice of control points and a variant of the settings. What they share is
-    computed once; a sweep that was stopped goes on where it stood.
+    computed once; an interrupted sweep resumes where it stopped.
 
-    Results: sweep.parquet, sweep.html. A scenario that cannot be computed is a row that says why.
+    Results: sweep.parquet, sweep.html. A scenario that cannot be computed is a row with the reason.
 
     [bold]Examples[/bold]
 

@@ -11,7 +11,7 @@ from flows.command.exit_code import end_with
 
 
 def undistort(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Folder a run has written into.")],
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder of a run.")],
     images: Annotated[
         list[Path], typer.Argument(metavar="IMAGE...", help="TIFF, JPEG, PNG or JPEG 2000, as taken.")
     ],

@@ -44,7 +44,7 @@ def carry_out_batch(
     Parameters
     ----------
     requests : the projects, with absolute paths: a worker elsewhere has another working folder.
-    count : how many at a time on this machine; None: one for each processor. A cluster has its own number.
+    count : how many at a time on this machine; None: one per processor. A cluster has its own number.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def _require_own_folders(requests: Sequence[RunRequest]) -> None:
             raise InputError(
                 f"The results of {other.project_file} and {request.project_file} would go into the same "
                 f"folder {request.directory}.",
-                "Give each project a folder of its own, or run them one by one with --out.",
+                "Give each project its own folder, or run them one by one with --out.",
             )
 
 

@@ -103,13 +103,13 @@ def cluster(
             yield executor
         except KilledWorker as error:
             raise InstallationError(
-                f"Workers of {address} died again and again over the same work, most likely because the "
+                f"Workers of {address} died repeatedly on the same task, most likely because the "
                 "memory was full.",
                 f"Start fewer workers, or give them more memory (--memory-limit); {_KEPT}",
             ) from error
         except CancelledError as error:
             raise executor.given_up or InstallationError(
-                f"The Dask scheduler {address} has ended, or was restarted, in the middle of the work.",
+                f"The Dask scheduler {address} stopped or was restarted during the computation.",
                 f"Start it and its workers again, then run again; {_KEPT}",
             ) from error
 
@@ -119,7 +119,7 @@ def _connected(address: str) -> Client:
         return Client(address, timeout=_CONNECT_S, set_as_default=False, name="aerocal")
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         raise InstallationError(
-            f"The Dask scheduler {address} is not reached ({error}).",
+            f"The Dask scheduler {address} cannot be reached ({error}).",
             "Start it with `dask scheduler`, correct --dask or AEROCAL_DASK, or compute on this machine with "
             "--dask none.",
         ) from error
@@ -197,7 +197,7 @@ def _watch(client: Client, address: str, executor: ClusterExecutor, over: thread
                 missing_s = 0.0
                 continue
             if missing_s == 0.0:
-                _log.warning("cluster %s: no worker is left; waiting for one to come back", address)
+                _log.warning("cluster %s: no worker is left; waiting for one to return", address)
             missing_s += _LOOK_S
         if missing_s >= _WAIT_S:
             executor.give_up(

@@ -67,7 +67,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         noted.end("Failed", str(error), error.stage, may_pass=True)
         raise
     except (OSError, MemoryError) as error:
-        noted.end("Failed", f"The machine stood in the way: {type(error).__name__}: {error}.", may_pass=True)
+        noted.end("Failed", f"The machine caused a failure: {type(error).__name__}: {error}.", may_pass=True)
         raise
     except Exception as error:
         noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")

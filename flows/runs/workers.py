@@ -35,7 +35,7 @@ def processes(workers: int | None) -> Iterator[Executor | None]:
 
     Parameters
     ----------
-    workers : their number; None: one for each processor. With one worker there is nothing to hand over, and
+    workers : their number; None: one per processor. With one worker there is nothing to hand over, and
         the executor is None.
 
     Raises
@@ -54,8 +54,8 @@ def processes(workers: int | None) -> Iterator[Executor | None]:
         yield executor
     except BrokenProcessPool as error:
         raise InstallationError(
-            "A worker process was ended from outside, most likely because the memory was full.",
-            "Run again with fewer workers; what is finished is kept.",
+            "A worker process was terminated from outside, most likely because the memory was full.",
+            "Run again with fewer workers; completed stages are kept.",
         ) from error
     except BaseException:
         # Interrupted, or a defect: what the workers are doing is of no use any more.

@@ -226,7 +226,7 @@ def silence_automation() -> dict[str, Any]:
     """The silence_automation as the server's API takes it."""
     return {
         "name": AUTOMATION,
-        "description": f"A run that has said nothing for {SILENCE_S} s is Crashed; made by aerocal serve.",
+        "description": f"A run without a heartbeat for {SILENCE_S} s is Crashed; made by aerocal serve.",
         "enabled": True,
         "trigger": {
             "type": "event",
@@ -243,7 +243,7 @@ def silence_automation() -> dict[str, Any]:
             {
                 "type": "change-flow-run-state",
                 "state": "CRASHED",
-                "message": f"It has given no sign of life for {SILENCE_S} s.",
+                "message": f"It has sent no heartbeat for {SILENCE_S} s.",
             }
         ],
     }

@@ -233,14 +233,15 @@ class Supervised:
                 raise self._given_up()
             pause_s = _PATIENCE.pause_s(len(self._ends))
             self._again = now + pause_s
-            self._say(f"The {self.name} has ended by itself; it is started again in {pause_s:.0f} s.")
+            self._say(f"The {self.name} has stopped unexpectedly; it is restarted in {pause_s:.0f} s.")
         else:
             self.child.begin_log_anew()
 
     def _given_up(self) -> InstallationError:
         return InstallationError(
-            f"The {self.name} has ended by itself {_ENDS} times within {_PATIENCE.total_s / 60:.0f} minutes.",
-            "Start again when the reason is found; runs go on where they stood. "
+            f"The {self.name} has stopped unexpectedly {_ENDS} times within "
+            f"{_PATIENCE.total_s / 60:.0f} minutes.",
+            "Find the reason and start again; interrupted runs resume. "
             f"Its log is {self.child.log}; the last lines:\n{self.child.last_lines()}",
         )
 

@@ -102,7 +102,7 @@ class Door:
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return Refusal(
                 400,
-                "This server is not known by that name. Ask for its address, or start it with --public-url, "
+                "This server does not use that name. Ask for its address, or start it with --public-url, "
                 "or with the name in AEROCAL_HOSTS.",
             )
         for origin in asked.all("origin"):
@@ -111,7 +111,7 @@ class Door:
         if asked.method in _WRITING and _has_content(asked):
             kind = asked.one("content-type").partition(";")[0].strip().lower()
             if kind != "application/json":
-                return Refusal(415, "Only application/json is taken.")
+                return Refusal(415, "Only application/json is accepted.")
         return None
 
     def knows(self, asked: Asked) -> bool:

@@ -35,9 +35,9 @@ _LOOKING_BACK = timedelta(days=3)
 #: Types of the server's states in which a run that had started waits, and what is to be said about it.
 _WAITING: Mapping[str, str] = {
     "SCHEDULED": "",
-    "PAUSED": "Suspended: it goes on when somebody resumes it in the dashboard.",
+    "PAUSED": "Suspended: it continues when it is resumed in the dashboard.",
 }
-_ENDED_HERE = "Its process was ended from outside."
+_ENDED_HERE = "Its process was terminated from outside."
 
 
 def reconcile(api: Api, records: Records) -> tuple[RunRecord, ...]:
@@ -133,7 +133,7 @@ def _tell(api: Api, run: RunRecord) -> None:
     set_state(api, run.id, kind[run.state == "Completed"], run.state, run.message, force=True)
 
 
-_MESSAGE = "It was ended by the machine; finished stages are kept."
+_MESSAGE = "It was terminated by the machine; completed stages are kept."
 
 
 def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:

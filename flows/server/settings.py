@@ -151,7 +151,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
     if database is not None and urlsplit(database).password is not None:
         # It would stand in the list of processes, and in the state file.
         raise InputError(
-            "The address of the database holds a password.",
+            "The address of the database contains a password.",
             "Put it into the environment: PGPASSWORD=…, and write postgresql://USER@HOST/DATABASE.",
         )
     if inbox is not None and not inbox.is_dir():

@@ -141,7 +141,7 @@ def _hold(handle: int, folder: Path) -> None:
         where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
         raise InstallationError(
             f"A server of yours is already running{where}.",
-            "Use it, or end it first; a second one needs a folder of its own (--state).",
+            "Use it, or stop it first; a second one needs its own folder (--state).",
         ) from error
 
 
@@ -176,7 +176,7 @@ def password_of(address: ServerAddress, folder: Path, environment: Mapping[str, 
         return given
     if not address.is_loopback:
         raise InstallationError(
-            f"With --host {address.host} others could start runs and read results without being asked.",
+            f"With --host {address.host} others could start runs and read results without a password.",
             f"Set {SERVER_PASSWORD}=user:password in the environment (and {CLIENT_PASSWORD} where runs are "
             "reported from), or stay with 127.0.0.1.",
         )
@@ -209,7 +209,7 @@ def kept_password(folder: Path) -> str | None:
         if about.st_uid != os.geteuid() or about.st_mode & 0o077:
             raise InstallationError(
                 f"Others can read or have written the secret of the server, {file}.",
-                "Remove it; the next start of aerocal serve makes another one.",
+                "Remove it; the next start of aerocal serve creates another one.",
             )
         return stream.read(1_000).strip() or None
 

@@ -150,7 +150,7 @@ system_calibration = _story_flow(
 )
 direct_georeferencing_check = _story_flow(
     "direct-georeferencing-check",
-    "Check what GNSS, INS and a calibration give without any control.",
+    "Check the accuracy of GNSS, INS and a calibration without control points.",
     direct_georeferencing_story,
 )
 

@@ -80,7 +80,7 @@ class DrainingRunner(Runner):
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have started."""
-        _log.info("asked to end: finishing the runs that have started, beginning no more")
+        _log.info("stopping: finishing the running runs, starting no more")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
 
@@ -98,7 +98,7 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
         try:
             await question(*args, **kwargs)
         except httpx.HTTPError as error:
-            _log.warning("the server does not answer (%s); asking again", str(error).partition("\n")[0])
+            _log.warning("the server does not answer (%s); retrying", str(error).partition("\n")[0])
 
     return asked
 

@@ -121,7 +121,7 @@ aerial_triangulation = _story_flow(
 )
 direct_georeferencing_check = _story_flow(
     "direct-georeferencing-check",
-    "Check what GNSS, INS and the calibration of a project file give without any control.",
+    "Check the accuracy of GNSS, INS and the calibration of a project file without control points.",
     lambda _request: direct_georeferencing_story,
 )
 system_calibration = _story_flow(

@@ -207,14 +207,14 @@ class _Serving:
         self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
         self.say("Projects may lie under: " + ", ".join(map(str, settings.roots.folders)))
-        self.say("Ready. The interrupt key or SIGTERM ends it when the runs that have started are finished.")
+        self.say("Ready. The interrupt key or SIGTERM stops it when the running runs are finished.")
 
     def _tell_link(self) -> None:
         """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
         link = f"{self.settings.address.dashboard}{self.door.link}"
         file = keep_link(self.settings.state, link)
         shown = link if sys.stdout.isatty() else f"it stands in {file}"
-        self.say(f"A browser is let in by this link, to be opened once: {shown}")
+        self.say(f"Open this link once to give a browser access: {shown}")
 
     def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
         """Look after children and inbox until a request to end has come; then let the runner finish."""
@@ -222,7 +222,7 @@ class _Serving:
             watch.look,
             self.settings.watch_s,
             self.say,
-            "A look after inbox and runs broke off",
+            "A check of inbox and runs failed",
             grace_s=5.0,
         )
         try:
@@ -231,7 +231,7 @@ class _Serving:
         except InstallationError:
             runner.drain(self.requests)
             raise
-        self.say("Ending when the runs that have started are finished; a second request ends them now.")
+        self.say("Stopping when the running runs are finished; a second request stops them now.")
         runner.drain(self.requests)
         return 0
 
@@ -259,7 +259,7 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
     url = server_address(server) or (None if local is None else local.url)
     if url is None:
         raise InputError(
-            "There is no server to work for.", "Start aerocal serve, or name one with --server URL."
+            "There is no server to run for.", "Start aerocal serve, or name one with --server URL."
         )
     local = local if local is not None and local.url == url else None
     records = settings.database or (None if local is None else local.records)
@@ -293,9 +293,9 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         runner = Supervised("runner", start, say, lambda: _answers(url))
         try:
             say(f"Working for {url}; log: {runner.child.log}")
-            say("Ready. The interrupt key or SIGTERM ends it when the runs that have started are finished.")
+            say("Ready. The interrupt key or SIGTERM stops it when the running runs are finished.")
             _look_after([runner], requests)
-            say("Ending when the runs that have started are finished; a second request ends them now.")
+            say("Stopping when the running runs are finished; a second request stops them now.")
             runner.drain(requests)
         finally:
             runner.end()

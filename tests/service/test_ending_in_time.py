@@ -73,7 +73,7 @@ def test_while_a_run_reads_a_huge_delivery(tmp_path: Path) -> None:
         until(lambda: is_open(tmp_path / "root", "image_points.csv"), 120)
         began = time.monotonic()
         server.process.send_signal(signal.SIGTERM)
-        until(lambda: "a second request ends them now" in server.printed, _AT_MOST_S)
+        until(lambda: "a second request stops them now" in server.printed, _AT_MOST_S)
         assert server.process.poll() is None, "what has started is finished"
         assert time.monotonic() - began < _AT_MOST_S
         assert seconds_to_end(server) < _AT_MOST_S

@@ -71,7 +71,7 @@ def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Serv
         os.kill(group, signal.SIGKILL)
         until(lambda: not Path(f"/proc/{engine}").exists(), 30)
         until(lambda: recorded(server, run).attempts == 2, 60)
-    assert "The runner has ended by itself; it is started again in 1 s." in server.printed
+    assert "The runner has stopped unexpectedly; it is restarted in 1 s." in server.printed
     until(lambda: recorded(server, run).state == "Completed", 180)
     until(lambda: server.run(run)["state_name"] == "Completed", 30)
     assert computed_once(results)
@@ -82,7 +82,7 @@ def test_a_run_that_finishes_while_the_server_is_away_is_not_begun_again(server:
     with run_lock(results):
         run = begun(server, "server")
         os.kill(server.group_of("flows.server.prefect_server"), signal.SIGKILL)
-        until(lambda: "The server has ended by itself" in server.printed, 10)
+        until(lambda: "The server has stopped unexpectedly" in server.printed, 10)
     until(lambda: recorded(server, run).state == "Completed", 120)
     until(lambda: _state(server, run) == "Completed", 200)
     assert recorded(server, run).attempts == 1

@@ -299,7 +299,7 @@ def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: 
         with run_lock(server.folder / "root" / "block" / "held"):
             server.in_state(waiting, "RUNNING")
             server.process.send_signal(signal.SIGTERM)
-            until(lambda: "a second request ends them now" in server.printed, 20)
+            until(lambda: "a second request stops them now" in server.printed, 20)
             later = server.start(MANUAL, {"project": "block", "output": "later"})
             with pytest.raises(subprocess.TimeoutExpired):
                 server.process.wait(6)
