@@ -152,7 +152,7 @@ def add_results(server: Flask, sources: Sources) -> None:
 
 def _no_listing(_rest: str = "") -> Response:
     return _refused_document(
-        NoDocumentError("There is nothing here.", "Follow the links of the overview."), 404
+        NoDocumentError("There is nothing here.", "Use the links of the production page."), 404
     )
 
 

@@ -4,7 +4,7 @@ A run writes its own end, into the records first and then to the server. One tha
 timed out can do neither; one whose server or database was away may have done one of them. Of both, the
 record of a decided run holds: its results are there. Everything else is what the server says, which hears of
 dead runs from the runner, or because their heartbeats have stopped; of those on this machine, it is told
-here. A run that the server no longer knows, because its database was lost or started anew, is given up: its
+here. A run that the server no longer knows, because its database was lost or started anew, is dropped: its
 delivery then gets another one.
 """
 

@@ -170,7 +170,7 @@ class GivenOrientations:
         unknown = arm.any(axis=1) & ~self.attitude_observed
         if unknown.any():
             raise InputError(
-                "The position was reduced to the projection centre, and no attitude is there to undo that.",
+                "The position was reduced to the projection centre, and there is no attitude to undo this.",
                 'Deliver the attitude, or the position of the antenna (position = "antenna"), or give no '
                 "lever_arm_m.",
                 entity=f"image {self.image[int(np.argmax(unknown))]}",

@@ -67,7 +67,7 @@ def oriented_images(
     own = measured_exposures(exposures, cameras, measured)
     if len(own) == 0:
         raise InputError(
-            "No image point lies in an image of the exposures.", "Check that both name the images alike."
+            "No image point lies in an image of the exposures.", "Check that both use the same image names."
         )
     if found is not None:
         own = _completed(own, found)

@@ -13,16 +13,16 @@ from tasks.errors import AerocalError, InputError
 from tasks.files.installation import InstallationError
 
 _BUSY = (
-    "The {what} {address} is being written by another process that does not come to an end.",
-    "Wait for it, or end it; nothing was changed.",
+    "The {what} {address} is locked by another process that does not finish.",
+    "Wait for it, or stop it; nothing was changed.",
 )
 _REACH = "Start it, or correct {named_by}."
 # SQLSTATE → what, remedy.
 _SERVER: Mapping[str, tuple[str, str]] = {
     "28P01": ("The database {address} refuses this user or password.", "Give the password in PGPASSWORD."),
-    "28000": ("The database {address} refuses this user.", "Ask whoever runs it for access."),
+    "28000": ("The database {address} refuses this user.", "Ask its administrator for access."),
     "3D000": ("There is no database {address}.", "Create it, or correct {named_by}."),
-    "42501": ("This user may not write into {address}.", "Ask whoever runs it for access."),
+    "42501": ("This user may not write into {address}.", "Ask its administrator for access."),
     "55P03": _BUSY,
     "25006": ("The database {address} may only be read.", "Name the server that accepts changes."),
 }
@@ -31,7 +31,7 @@ _FILE: Mapping[str, tuple[str, str]] = {
     "database is locked": _BUSY,
     "unable to open database file": (
         "The {what} {address} cannot be opened.",
-        "Check its folder and permissions, or name another place ({named_by}).",
+        "Check its folder and permissions, or name another location ({named_by}).",
     ),
     "attempt to write a readonly database": (
         "The {what} {address} cannot be written.",

@@ -70,7 +70,7 @@ class FileLimits:
             return None
         return InputError(
             f"The file has {math.ceil(size / _MB):,} MB, more than the {most:,} MB this installation reads.",
-            f"Deliver the right file, or divide it; whoever runs the installation can raise {variable}.",
+            f"Deliver the right file, or divide it; the administrator can raise {variable}.",
             file=path,
         )
 
@@ -85,8 +85,7 @@ class FileLimits:
         if rows > self.rows:
             raise InputError(
                 f"The file has {rows:,} rows, more than the {self.rows:,} this installation reads.",
-                "Deliver the right file, or divide it; whoever runs the installation can raise "
-                f"{ROWS_VARIABLE}.",
+                f"Deliver the right file, or divide it; the administrator can raise {ROWS_VARIABLE}.",
                 file=path,
             )
 

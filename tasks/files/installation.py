@@ -72,7 +72,7 @@ def writing_into(folder: Path) -> Iterator[None]:
         if error.errno in _REFUSED and _within(file, folder):
             raise InstallationError(
                 f"{visible(str(file or folder), _SHOWN)} cannot be written ({error.strerror}).",
-                "Let it be there and be written, or choose another folder with --out.",
+                "Make it available and writable, or choose another folder with --out.",
             ) from error
         raise
 

@@ -72,7 +72,7 @@ def address_of(text: str) -> ObjectAddress:
         raise InputError(f"'{text}' is not an address of object storage.", _FORM)
     bucket, _, prefix = text[len(_SCHEME) :].partition("/")
     if "@" in bucket or ":" in bucket or "?" in text:
-        raise InputError("The address of the object storage holds more than bucket and prefix.", _SECRETS)
+        raise InputError("The address of the object storage contains more than bucket and prefix.", _SECRETS)
     return _checked(bucket, prefix.strip("/"))
 
 

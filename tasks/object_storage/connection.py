@@ -195,7 +195,7 @@ def failure_of(error: Exception, address: ObjectAddress) -> Failure:
     if name == "NO_SUCH_BUCKET":
         return Failure(
             f"there is no bucket '{address.bucket}'",
-            "Make the bucket, or correct the address; buckets are never made by aerocal.",
+            "Create the bucket, or correct the address; aerocal does not create buckets.",
         )
     if name in _CREDENTIALS or status in ("401", "403"):
         return Failure(
@@ -223,7 +223,7 @@ def _of_network(message: str) -> Failure:
     if curl[1] in _CURL_CERTIFICATES:
         return Failure(
             f"its certificate is not trusted ({curl[2]})",
-            "Set AWS_CA_BUNDLE to the file of the certificates it is to be checked against.",
+            "Set AWS_CA_BUNDLE to the file of the trusted certificates.",
         )
     return Failure(curl[2][0].lower() + curl[2][1:])
 
@@ -267,7 +267,7 @@ def patiently(
         nonlocal failures
         failures += 1
         _log.warning(
-            "%s does not answer (%s); trying again in %.0f s, for up to %s",
+            "%s does not answer (%s); retrying in %.0f s, for up to %s",
             address, failure_of(error, address).reason, pause_s, _duration(patience_s - waited_s),
         )  # fmt: skip
 
@@ -296,7 +296,7 @@ def _is_of_storage(error: Exception) -> bool:
 def _given_up(address: ObjectAddress, reason: str, waited_s: float) -> InstallationError:
     return InstallationError(
         f"{address} has not answered for {_duration(waited_s)} ({reason}).",
-        "Run again when it does; what is done already is kept on this machine.",
+        "Run again when it does; finished stages are kept on this machine.",
     )
 
 

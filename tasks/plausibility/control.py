@@ -98,7 +98,7 @@ def check_control(
         raise InputError(
             f"x and y of {int(far.sum())} control points look swapped: with x and y exchanged they lie "
             "where their rays intersect.",
-            "x is east and y is north in every input, whatever the axis order of the CRS.",
+            "x is east and y is north in every input, regardless of the axis order of the CRS.",
         )
     names = [differences.point[i] for i in np.argsort(-distance, kind="stable") if far[i]]
     worst = differences.point.index(names[0])

@@ -40,7 +40,7 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
             f"{len(lost):,} of {len(surveyed):,} control and check points are measured in no image: "
             f"{_named(lost)}.",
             (),
-            "Measure them, or check that both files name them alike.",
+            "Measure them, or check that both files use the same names.",
         )
 
 

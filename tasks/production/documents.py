@@ -87,13 +87,13 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
     """
     run = records.run(run_id) if _RUN.fullmatch(run_id) else None
     if run is None:
-        raise NoDocumentError("There is no run of this number.", "Follow the links of the overview.")
+        raise NoDocumentError("There is no run of this number.", "Use the links of the production page.")
     if not records.holds_results(run):
         raise NoDocumentError(*_without_results(run))
     manifest = _manifest(run, folders)
     if manifest is None:
         raise NoDocumentError(
-            f"The results of {run.project} are not where this server may read them.",
+            f"The results of {run.project} are outside the folders that this server may read.",
             f"They were written into {run.directory}.",
         )
     if not _NAME.fullmatch(name) or name not in _names(manifest):
@@ -106,7 +106,7 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
     if hashlib.sha256(content).hexdigest() != digest:
         raise ChangedDocumentError(
             f"{name} of {run.project} was changed after the run had written it, and is not shown.",
-            "Run the project again: finished stages are taken up, and the file is written anew.",
+            "Run the project again: completed stages are reused, and the file is written again.",
         )
     return Document(name, MEDIA_TYPES[Path(name).suffix], content)
 

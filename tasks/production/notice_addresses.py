@@ -109,8 +109,8 @@ def configured_addresses(environment: Mapping[str, str] = os.environ) -> tuple[N
             receiver = apprise.Apprise.instantiate(url)
         if receiver is None:
             raise InputError(
-                f"Address {number} for notices ({source}) is not understood; it is not shown, for it may "
-                "hold a password.",
+                f"Address {number} for notices ({source}) is invalid; it is not shown, because it may "
+                "contain a password.",
                 "Write e.g. jsons://HOST/PATH for a webhook, mailtos://USER:PASSWORD@HOST?to=NAME@DOMAIN for "
                 "e-mail; special characters of a password percent-encoded.",
             )
@@ -125,7 +125,7 @@ def _private_text(file: Path) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"The file of {FILE_VARIABLE} cannot be read.", "Check its path.", file) from error
     if mode & 0o077:
-        raise InputError("Others may read this file of addresses.", f"chmod 600 {file}", file)
+        raise InputError("Other users can read this file of addresses.", f"chmod 600 {file}", file)
     return text
 
 

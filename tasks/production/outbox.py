@@ -160,7 +160,7 @@ class Courier:
         if not sent.accepted:
             self._rests[address.key] = now + min(after.due - now, _RESTED)
         if after.state == "given_up":
-            self.say(f"The notice '{notice.subject}' is given up: {address} is {sent.said}.")
+            self.say(f"The notice '{notice.subject}' is dropped: {address} is {sent.said}.")
         elif not sent.accepted and after.attempts == 1:
-            self.say(f"The notice '{notice.subject}' is sent again later: {address} is {sent.said}.")
+            self.say(f"The notice '{notice.subject}' will be retried: {address} is {sent.said}.")
         return after.state != "waiting"

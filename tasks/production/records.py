@@ -323,7 +323,7 @@ class Records:
             raise InputError(
                 f"The record of runs {self.address} has tables of version {found}; this aerocal knows "
                 f"version {SCHEMA_VERSION}.",
-                "Use the aerocal that made it, or name a new database.",
+                "Use the version of aerocal that made it, or name a new database.",
             )
 
 

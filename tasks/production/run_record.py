@@ -139,5 +139,5 @@ def with_prospect(message: str, attempts: int, again_at: datetime | None) -> str
     """A message on an end, followed by what happens next."""
     if again_at is None:
         times = "once" if attempts == 1 else f"{attempts} times"
-        return f"{message} It was started {times} and is not started again by itself."
-    return f"{message} It is started again after {again_at:%H:%M} UTC."
+        return f"{message} It was started {times} and is not restarted automatically."
+    return f"{message} It is restarted after {again_at:%H:%M} UTC."

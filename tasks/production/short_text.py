@@ -17,14 +17,14 @@ from tasks.plain_text import visible
 
 #: What to do about a state; shown here and on the production page.
 REMEDIES: Mapping[str, str] = {
-    "InputError": "Correct what the message names, then run again. A delivery is started again when its file "
-    "DELIVERED is written anew. Nothing of an earlier result was changed.",
+    "InputError": "Correct what the message names, then run again. A delivery is processed again when its "
+    "file DELIVERED is rewritten. Earlier results were not changed.",
     "NotComputable": "Deliver more observations, or free fewer parameters (the message names them), then run "
-    "again. Nothing of an earlier result was changed.",
-    "GateFailed": "Read the problems and the report. The results are there; whether they may be used is a "
-    "decision of yours. The same input gives the same answer, so running again changes nothing.",
+    "again. Earlier results were not changed.",
+    "GateFailed": "Read the problems and the report. The results exist; you decide whether they may be used. "
+    "Running again changes nothing, because the same input gives the same result.",
     "Failed": "The machine or aerocal is at fault, not the delivery: see message and log of the run. "
-    "Run again when it is mended; finished stages are taken up.",
+    "Run again when this is corrected; completed stages are reused.",
 }
 _MOST_PROBLEMS = 5
 _SLUG = 40

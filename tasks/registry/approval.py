@@ -86,7 +86,7 @@ def require_approvable(
         reasons = " ".join(chosen.record.reasons) or "It states no reason."
         raise InputError(
             f"{_capital(chosen.label)} was refused by its own calibration: {reasons}",
-            'Fly again; or state why it shall hold all the same: --although "REASON".',
+            'Fly again; or state why it should be valid nevertheless: --although "REASON".',
         )
     for item in _same_mounting(contents, chosen):
         held = item.validity
@@ -118,7 +118,7 @@ def approved_meanwhile(contents: Contents, approval: Approval) -> None:
     raise InputError(
         f"Meanwhile {event.person} has approved {other.label}, valid {event.validity} ({event.at}): "
         f"{approval.chosen.label} was not approved, nothing was changed.",
-        f"Look at it (`aerocal registry show {other.id}`) and approve again if yours shall hold.",
+        f"Look at it (`aerocal registry show {other.id}`) and approve again if yours should be valid.",
     )
 
 

@@ -110,7 +110,7 @@ class Compatibility:
                 for which, names in (("new", self.new_only), ("old", self.old_only))
                 if names
             ]
-            said.append(f"Estimated {'; '.join(parts)}: not compared, but it may take up part of the others.")
+            said.append(f"Estimated {'; '.join(parts)}: not compared, but it may absorb part of the others.")
         return tuple(said)
 
     def _of_all(self) -> str:
@@ -118,7 +118,7 @@ class Compatibility:
         what = f"All {count} common parameters" if count > 1 else "The one common parameter"
         figures = (
             f"χ² = {self.chi2:.1f} with {self.degrees_of_freedom} degree"
-            f"{'s' if self.degrees_of_freedom != 1 else ''} of freedom, reached by chance in "
+            f"{'s' if self.degrees_of_freedom != 1 else ''} of freedom, exceeded by chance in "
             f"{_percent(self.probability)} of all cases"
         )
         if self.agrees:

@@ -122,13 +122,14 @@ class Database:
         if versions != [SCHEMA_VERSION]:
             found = " and ".join(map(str, versions)) or "none"
             raise InputError(
-                f"The registry {self.address} has tables of version {found}; this aerocal knows version "
-                f"{SCHEMA_VERSION}.",
-                "Use the aerocal that made it, or export its records and add them to a new registry.",
+                f"The registry {self.address} has tables of version {found}; this version of aerocal knows "
+                f"version {SCHEMA_VERSION}.",
+                "Use the version of aerocal that made it, or export its records and add them to a new "
+                "registry.",
             )
 
     def _missing(self) -> InputError:
         return InputError(
             f"There is no registry at {self.address}.",
-            "`aerocal registry add` makes one; --registry or AEROCAL_REGISTRY name another place.",
+            "`aerocal registry add` creates one; --registry or AEROCAL_REGISTRY name another location.",
         )

@@ -162,13 +162,13 @@ def _reasons(
         elif end is not None and (end - today).days <= limits.within_days:
             days = (end - today).days
             when = "today" if days == 0 else f"in {days} day{'s' * (days != 1)}"
-            yield Reason("expires", f"What is approved serves until {end}, {when}.{waiting}")
+            yield Reason("expires", f"The approved calibration is valid until {end}, {when}.{waiting}")
     for drift in drifts:
         if drift.has_drifted:
             yield Reason("drifted", f"{drift.sentence} {_SETTLE}")
 
 
-_SETTLE = "Look for the cause; a known one is stated at the approval (--although)."
+_SETTLE = "Find the cause; a known cause is stated at the approval (--although)."
 
 
 def _waiting(items: Sequence[StoredCalibration], today: date) -> str:

@@ -95,7 +95,7 @@ def _chain_findings(events: Sequence[Event]) -> Iterator[Finding]:
             yield Finding(f"The history has a gap {place}: an event was removed.")
         elif event.previous != before.digest:
             yield Finding(
-                f"The history does not continue {place}: an event was changed, removed, put in or moved."
+                f"The history does not continue {place}: an event was changed, removed, inserted or moved."
             )
 
 
@@ -108,7 +108,7 @@ def _head_findings(rows: Rows, by_record: Mapping[Any, Sequence[Event]]) -> Iter
     if head["events"] != count:
         yield Finding(
             f"The registry has counted {head['events']} events and there are {count}: some were removed or "
-            "put in."
+            "inserted."
         )
     elif head["digest"] != (rows.events[-1]["digest"] if count else BEGINNING):
         yield Finding("The last event is not the one the registry has written last.")
@@ -126,7 +126,7 @@ def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterato
     number, content = row["id"], str(row["content"])
     name = f"Calibration {number} ({row['camera']}, version {row['version']})"
     if not events:
-        yield Finding(f"{name} has no history: it was put in behind the registry's back.", number)
+        yield Finding(f"{name} has no history: it was inserted without aerocal.", number)
         return
     digest = hashlib.sha256(content.encode()).hexdigest()
     expected = events[0].record_digest

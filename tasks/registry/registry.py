@@ -39,7 +39,9 @@ class Signature:
 
     def __post_init__(self) -> None:
         if is_blank(self.person):
-            raise InputError("The name of who does this is blank.", "Give it: --by NAME.", entity="--by")
+            raise InputError(
+                "The name of the person responsible is blank.", "Give it: --by NAME.", entity="--by"
+            )
 
 
 @dataclass(frozen=True)

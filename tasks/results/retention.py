@@ -149,7 +149,7 @@ def _with_lock(
     except AerocalError as error:
         return CleanUp(directory, refusal=str(error))
     except OSError as error:
-        return CleanUp(directory, refusal=f"It cannot be looked through ({error}): nothing is removed.")
+        return CleanUp(directory, refusal=f"It cannot be read ({error}): nothing is removed.")
 
 
 def _inspected(directory: Path, unused_since: datetime) -> CleanUp:

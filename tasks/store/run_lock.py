@@ -54,7 +54,7 @@ def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
             # The number is a hint for the reader only; the lock itself is what counts.
             holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
             _log.warning(
-                "another run (process %s) is writing into %s; waiting until it ends", holder, directory
+                "another run (process %s) is writing into %s; waiting for it to finish", holder, directory
             )
             # Not in the system call: a signal that comes just before it would be heard of only after it.
             while not _locked(handle):

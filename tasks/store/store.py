@@ -101,7 +101,7 @@ class Store:
             _note_use(place)
             return outputs
         except _DAMAGES as error:
-            _log.warning("%s: the stored output is damaged and is computed again (%s)", key.stage, error)
+            _log.warning("%s: the stored output is damaged and is recomputed (%s)", key.stage, error)
             return None
 
     def taken_up(self, key: StageKey) -> Outputs | None:

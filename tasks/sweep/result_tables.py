@@ -139,7 +139,7 @@ def residual_table(results: SweepResults, block: str) -> Table:
         cells = [Number(value, digits) for value, digits in zip(values, decimals, strict=True)]
         rows.append(Row(scenario_key(row), (str(row["variant"]), *cells)))
     caption = f"{block}: what remains in the images (control: {first['control'].iloc[0]})"
-    note = "Systematic part: RMS of the mean residuals, freed of what chance gives."
+    note = "Systematic part: RMS of the mean residuals, corrected for chance."
     return Table(f"residuals-{results.blocks.index(block)}", caption, columns, tuple(rows), note)
 
 

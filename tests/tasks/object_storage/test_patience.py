@@ -140,7 +140,7 @@ def test_people_are_told_while_it_waits(caplog: pytest.LogCaptureFixture) -> Non
     clock = Clock()
     patiently(failing(clock, STOPPED, 1003.0), ADDRESS, 300.0, pause=clock.pause, now=clock.now)
     assert caplog.messages == [
-        "s3://surveys/block does not answer (timeout was reached); trying again in 1 s, for up to 5 min",
-        "s3://surveys/block does not answer (timeout was reached); trying again in 2 s, for up to 5 min",
+        "s3://surveys/block does not answer (timeout was reached); retrying in 1 s, for up to 5 min",
+        "s3://surveys/block does not answer (timeout was reached); retrying in 2 s, for up to 5 min",
         "s3://surveys/block answers again after 3 s",
     ]

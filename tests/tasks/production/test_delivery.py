@@ -227,7 +227,7 @@ def test_a_notice_outlives_the_process_that_was_to_deliver_it(
     environment = {**os.environ, "AEROCAL_NOTIFY": url}
     process = start(sys.executable, "-c", program, env=environment, stdout=subprocess.PIPE)
     assert process.stdout is not None
-    assert "sent again later" in process.stdout.readline()
+    assert "will be retried" in process.stdout.readline()
     process.send_signal(signal.SIGKILL)
     process.wait()
     with web_receiver(port=port) as web:

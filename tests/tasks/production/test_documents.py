@@ -122,7 +122,7 @@ def test_a_link_out_of_the_folders_is_not_followed(
 def test_results_outside_the_folders_are_named_and_not_shown(records: Records, tmp_path: Path) -> None:
     elsewhere = publish(records, tmp_path / "elsewhere")
     (tmp_path / "root").mkdir()
-    with pytest.raises(NoDocumentError, match="not where this server may read them"):
+    with pytest.raises(NoDocumentError, match="outside the folders that this server may read"):
         read_document(records, elsewhere.id, "report.html", (tmp_path / "root",))
     assert documents_of(elsewhere, (tmp_path / "root",)) == ()
 

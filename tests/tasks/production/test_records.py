@@ -90,7 +90,7 @@ def test_a_run_that_the_machine_has_ended_is_due_and_begun_again_once(records: R
     (due,) = records.due(datetime.now(UTC))
     assert due.id == "one"
     assert not due.has_ended
-    assert due.message.startswith("killed. It is started again after ")
+    assert due.message.startswith("killed. It is restarted after ")
     assert records.begin_again(due, "Finished stages are kept.")
     assert not records.begin_again(due, "Finished stages are kept."), "somebody else has"
     waiting = records.of_delivery("key")
@@ -115,7 +115,7 @@ def test_a_run_that_ends_the_machine_every_time_is_given_up(records: Records) ->
     assert records.due(later) == ()
     assert found(records).has_ended
     assert found(records).message == (
-        "out of memory. It was started 5 times and is not started again by itself."
+        "out of memory. It was started 5 times and is not restarted automatically."
     )
     records.begin(RUN)
     assert found(records).attempts == 1, "somebody has asked for it anew"

@@ -78,7 +78,7 @@ def test_an_end_of_the_validity_is_announced_and_then_said(registry: Registry) -
     assert (one.in_force, one.age_days, one.ends) == (None, None, None)
     assert one.reasons[0].sentence == "The last approved calibration ended on 2024-09-01."
     (one,) = due(registry, AUTUMN)
-    assert one.reasons[0].sentence == "What is approved serves until 2024-09-01, today."
+    assert one.reasons[0].sentence == "The approved calibration is valid until 2024-09-01, today."
 
 
 def test_what_follows_without_a_gap_is_counted(registry: Registry) -> None:

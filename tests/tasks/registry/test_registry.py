@@ -169,7 +169,7 @@ def test_tables_of_another_version_are_refused(registry: Registry) -> None:
     with registry.database.writing() as connection:
         connection.execute(update(SCHEMA).values(version=2))
     for action in (registry.contents, lambda: add(registry, record(changed(1)))):
-        with pytest.raises(InputError, match="tables of version 2; this aerocal knows version 1"):
+        with pytest.raises(InputError, match="tables of version 2; this version of aerocal knows version 1"):
             action()
 
 
