@@ -20,6 +20,7 @@ from tasks.results.figures import figures_of
 from tasks.results.summary import Summary
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulated_truth import PublishedCheck
+from tasks.settings.simulation import Simulation
 from tasks.simulation.truth_comparison import JointTest, RecoveredParameter, TruthComparison
 
 
@@ -33,14 +34,18 @@ def check_and_show(
     if check.comparison is None:
         complain(str(check.outcome.error))
         return OF_STATUS[check.outcome.summary.status]
-    console = Console()
-    summary = check.outcome.summary
+    return show(Console(), simulation, check.outcome, check.comparison)
+
+
+def show(console: Console, simulation: Simulation, outcome: RunOutcome, comparison: TruthComparison) -> int:
+    """Show what a flight check has found; returns the exit code."""
+    summary = outcome.summary
     _show_size(console, summary)
-    if check.comparison.parameters:
-        console.print(_parameters(check.comparison, simulation.truth.source))
-    if check.comparison.joint is not None:
-        console.print(_joint(check.comparison.joint))
-    console.print(_kinds(check.comparison))
+    if comparison.parameters:
+        console.print(_parameters(comparison, simulation.truth.source))
+    if comparison.joint is not None:
+        console.print(_joint(comparison.joint))
+    console.print(_kinds(comparison))
     calibration = figures_of(summary.model_extra).calibration
     if calibration is not None:
         console.print(Text(), calibration_verdict(calibration))
@@ -49,7 +54,7 @@ def check_and_show(
         console.print(georeferencing_table(summary.direct_georeferencing, in_brief=True))
         if simulation.truth.published is not None:
             console.print(_published(simulation.truth.published))
-    return _verdict(console, check.comparison, check.outcome)
+    return _verdict(console, comparison, outcome)
 
 
 def _show_size(console: Console, summary: Summary) -> None:

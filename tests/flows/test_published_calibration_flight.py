@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from flows.command.truth_table import show
 from flows.stories.flight_check import FlightCheck, flight_check
 from tasks.settings.load_simulation import load_simulation
+from tests.conftest import REPOSITORY
 
 PUBLISHED_RMSE_M = (0.029, 0.033, 0.059)
 # Of σ, in the units of parameters.parquet.
@@ -75,3 +80,22 @@ def test_parallaxes_are_those_of_white_attitude_noise(checked: dict[str, Any]) -
     assert checked["y_parallax_rms_um"] == pytest.approx(checked["y_parallax_predicted_rms_um"], rel=0.1)
     assert checked["y_parallax_max_um"] <= checked["y_parallax_predicted_max_limit_um"]
     assert checked["y_parallax_predicted_rms_um"] > 8.7
+
+
+def shown_by_the_readme() -> list[str]:
+    """The lines that `make demo` ends with, as README has them, without those of the folder."""
+    page = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"ends with:\n\n```\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    lines = [line.rstrip() for line in block.splitlines()]
+    return [
+        line for line in lines if line and line != "…" and not line.startswith(("Report:", "Certificate:"))
+    ]
+
+
+def test_the_readme_shows_this_run(demonstrated: FlightCheck) -> None:
+    assert demonstrated.comparison is not None
+    screen = io.StringIO()
+    simulation = load_simulation("uce-calibration")
+    show(Console(file=screen, width=80), simulation, demonstrated.outcome, demonstrated.comparison)
+    printed = " ".join(screen.getvalue().split())
+    assert [line for line in shown_by_the_readme() if " ".join(line.split()) not in printed] == []
