@@ -180,8 +180,8 @@ def test_what_cannot_be_ends_with_2_and_one_sentence(
     [
         (("--although", "  "), "The reason is blank"),
         (("--although", "\u200b"), "The reason is blank"),
-        (("--although", "flown again", "--by", ""), "The name of who does this is blank"),
-        (("--although", "flown again", "--by", " "), "The name of who does this is blank"),
+        (("--although", "flown again", "--by", ""), "The name of the person responsible is blank"),
+        (("--although", "flown again", "--by", " "), "The name of the person responsible is blank"),
     ],
 )
 def test_blank_reasons_and_names_approve_nothing(

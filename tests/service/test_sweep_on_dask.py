@@ -149,5 +149,5 @@ def test_a_lost_cluster_ends_a_sweep_in_one_sentence(field: Path, tmp_path: Path
         cluster.scheduler.kill()
         errors = process.communicate(timeout=60)[1]
     assert process.returncode == 1
-    assert "has ended, or was restarted, in the middle of the work." in errors
+    assert "stopped or was restarted during the computation." in errors
     assert "Traceback" not in errors

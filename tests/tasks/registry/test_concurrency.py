@@ -175,7 +175,7 @@ def test_a_writer_killed_at_any_statement_leaves_nothing_half(
 def test_a_writer_that_hangs_is_named_and_waited_for_only_so_long(address: DatabaseAddress) -> None:
     registry, impatient = Registry.at(address), Registry.at(address, wait_s=1.0)
     add(registry, record())
-    with registry.database.writing(), pytest.raises(InstallationError, match="written by another process"):
+    with registry.database.writing(), pytest.raises(InstallationError, match="locked by another process"):
         add(impatient, record(changed(1)))
     assert len(impatient.contents().calibrations) == 1
     add(impatient, record(changed(1)))

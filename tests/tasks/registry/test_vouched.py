@@ -111,5 +111,5 @@ def test_a_file_that_comes_alone_needs_the_code_of_its_certificate(tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["", "  ", "\t", "\u200b\u2003"])
 def test_a_name_that_says_nothing_is_no_signature(name: str) -> None:
-    with pytest.raises(InputError, match="The name of who does this is blank"):
+    with pytest.raises(InputError, match="The name of the person responsible is blank"):
         Signature(name)
