@@ -105,7 +105,7 @@ def test_pauses_grow_and_a_notice_is_given_up_in_the_end(
         assert courier(other.address, patience=Patience(0.0, 0.0, 0.0)).deliver() == 0
         assert courier(other.address).deliver() == 0
         assert len(other.asked) == 1
-    assert "given up" in courier.said[-1]  # type: ignore[attr-defined]
+    assert "dropped" in courier.said[-1]  # type: ignore[attr-defined]
 
 
 def test_one_address_that_is_down_keeps_no_other_waiting(
