@@ -10,6 +10,7 @@ from tasks.stages import image_quality as examination
 from tasks.stages import image_quality_page, radiometric_certificate
 from tasks.store.store import Outputs, Store
 
+compare_dates = stage(examination.compare_dates)
 examine_images = stage(examination.examine_images)
 examine_sensor = stage(examination.examine_sensor)
 write_certificate = stage(radiometric_certificate.write_radiometric_certificate)
@@ -21,7 +22,10 @@ def image_quality(settings: ImageQualitySettings, store: Store) -> Summary:
     """Examine scenes and sensor, draw the page, certify what has been examined of a sensor, publish."""
     examined: tuple[Outputs, ...] = ()
     if settings.images:
-        examined = (examine_images(store, settings=settings.without_sensor()),)
+        examined = (examine_images(store, settings=settings.of_scenes()),)
+    if settings.images and settings.earlier is not None:
+        drift = compare_dates(store, means=examined[0]["edge_means"], earlier=settings.earlier_alone())
+        examined = (*examined, drift)
     if settings.sensor is not None:
         examined = (*examined, examine_sensor(store, settings=settings.sensor))
     page = write_page(store, stages=examined, settings=settings, name=settings.name)

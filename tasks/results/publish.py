@@ -69,6 +69,7 @@ OF_CHECKS = (
 OF_IMAGE_QUALITY = (
     "edges",
     "edge_means",
+    "edge_drift",
     "edge_responses",
     "noise_levels",
     "sensor_sheets",

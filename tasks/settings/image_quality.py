@@ -6,15 +6,23 @@ from datetime import date
 from math import hypot
 from typing import ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
-from tasks.settings.base import Settings, trouble
+from tasks.settings.base import InputPath, Settings, trouble
 from tasks.settings.coordinates import Positive, Real
 from tasks.settings.sensor_quality import Images, SensorSettings
 
 #: Length of an edge at least, px.
 SHORTEST_EDGE = 20
+#: What is read of the results of an earlier date.
+EARLIER_TABLE = "edge_means.parquet"
+
+
+class EarlierResults(Settings):
+    """Results of an earlier date."""
+
+    edge_means: InputPath | None = Field(default=None, description="Their table of means.")
 
 
 class ImageQualitySettings(Settings):
@@ -54,9 +62,20 @@ class ImageQualitySettings(Settings):
         description="Edges that are measured: column and row of one end, and of the other. Only with one "
         "image.",
     )
+    earlier: InputPath | None = Field(
+        default=None,
+        description="Results of an earlier date for comparison: their folder, or its `edge_means.parquet`. "
+        "Default: none.",
+    )
     sensor: SensorSettings | None = Field(
         default=None, description="Images of the sensor without a scene. Default: none."
     )
+
+    @field_validator("earlier", mode="before")
+    @classmethod
+    def _table_of_folder(cls, value: object) -> object:
+        is_folder = isinstance(value, str) and not value.endswith(".parquet")
+        return f"{value}/{EARLIER_TABLE}" if is_folder else value
 
     @model_validator(mode="after")
     def _something_to_examine(self) -> ImageQualitySettings:
@@ -77,9 +96,13 @@ class ImageQualitySettings(Settings):
             raise trouble(f"Two images have the name {twice[0]}.", "Give them different names.")
         return self
 
-    def without_sensor(self) -> ImageQualitySettings:
-        """The settings of the scenes alone: the sensor changes nothing about them."""
-        return self.model_copy(update={"sensor": None})
+    def of_scenes(self) -> ImageQualitySettings:
+        """The settings of the scenes alone: sensor and earlier results change nothing about them."""
+        return self.model_copy(update={"sensor": None, "earlier": None, "camera": None, "examined": None})
+
+    def earlier_alone(self) -> EarlierResults:
+        """Nothing but the earlier results."""
+        return EarlierResults(edge_means=self.earlier)
 
 
 class ImageQualityFile(Settings):

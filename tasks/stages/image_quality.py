@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.settings.image_quality import ImageQualitySettings
+from tasks.settings.image_quality import EarlierResults, ImageQualitySettings
 from tasks.settings.sensor_quality import SensorSettings
+from tasks.store.artifact import Artifact
 from tasks.store.store import stored
+from tasks.tables.parquet import read_table
 
 
 @stored("image_quality")
@@ -36,3 +38,18 @@ def examine_sensor(folder: Path, *, settings: SensorSettings) -> None:
     from tasks.image_quality import sensor
 
     sensor.examine_sensor(folder, settings)
+
+
+@stored("edge_drift")
+def compare_dates(folder: Path, *, means: Artifact, earlier: EarlierResults) -> None:
+    """Write edge_drift.parquet, and what has changed.
+
+    Raises
+    ------
+    InputError
+        If the earlier results cannot be read, or are those of another camera.
+    """
+    from tasks.image_quality.drift import write_drift
+
+    assert earlier.edge_means is not None  # compared only where there is one
+    write_drift(folder, read_table(means), earlier.edge_means)

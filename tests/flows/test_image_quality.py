@@ -121,3 +121,29 @@ def test_edges_are_measured_where_they_are_given_and_near_points(results: Path, 
     outcome = aerocal("image-quality", image, "--set", "image_quality.edges_px=[[1.0, 1.0, 5.0, 5.0]]")
     assert outcome.returncode == 2
     assert "at least 20 px" in outcome.stderr
+
+
+def test_a_camera_that_has_become_softer_has_drifted_and_another_has_not(
+    results: Path, tmp_path: Path
+) -> None:
+    same, softer = write_image(tmp_path / "same.tif", 8), tmp_path / "softer.tif"
+    with raster_environment() as rasterio:
+        with rasterio.open(same) as file:
+            bands, profile = file.read(), file.profile
+        # The softer band takes the place of the sharper one.
+        with rasterio.open(softer, "w", **profile) as file:
+            file.write(bands[[1, 1]])
+    for image, drifted in ((same, [False, False]), (softer, [True, False])):
+        out = tmp_path / image.stem
+        given = f"image_quality.earlier={results}"
+        assert aerocal("image-quality", image, "--out", out, "--set", given).returncode == 0
+        drift = pd.read_parquet(out / "edge_drift.parquet")
+        whole = drift[(drift["direction"] == "all") & (drift["zone"] == "all")]
+        assert whole["drifted"].tolist() == drifted
+        np.testing.assert_allclose(whole["change"], whole["factor"] - whole["earlier"])
+        summary = json.loads((out / "summary.json").read_text())
+        assert any("has changed by +0.3" in sentence for sentence in summary["problems"]) == any(drifted)
+        assert "Change since the earlier date" in (out / "image_quality.html").read_text()
+    outcome = aerocal("image-quality", same, "--set", f"image_quality.earlier={results / 'edges.parquet'}")
+    assert outcome.returncode == 2
+    assert "not a table 'edge_means'" in outcome.stderr

@@ -66,19 +66,21 @@ class QualityMaterial:
 
     Attributes
     ----------
+    drift : change since an earlier date.
     problems : remarks of all stages.
     settings : of the run.
     """
 
     scenes: SceneMaterial | None
     sensor: SensorMaterial | None
+    drift: pd.DataFrame | None
     problems: tuple[str, ...]
     settings: ImageQualitySettings
 
 
 def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualitySettings) -> QualityMaterial:
     """Read what the examinations wrote."""
-    scenes = sensor = None
+    scenes = sensor = drift = None
     problems: tuple[str, ...] = ()
     for outputs in stages:
         notes = read_notes(outputs["notes"])
@@ -93,6 +95,8 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 tables["noise_levels"],
                 figures,
             )
+        elif "edge_drift" in outputs:
+            drift = tables["edge_drift"]
         else:
             figures = cast(Mapping[str, JSON], notes.figures["sensor"])
             sensor = SensorMaterial(
@@ -103,4 +107,4 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 aperture=tables["aperture"],
                 figures=figures,
             )
-    return QualityMaterial(scenes, sensor, problems, settings)
+    return QualityMaterial(scenes, sensor, drift, problems, settings)

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from tasks.document_kit.table import Table
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
-from tasks.documents.image_quality.quality_tables import mean_table, noise_table, refused_table
+from tasks.documents.image_quality.quality_tables import drift_table, mean_table, noise_table, refused_table
 from tasks.documents.image_quality.sensor_tables import (
     column_table,
     pixel_table,
@@ -35,6 +35,8 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
     ]
     if scenes is not None:
         tables += [mean_table(scenes), refused_table(scenes), noise_table(scenes)]
+    if material.drift is not None:
+        tables.append(drift_table(material.drift))
     if sensor is not None:
         tables += [sheet_table(sensor), pixel_table(sensor), column_table(sensor), transfer_table(sensor)]
     page: str = (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import cast
 
+import pandas as pd
+
 from tasks.document_kit.table import Column, Number, Row, Table, text_column
 from tasks.documents.image_quality.material import SceneMaterial
 
@@ -54,6 +56,39 @@ def mean_table(material: SceneMaterial) -> Table:
         "is the response in the manner of ISO 12233 across the edges, the pixel included."
     )
     return Table("means", "Effective resolution", columns, rows, note)
+
+
+def drift_table(drift: pd.DataFrame) -> Table:
+    """Change of the factors since an earlier date."""
+    columns = (
+        Column("band", "band"),
+        text_column("direction", "along"),
+        text_column("zone", "zone"),
+        Column("earlier", "factor then"),
+        Column("factor", "now"),
+        Column("change", "change"),
+        Column("sigma_change", "σ"),
+        Column("t", "in σ"),
+        text_column("drifted", "drifted"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['band']}:{row['direction']}:{row['zone']}",
+            (
+                Number(row["band"]),
+                str(row["direction"]),
+                str(row["zone"]),
+                Number(row["earlier"], 3),
+                Number(row["factor"], 3),
+                Number(row["change"], 3, plus=True),
+                Number(row["sigma_change"], 3),
+                Number(row["t"], 1, plus=True),
+                "yes" if row["drifted"] else "no",
+            ),
+        )
+        for _, row in drift.iterrows()
+    )
+    return Table("drift", "Change since the earlier date", columns, rows)
 
 
 def refused_table(material: SceneMaterial) -> Table:

@@ -78,6 +78,22 @@ EDGE_MEANS = TableSchema(
     ),
     ("band", "direction", "zone"),
 )
+EDGE_DRIFT = TableSchema(
+    "edge_drift",
+    "Change of a mean of edge_means since an earlier date.",
+    (
+        BAND,
+        _direction("direction", ("all", *DIRECTIONS), "of the edges"),
+        _direction("zone", ("all", *ZONES), "of the format"),
+        number("earlier", "", "factor then"),
+        number("factor", "", "factor now"),
+        number("change", "", "factor now − then"),
+        number("sigma_change", "", "its standard deviation", nullable=True),
+        number("t", "", "change / sigma_change", nullable=True),
+        flag("drifted", "whether the change is more than its standard deviation explains"),
+    ),
+    ("band", "direction", "zone"),
+)
 EDGE_RESPONSES = TableSchema(
     "edge_responses",
     "Response of all edges of a band in one direction at a frequency.",
