@@ -19,6 +19,7 @@ from adjust.parameters import (
     State,
     SystemParameters,
 )
+from adjust.rig import OF_HEADS, Rig
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +38,7 @@ class Block:
         that are not given are held: the interior orientation as its cameras state it, the others at zero.
     projection_centre, local_from_camera, object_point : approximate values, see :class:`State`.
     considered : held system parameters whose errors are part of all covariances; None: what is held is exact.
+    rig : which heads took the images of which event; None: every image is an event.
     """
 
     frame: LocalFrame
@@ -51,15 +53,16 @@ class Block:
     local_from_camera: Floats
     object_point: Floats
     considered: ConsideredParameters | None = None
+    rig: Rig | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", (*self.system, *self._held()))
-        n, m = len(self.images), len(self.points)
+        n, e, m = len(self.images), len(self.events), len(self.points)
         shapes = {
             "camera_of_image": (self.camera_of_image.shape, (n,)),
             "flight_of_image": (self.flight_of_image.shape, (n,)),
-            "projection_centre": (self.projection_centre.shape, (n, 3)),
-            "local_from_camera": (self.local_from_camera.shape, (n, 3, 3)),
+            "projection_centre": (self.projection_centre.shape, (e, 3)),
+            "local_from_camera": (self.local_from_camera.shape, (e, 3, 3)),
             "object_point": (self.object_point.shape, (m, 3)),
         }
         for name, (found, expected) in shapes.items():
@@ -76,6 +79,36 @@ class Block:
         for place in () if self.considered is None else self.considered.places:
             if free[place.family][place.entity, place.component]:
                 raise InconsistentBlockError(f"A parameter of {place.family} is free and considered, too.")
+        if self.rig is not None:
+            self._refuse_wrong_rig(self.rig)
+
+    def _refuse_wrong_rig(self, rig: Rig) -> None:
+        """Heads and events belong together, and the datum of the heads is fixed."""
+        n, cameras = len(self.images), len(self.cameras)
+        event = rig.event_of_image
+        if event.shape != (n,) or not np.array_equal(np.unique(event), np.arange(len(rig.events))):
+            raise InconsistentBlockError("Every image of a rig needs an event, and every event an image.")
+        if not np.array_equal(rig.camera_of_image, self.camera_of_image) or rig.reference.shape != (cameras,):
+            raise InconsistentBlockError("The heads of the rig are not the cameras of the block.")
+        reference = rig.reference[self.camera_of_image]
+        if np.any(reference != rig.camera_of_event[event]):
+            raise InconsistentBlockError("The heads that took the images of an event are of different rigs.")
+        taken = event * cameras + self.camera_of_image
+        if len(np.unique(taken)) < n:
+            raise InconsistentBlockError("A head took two images of one event.")
+        if np.any(self.flight_of_image != self.flight_of_event[event]):
+            raise InconsistentBlockError("The images of an event are of different flights.")
+        given = {parameters.family.name: parameters for parameters in self.system}
+        if not all(family in given for family in OF_HEADS):
+            raise InconsistentBlockError(
+                "The block of a rig needs relative positions and rotations of heads."
+            )
+        for parameters in (given[family] for family in OF_HEADS):
+            held = rig.is_reference
+            if np.any(parameters.free[held]) or np.any(parameters.values[held] != 0.0):
+                raise InconsistentBlockError(
+                    f"The {parameters.family.name} of a reference head is its own zero, and held."
+                )
 
     def _held(self) -> Iterator[SystemParameters]:
         """The families that are always there and were not given."""
@@ -100,12 +133,45 @@ class Block:
     @property
     def layout(self) -> ParameterLayout:
         """The place of every unknown in the normal equations."""
-        return ParameterLayout(len(self.images), len(self.points), self.system)
+        return ParameterLayout(len(self.events), len(self.points), self.system)
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """Names of the e events; without a rig those of the images."""
+        return self.images if self.rig is None else self.rig.events
+
+    @property
+    def event_of_image(self) -> Ints:
+        """(n,) event of every image."""
+        return np.arange(len(self.images)) if self.rig is None else self.rig.event_of_image
+
+    @property
+    def image_of_event(self) -> Ints:
+        """(e,) an image of every event: that of the reference head where it took one."""
+        if self.rig is None:
+            return np.arange(len(self.images))
+        taken_by_reference = self.rig.is_reference[self.camera_of_image]
+        order = np.lexsort((~taken_by_reference, self.rig.event_of_image))
+        return order[np.searchsorted(self.rig.event_of_image[order], np.arange(len(self.events)))]
+
+    @property
+    def camera_of_event(self) -> Ints:
+        """(e,) camera whose pose is the unknown one of each event: in a rig the reference head."""
+        return self.camera_of_image if self.rig is None else self.rig.camera_of_event
+
+    @property
+    def flight_of_event(self) -> Ints:
+        """(e,) flight of every event."""
+        if self.rig is None:
+            return self.flight_of_image
+        found = np.zeros(len(self.events), dtype=np.int64)
+        found[self.rig.event_of_image] = self.flight_of_image
+        return found
 
     @property
     def body_from_camera(self) -> Floats:
-        """Nominal mounting T of the camera of each image, (n, 3, 3)."""
-        return np.stack([camera.body_from_camera for camera in self.cameras])[self.camera_of_image]
+        """Nominal mounting T of the camera of each event, (e, 3, 3)."""
+        return np.stack([camera.body_from_camera for camera in self.cameras])[self.camera_of_event]
 
     def approximate_state(self) -> State:
         """The approximate values, and the given values of the system parameters."""
@@ -114,4 +180,5 @@ class Block:
             self.local_from_camera,
             self.object_point,
             {parameters.family.name: parameters.values for parameters in self.system},
+            self.rig,
         )

@@ -44,7 +44,7 @@ class Search:
     @classmethod
     def start(cls, given: Observations, adjusted: Adjusted, rejected: Rejection | None = None) -> Search:
         """Nothing rejected yet but what the adjustment has left out already."""
-        nothing = tuple(np.zeros(len(group.image), dtype=bool) for group in given.groups)
+        nothing = tuple(np.zeros(len(group.event), dtype=bool) for group in given.groups)
         no_point = np.zeros(len(adjusted.state.object_point), dtype=bool)
         if rejected is None:
             return cls(given, adjusted, nothing, no_point, nothing, no_point)

@@ -85,7 +85,8 @@ def joint_covariance(
     ----------
     considered : their effects on the unknowns; None without any.
     sigma0 : factor of all standard deviations but those of considered parameters.
-    names : of images, parameters and object points.
+    names : of images (in a rig of events, whose pose is that of the reference head), parameters and object
+        points.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def joint_covariance(
 def _rows(vectors: FullVectors, chosen: Chosen) -> Floats:
     """The rows (u, d) of the chosen unknowns."""
     parts = (
-        vectors.of_exposures[chosen.images],
+        vectors.of_exposures[chosen.events],
         vectors.of_border[chosen.columns],
         vectors.of_points[chosen.points],
     )
@@ -123,7 +124,8 @@ def _chosen(
 ) -> tuple[Chosen, tuple[Unknown, ...]]:
     """The unknowns of names."""
     block = system.block
-    at_images = places_of("image", _names("images", images), _numbers(block.images))
+    kind = "image" if block.rig is None else "event"
+    at_images = places_of(kind, _names("images", images), _numbers(block.events))
     at_points = places_of("object point", _names("points", points), _numbers(block.points))
     for j in at_points:
         if not system.active_point[j]:
@@ -136,7 +138,7 @@ def _chosen(
         raise UnknownNameError(f"A parameter is asked for twice by {', '.join(parameters)}.")
     of_border = [Unknown(*item) for item in system.layout.border_names()]
     unknowns = (
-        *(Unknown(name, block.images[i], unit) for i in at_images for name, unit in _OF_IMAGE),
+        *(Unknown(name, block.events[i], unit) for i in at_images for name, unit in _OF_IMAGE),
         *(of_border[column] for column in columns),
         *(Unknown(name, block.points[j], unit) for j in at_points for name, unit in _OF_POINT),
     )

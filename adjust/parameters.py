@@ -1,9 +1,12 @@
 """The unknowns of a block and their place in the normal equations.
 
-Unknowns come in three kinds: exterior orientations (six for each image: projection centre in local
+Unknowns come in three kinds: exterior orientations (six for each event: projection centre in local
 axes, small rotation δ in the camera frame), object points (three each, eliminated first) and system
 parameters (families such as boresight or lever arm, with one entity for each camera, flight or
 strip), which form the dense border. What is held has column −1.
+
+Of a camera alone every image is an event. The heads of a rig take the pictures of an event together; the
+pose of the event is that of the reference head, see :mod:`adjust.rig`.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, Pictures, Rig
 from adjust.unknown_names import NamedValues
 
 EXTERIOR_ORIENTATION = "exterior_orientation"
@@ -86,6 +90,20 @@ FAMILIES: Mapping[str, Family] = {
             always_there=False,
         ),
         Family(TIME_OFFSET, ("time_offset",), "flight", "s", always_there=False),
+        Family(
+            RELATIVE_POSITION,
+            ("relative_position_x", "relative_position_y", "relative_position_z"),
+            "camera",
+            "m",
+            always_there=False,
+        ),
+        Family(
+            RELATIVE_ROTATION,
+            ("relative_rotation_roll", "relative_rotation_pitch", "relative_rotation_yaw"),
+            "camera",
+            "rad",
+            always_there=False,
+        ),
     )
 }
 
@@ -190,16 +208,18 @@ class State:
 
     Attributes
     ----------
-    projection_centre : (n, 3) metres, local frame.
-    local_from_camera : (n, 3, 3).
+    projection_centre : (e, 3) metres, local frame, of every event.
+    local_from_camera : (e, 3, 3) of the camera, in a rig of its reference head.
     object_point : (m, 3) metres, local frame.
     system : family name → (entities, components), SI and radians.
+    rig : which heads took the pictures; None: every image is an event.
     """
 
     projection_centre: Floats
     local_from_camera: Floats
     object_point: Floats
     system: Mapping[str, Floats]
+    rig: Rig | None = None
 
     def __post_init__(self) -> None:
         # Every other layout in memory would have the kernels compiled again.
@@ -207,6 +227,13 @@ class State:
             object.__setattr__(self, name, _as_kernels_take_it(getattr(self, name)))
         system = {family: _as_kernels_take_it(values) for family, values in self.system.items()}
         object.__setattr__(self, "system", NamedValues(system))
+
+    @cached_property
+    def pictures(self) -> Pictures:
+        """The poses of the pictures."""
+        if self.rig is None:
+            return Pictures(self.projection_centre, self.local_from_camera, None)
+        return self.rig.pictures(self.projection_centre, self.local_from_camera, self.system)
 
 
 def _as_kernels_take_it(values: Floats) -> Floats:
@@ -216,9 +243,9 @@ def _as_kernels_take_it(values: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ParameterLayout:
-    """Which column of the border each system parameter has; −1 where it is held."""
+    """How many events and object points there are, and the column each system parameter has; −1: held."""
 
-    images: int
+    events: int
     points: int
     system: tuple[SystemParameters, ...]
     columns: Mapping[str, Ints] = field(init=False)
@@ -239,7 +266,7 @@ class ParameterLayout:
     @property
     def unknowns(self) -> int:
         """Number of unknowns u."""
-        return 6 * self.images + 3 * self.points + self.border
+        return 6 * self.events + 3 * self.points + self.border
 
     @property
     def border_quantities(self) -> tuple[Quantity, ...]:

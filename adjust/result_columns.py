@@ -8,6 +8,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.quality.considered import with_considered
+from adjust.quality.picture_cofactor import picture_cofactors
 
 if TYPE_CHECKING:
     from adjust.result import AdjustmentResult
@@ -38,7 +39,8 @@ def parameter_rows(result: AdjustmentResult) -> list[ParameterRow]:
 
 def sigma_of_images(result: AdjustmentResult) -> Floats:
     """(n, 6) of every projection centre, local axes, m, and small rotation in the camera frame, rad."""
-    return _sigma(result, with_considered(result.cofactor, result.sigma0).reduced.of_exposures)
+    reduced = with_considered(result.cofactor, result.sigma0).reduced
+    return _sigma(result, picture_cofactors(result.state, result.layout, reduced))
 
 
 def sigma_of_points(result: AdjustmentResult) -> Floats:

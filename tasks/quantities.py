@@ -24,6 +24,7 @@ from adjust.parameters import (
     EntityKind,
     Family,
 )
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION
 
 
 class Shown(NamedTuple):
@@ -172,6 +173,18 @@ KINDS: Mapping[str, Kind] = {
             "principal_point", INTERIOR_ORIENTATION, "mm", "principal point",
             axes=("along columns", "against rows"), symbols=("x0", "y0"), short="",
             sigma_limits=("principal_point_um",), needs_headings=True, places=(1, 2),
+        ),
+        Kind(
+            "relative_position", RELATIVE_POSITION, "m", "relative position of each head of a rig",
+            caption="Position of the heads against the projection centre of the reference head, body axes",
+            axes=("forward", "right", "down"), symbols=("t x", "t y", "t z"), short="relative position",
+            more="flights at different heights",
+        ),
+        Kind(
+            "relative_rotation", RELATIVE_ROTATION, "deg", "relative rotation of each head of a rig",
+            caption="Rotation of the heads against the reference head, body axes",
+            axes=("roll", "pitch", "yaw"), symbols=("about forward", "about right", "about down"),
+            is_large=True, more="more object points that several heads see",
         ),
     )
 }  # fmt: skip

@@ -87,8 +87,8 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
             front = True
             for i in range(first, first + count):
                 if not linearize_ray(
-                    i, j, 0, image, camera_of_image, centres, rotations, points, interior, ideal, no_slope,
-                    no_basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                    i, j, 0, image, camera_of_image, centres, rotations, None, points, interior, ideal,
+                    no_slope, no_basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
                 ):  # fmt: skip
                     front = False
                 for c in range(2):

@@ -139,7 +139,7 @@ def _moved_by(system: System, solution: Solution, cameras: CalibrationErrors) ->
                 column[rows, :, held[rows, component]] += of[name].jacobian[rows, :, component]
     weighted = -column * weight[:, :, None]
     right = FullVectors(
-        np.zeros((layout.images, 6, k)), np.zeros((system.border, k)), np.zeros((layout.points, 3, k))
+        np.zeros((layout.events, 6, k)), np.zeros((system.border, k)), np.zeros((layout.points, 3, k))
     )
     for name, target in ((EXTERIOR_ORIENTATION, right.of_exposures), (OBJECT_POINT, right.of_points)):
         np.add.at(target, of[name].index, np.swapaxes(of[name].jacobian, 1, 2) @ weighted)

@@ -73,8 +73,8 @@ def direct_orientations(
     ------
     InconsistentBlockError : if an image lacks its position or attitude, or a component of them.
     """
-    every_image = np.arange(len(gnss.image))
-    if not (np.array_equal(gnss.image, every_image) and np.array_equal(ins.image, every_image)):
+    every_image = np.arange(len(gnss.event))
+    if not (np.array_equal(gnss.event, every_image) and np.array_equal(ins.event, every_image)):
         raise InconsistentBlockError(
             "Direct georeferencing needs one position and one attitude of every image."
         )

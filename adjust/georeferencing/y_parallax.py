@@ -136,7 +136,7 @@ def y_parallaxes(rays: ImagePoints, sources: ErrorSources, common: CommonPoints)
     names = () if rays.self_calibration is None else rays.self_calibration.names
     ideal = rays.straight(state, np.arange(len(names)))
     pairs = _pairs(rays, state, ideal, common)
-    of_left_ray, of_right_ray = pairs.gradients(state.local_from_camera)
+    of_left_ray, of_right_ray = pairs.gradients(state.pictures.local_from_camera)
     of_base = pairs.scale[:, None] * pairs.across
     of_left = np.concatenate([-of_base, np.cross(pairs.left.in_camera, of_left_ray)], axis=1)
     of_right = np.concatenate([of_base, np.cross(pairs.right.in_camera, of_right_ray)], axis=1)
@@ -171,15 +171,16 @@ def _pairs(rays: ImagePoints, state: State, ideal: IdealRays, common: CommonPoin
     """The two rays of each common point, and their base frame."""
     interior = state.system[INTERIOR_ORIENTATION][rays.camera_of_image[rays.image]]
     in_camera = np.column_stack([ideal.xy - interior[:, 1:], -interior[:, 0]])
-    in_local = np.einsum("rij,rj->ri", state.local_from_camera[rays.image], in_camera)
+    centre, rotation = state.pictures.projection_centre, state.pictures.local_from_camera
+    in_local = np.einsum("rij,rj->ri", rotation[rays.image], in_camera)
     left, right = (
         _Rays(index, rays.image[index], in_camera[index], in_local[index])
         for index in (common.left, common.right)
     )
-    base = state.projection_centre[right.image] - state.projection_centre[left.image]
+    base = centre[right.image] - centre[left.image]
     length = np.linalg.norm(base, axis=1)
     e_x = base / length[:, None]
-    upwards = state.local_from_camera[left.image, :, 2] + state.local_from_camera[right.image, :, 2]
+    upwards = rotation[left.image, :, 2] + rotation[right.image, :, 2]
     upwards = upwards - np.sum(upwards * e_x, axis=1, keepdims=True) * e_x
     e_z = upwards / np.linalg.norm(upwards, axis=1, keepdims=True)
     depths = np.sum(left.in_local * e_z, axis=1) * np.sum(right.in_local * e_z, axis=1)

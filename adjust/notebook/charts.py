@@ -28,7 +28,7 @@ def plan(result: AdjustmentResult) -> Figure:
     except ImportError as error:
         raise MissingExtraError("A picture of the result", "plotly", "plot") from error
     sigma = 1e3 * sigma_of_points(result)[:, 2]
-    points, images = result.state.object_point, result.state.projection_centre
+    points, images = result.state.object_point, result.state.pictures.projection_centre
     shown = np.flatnonzero(result.active_point)
     rays = result.groups[0]
     rejected = np.unique(rays.group.point[(rays.status == ObservationStatus.REJECTED).any(axis=1)])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 import numpy as np
 import pandas as pd
 
+from adjust.observations.image_point import ImagePoints
 from adjust.result import ObservationStatus
 from adjust.result_columns import parameter_rows, sigma_of_images, sigma_of_points
 from adjust.unknown_names import unknown_name
@@ -42,7 +43,7 @@ def _images(result: AdjustmentResult) -> pd.DataFrame:
     sigma = sigma_of_images(result)
     found = pd.DataFrame({"image": result.block.images})
     for k, axis in enumerate(_AXES):
-        found[axis] = result.state.projection_centre[:, k]
+        found[axis] = result.state.pictures.projection_centre[:, k]
     for k, axis in enumerate(_AXES):
         found[f"sigma_{axis}"] = sigma[:, k]
     for k, axis in enumerate(_AXES):
@@ -64,18 +65,21 @@ def _points(result: AdjustmentResult) -> pd.DataFrame:
 def _observations(result: AdjustmentResult) -> pd.DataFrame:
     """One row for each observed component: residual, σ, redundancy number, w, what became of it."""
     words = np.array([status.name.lower() for status in ObservationStatus])
-    images, points = (
-        np.array([*names, None], dtype=object) for names in (result.block.images, result.block.points)
+    images, events, points = (
+        np.array([*names, None], dtype=object)
+        for names in (result.block.images, result.block.events, result.block.points)
     )
     tables = []
     for item in result.groups:
         row, component = np.nonzero(np.isfinite(item.sigma))
+        group = item.group
+        of_group = images[group.image] if isinstance(group, ImagePoints) else events[group.event]
         tables.append(
             pd.DataFrame(
                 {
                     "group": item.group.name,
                     "component": np.array(item.group.components, dtype=object)[component],
-                    "image": images[item.group.image[row]],
+                    "image": of_group[row],
                     "point": points[item.group.point[row]],
                     "residual": item.residual[row, component],
                     "sigma": item.sigma[row, component],

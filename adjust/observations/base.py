@@ -21,7 +21,7 @@ class Term:
     Attributes
     ----------
     block : "exterior_orientation", "object_point" or the name of a family of system parameters.
-    index : (n,) which image, point or entity each observation touches.
+    index : (n,) which event, point or entity each observation touches.
     jacobian : (n, m, d), m observed components, d parameters of the entity.
     """
 
@@ -220,7 +220,7 @@ class ObservationGroup(Protocol):
     name : of the group, as it is reported.
     components : names of the m components, in order.
     unit : SI unit of the observations.
-    image, point : (n,) index of the image and object point an observation belongs to, −1 for none.
+    event, point : (n,) index of the event and object point an observation belongs to, −1 for none.
     stochastic : the weights.
     """
 
@@ -231,7 +231,7 @@ class ObservationGroup(Protocol):
     @property
     def unit(self) -> Unit: ...  # noqa: D102
     @property
-    def image(self) -> Ints: ...  # noqa: D102
+    def event(self) -> Ints: ...  # noqa: D102
     @property
     def point(self) -> Ints: ...  # noqa: D102
     @property

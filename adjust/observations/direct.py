@@ -47,8 +47,8 @@ class DirectObservations:
         return self.family.unit
 
     @property
-    def image(self) -> Ints:
-        """−1 for every observation: it belongs to no image."""
+    def event(self) -> Ints:
+        """−1 for every observation: it belongs to no event."""
         return np.full(len(self.entity), -1, dtype=np.int64)
 
     @property

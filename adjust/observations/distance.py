@@ -35,8 +35,8 @@ class Distances:
     unit: ClassVar[Unit] = "m"
 
     @property
-    def image(self) -> Ints:
-        """−1 for every distance: it belongs to no image."""
+    def event(self) -> Ints:
+        """−1 for every distance: it belongs to no event."""
         return np.full(len(self.point), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:

@@ -58,8 +58,8 @@ class GnssPositions:
 
     Attributes
     ----------
-    image : (n,) index of the image.
-    camera, flight : (n,) index of its camera (mounting) and flight.
+    event : (n,) index of the event.
+    camera, flight : (n,) index of its camera (mounting; of a rig the reference head) and flight.
     observed : (n, 3) metres, local frame.
     local_from_enu : (n, 3, 3) axes in which the components are given and weighted: those of the map grid
         for a delivery in map coordinates.
@@ -68,7 +68,7 @@ class GnssPositions:
     motion : times and velocities; without them there is no strip bias, drift or time offset.
     """
 
-    image: Ints
+    event: Ints
     camera: Ints
     flight: Ints
     observed: Floats
@@ -84,20 +84,20 @@ class GnssPositions:
     @property
     def point(self) -> Ints:
         """−1 for every position: it belongs to no object point."""
-        return np.full(len(self.image), -1, dtype=np.int64)
+        return np.full(len(self.event), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state; all derivatives exact."""
         boresight = state.system[BORESIGHT][self.camera]
         lever_arm = state.system[LEVER_ARM][self.camera]
         shift = state.system[GNSS_SHIFT][self.flight]
-        local_from_camera = state.local_from_camera[self.image]
+        local_from_camera = state.local_from_camera[self.event]
         inertial_from_body = rotation.from_roll_pitch_yaw(boresight)
         camera_from_inertial = np.swapaxes(inertial_from_body @ self.body_from_camera, 1, 2)
         local_from_inertial = local_from_camera @ camera_from_inertial
         arm_in_camera = np.einsum("nij,nj->ni", camera_from_inertial, lever_arm)
         arm_in_local = np.einsum("nij,nj->ni", local_from_camera, arm_in_camera)
-        computed = state.projection_centre[self.image] + arm_in_local + shift
+        computed = state.projection_centre[self.event] + arm_in_local + shift
         if self.motion is not None:
             computed = computed + _along_track(self.motion, self.flight, state)
 
@@ -110,7 +110,7 @@ class GnssPositions:
             @ rotation.roll_pitch_yaw_jacobian(boresight)
         )
         terms = (
-            Term(EXTERIOR_ORIENTATION, self.image, np.concatenate([enu_from_local, of_rotation], axis=2)),
+            Term(EXTERIOR_ORIENTATION, self.event, np.concatenate([enu_from_local, of_rotation], axis=2)),
             Term(LEVER_ARM, self.camera, enu_from_local @ local_from_inertial),
             Term(BORESIGHT, self.camera, of_boresight),
             Term(GNSS_SHIFT, self.flight, enu_from_local),

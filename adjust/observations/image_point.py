@@ -21,6 +21,7 @@ from adjust.parameters import (
     State,
     Unit,
 )
+from adjust.rig import OF_HEADS
 
 _MOST_BYTES_OF_BASIS = 2**28
 
@@ -86,6 +87,7 @@ class ImagePoints:
     self_calibration : the additional parameters of every image; None where there are none.
     offset : (n, 2) metres, added to the image points whatever Δ is; None for nothing.
     known : the basis of the additional parameters, see ``with_known_basis``; None: it is computed each time.
+    event_of_image : of a rig, the event of every image of the block; None: every image is an event.
     """
 
     image: Ints
@@ -97,6 +99,7 @@ class ImagePoints:
     self_calibration: SelfCalibration | None = None
     offset: Floats | None = None
     known: KnownBasis | None = None
+    event_of_image: Ints | None = None
 
     name: ClassVar[str] = "image_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y")
@@ -109,6 +112,11 @@ class ImagePoints:
             raise InconsistentBlockError(
                 "Image coordinates and their sigmas must be finite, sigmas positive."
             )
+
+    @cached_property
+    def event(self) -> Ints:
+        """(n,) index of the event whose pose each image point touches."""
+        return self.image if self.event_of_image is None else self.event_of_image[self.image]
 
     @cached_property
     def inverse_sigma(self) -> Floats:
@@ -141,8 +149,8 @@ class ImagePoints:
             self.point,
             first,
             last,
-            state.projection_centre,
-            state.local_from_camera,
+            state.pictures.projection_centre,
+            state.pictures.local_from_camera,
             state.object_point,
         )
         distorted, d, c = self._distorted(state, components, corrected, direction, slice(first, last))
@@ -229,13 +237,16 @@ class ImagePoints:
         names = () if self.self_calibration is None else self.self_calibration.names
         ideal = self.ideal(state, np.arange(len(names)), with_slope=True)
         misclosure, of_exterior = np.empty((n, 2)), np.empty((n, 2, 6))
-        of_system, of_point = np.empty((n, 2, 3 + len(names))), np.empty((n, 2, 3))
+        last = 3 + len(names)
+        of_system = np.empty((n, 2, last if state.rig is None else last + 6))
+        of_point = np.empty((n, 2, 3))
         image_point_kernel.linearize_all(
             self.image,
             self.point,
             self.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
+            state.pictures.projection_centre,
+            state.pictures.local_from_camera,
+            state.pictures.of_event,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
             ideal.xy,
@@ -248,14 +259,28 @@ class ImagePoints:
             of_point,
         )
         terms = [
-            Term(EXTERIOR_ORIENTATION, self.image, of_exterior),
+            Term(EXTERIOR_ORIENTATION, self.event, of_exterior),
             Term(OBJECT_POINT, self.point, of_point),
             Term(INTERIOR_ORIENTATION, self.camera_of_image[self.image], of_system[:, :, :3]),
         ]
         if self.self_calibration is not None:
             entity = self.self_calibration.entity_of_image[self.image]
-            terms.append(Term(ADDITIONAL_PARAMETERS, entity, of_system[:, :, 3:]))
+            terms.append(Term(ADDITIONAL_PARAMETERS, entity, of_system[:, :, 3:last]))
+        if state.rig is not None:
+            head = self.camera_of_image[self.image]
+            for k, family in enumerate(OF_HEADS):
+                terms.append(Term(family, head, of_system[:, :, last + 3 * k : last + 3 * k + 3]))
         return Linearization(misclosure, tuple(terms))
+
+    def seen_from(self, chosen: Bools, points: int) -> Floats:
+        """From how many places each object point (points,) is seen by some of the rays (n,).
+
+        A ray is a place of its own; those of several heads of one event are one place together.
+        """
+        if self.event_of_image is None:
+            return np.asarray(np.bincount(self.point, weights=chosen, minlength=points), np.float64)
+        pairs = np.unique(np.stack([self.point[chosen], self.event[chosen]]), axis=1)
+        return np.bincount(pairs[0], minlength=points).astype(np.float64)
 
     def misclosure(self, state: State) -> Floats:
         """Observed − computed (n, 2), metres; NaN where the object point lies behind the camera."""
@@ -263,8 +288,8 @@ class ImagePoints:
             self.image,
             self.point,
             self.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
+            state.pictures.projection_centre,
+            state.pictures.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
             self.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,

@@ -31,15 +31,49 @@ def in_camera(exposure, point, centres, rotations, points):
 
 
 @small_kernel
+def turn_to_event(row, exposure, first, heads, of_exterior, of_system):
+    """Derivatives by the pose of a picture become those by the pose of its event.
+
+    heads (n, 3, 12) is ``of_event`` of :class:`adjust.rig.Pictures`. The derivatives by position and rotation
+    of the head go to the six columns of of_system from the first one on, if it has them.
+    """
+    for c in range(2):
+        x1, x2, x3 = of_exterior[row, c, 0], of_exterior[row, c, 1], of_exterior[row, c, 2]
+        d1, d2, d3 = of_exterior[row, c, 3], of_exterior[row, c, 4], of_exterior[row, c, 5]
+        for k in range(3):
+            of_exterior[row, c, 3 + k] = (
+                x1 * heads[exposure, 0, k] + x2 * heads[exposure, 1, k] + x3 * heads[exposure, 2, k]
+            ) + (
+                d1 * heads[exposure, 0, 3 + k]
+                + d2 * heads[exposure, 1, 3 + k]
+                + d3 * heads[exposure, 2, 3 + k]
+            )
+        if of_system.shape[2] > first:
+            for k in range(3):
+                of_system[row, c, first + k] = (
+                    x1 * heads[exposure, 0, 6 + k]
+                    + x2 * heads[exposure, 1, 6 + k]
+                    + x3 * heads[exposure, 2, 6 + k]
+                )
+                of_system[row, c, first + 3 + k] = (
+                    d1 * heads[exposure, 0, 9 + k]
+                    + d2 * heads[exposure, 1, 9 + k]
+                    + d3 * heads[exposure, 2, 9 + k]
+                )
+
+
+@small_kernel
 def linearize_ray(
-    ray, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-    inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
+    ray, point, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+    basis, inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
 ):  # fmt: skip
     """Whitened observation equations of one image point; False if it lies behind the camera.
 
     Fills one row of misclosure (·, 2) = (observed − computed)/σ, of_exterior (·, 2, 6), of_system
     (·, 2, 3 + t) for c, x0, y0 and t additional parameters, and of_point (·, 2, 3), each multiplied by its
-    1/σ. ideal, slope and basis count from the image point ``base``; one slope alone holds for all.
+    1/σ. With heads (n, 3, 12) of a rig of_exterior is by the pose of the event, and of_system may have six
+    more columns for the head; None without a rig. ideal, slope and basis count from the image point ``base``;
+    one slope alone holds for all.
 
     Whole arrays and the places in them are handed over: a slice for every ray would cost more than its
     equations, because slices count the references to their array.
@@ -88,20 +122,22 @@ def linearize_ray(
     for k in range(basis.shape[2]):
         of_system[row, 0, 3 + k] = -basis[corrected, 0, k] * wx
         of_system[row, 1, 3 + k] = -basis[corrected, 1, k] * wy
+    if heads is not None:  # decided when it is compiled
+        turn_to_event(row, exposure, 3 + basis.shape[2], heads, of_exterior, of_system)
     return p3 < 0.0
 
 
 @kernel
 def linearize_all(
-    image, point, camera_of_image, centres, rotations, points, interior, ideal, slope, basis, inverse_sigma,
-    misclosure, of_exterior, of_system, of_point,
+    image, point, camera_of_image, centres, rotations, heads, points, interior, ideal, slope, basis,
+    inverse_sigma, misclosure, of_exterior, of_system, of_point,
 ):  # fmt: skip
     """Observation equations of all image points, one after the other; the number behind the camera."""
     behind = 0
     for i in range(image.shape[0]):
         if not linearize_ray(
-            i, point[i], 0, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
-            basis, inverse_sigma, i, misclosure, of_exterior, of_system, of_point,
+            i, point[i], 0, image, camera_of_image, centres, rotations, heads, points, interior, ideal,
+            slope, basis, inverse_sigma, i, misclosure, of_exterior, of_system, of_point,
         ):  # fmt: skip
             behind += 1
     return behind

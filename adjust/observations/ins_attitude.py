@@ -42,15 +42,15 @@ class InsAttitudes:
 
     Attributes
     ----------
-    image : (n,) index of the image.
-    camera : (n,) index of its camera (mounting).
+    event : (n,) index of the event.
+    camera : (n,) index of its camera (mounting; of a rig the reference head).
     observed : (n, 3, 3) local from body (forward, right, down).
     body_from_camera : (n, 3, 3) nominal mounting T.
     stochastic : components roll, pitch, yaw in radians, small rotations in body axes.
     turning : rates of the body; without them a time offset acts on positions alone.
     """
 
-    image: Ints
+    event: Ints
     camera: Ints
     observed: Floats
     body_from_camera: Floats
@@ -64,7 +64,7 @@ class InsAttitudes:
     @property
     def point(self) -> Ints:
         """−1 for every attitude: it belongs to no object point."""
-        return np.full(len(self.image), -1, dtype=np.int64)
+        return np.full(len(self.event), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state.
@@ -77,7 +77,7 @@ class InsAttitudes:
         inertial_from_camera = rotation.from_roll_pitch_yaw(boresight) @ self.body_from_camera
         difference = (
             np.swapaxes(self.observed, 1, 2)
-            @ state.local_from_camera[self.image]
+            @ state.local_from_camera[self.event]
             @ np.swapaxes(inertial_from_camera, 1, 2)
         )
         turned = self._turned(state.system)
@@ -88,7 +88,7 @@ class InsAttitudes:
         exterior = np.concatenate([np.zeros_like(of_rotation), of_rotation], axis=2)
         of_boresight = -of_body @ rotation.roll_pitch_yaw_jacobian(boresight)
         terms = [
-            Term(EXTERIOR_ORIENTATION, self.image, exterior),
+            Term(EXTERIOR_ORIENTATION, self.event, exterior),
             Term(BORESIGHT, self.camera, of_boresight),
         ]
         if self.turning is not None and turned is not None:

@@ -43,8 +43,8 @@ class JointPrior:
         return f"prior:calibration:{self.source}"
 
     @property
-    def image(self) -> Ints:
-        """−1: it belongs to no image."""
+    def event(self) -> Ints:
+        """−1: it belongs to no event."""
         return np.full(1, -1, dtype=np.int64)
 
     @property

@@ -102,7 +102,7 @@ def products_of(system: System, state: State, alternatives: Sequence[ModelAltern
 def _parts(group: ObservationGroup) -> Iterator[tuple[ObservationGroup, slice]]:
     """Some image points at a time; any other group as a whole, because its errors may be correlated."""
     if not isinstance(group, ImagePoints):
-        yield group, slice(0, len(group.image))
+        yield group, slice(0, len(group.event))
         return
     for first in range(0, len(group.image), _AT_ONCE):
         rows = slice(first, min(first + _AT_ONCE, len(group.image)))

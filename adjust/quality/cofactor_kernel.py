@@ -34,9 +34,9 @@ def inverse_from_factor(lower, inverse):
 
 @kernel
 def point_cofactors(
-    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
-    slope, basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector,
-    point_factor, row_start, column, blocks, border, corner, cofactor, hat,
+    first_point, last_point, point_start, image, event, camera_of_image, centres, rotations, heads, points,
+    interior, ideal, slope, basis, inverse_sigma, active_point, columns, coupled_start, coupled_column,
+    coupled_vector, point_factor, row_start, column, blocks, border, corner, cofactor, hat,
 ):  # fmt: skip
     """Cofactors of the object points first_point … last_point − 1, and hat matrices of their image points.
 
@@ -74,12 +74,11 @@ def point_cofactors(
         touched = 0
         for a in range(count):
             i = first + a
-            e = image[i]
             linearize_ray(
-                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-                inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
+                i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+                basis, inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
-            counts[a] = nonzero_columns(a, e, of_system, columns, found)
+            counts[a] = nonzero_columns(a, image[i], of_system, columns, found)
             for k in range(6):
                 for q in range(3):
                     mixed[q] = (
@@ -108,9 +107,9 @@ def point_cofactors(
         moved[:count, :, :] = 0.0
         moved_border[:touched, :] = 0.0
         for a in range(count):
-            e = image[first + a]
+            e = event[first + a]
             for b in range(a, count):
-                f = image[first + b]
+                f = event[first + b]
                 if e <= f:
                     block = find_block(row_start, column, e, f)
                     for k in range(6):
@@ -151,7 +150,7 @@ def point_cofactors(
                 cofactor[j, k, q] = value
         for a in range(count):
             i = first + a
-            e = image[i]
+            e = event[i]
             touching = counts[a]
             diagonal = row_start[e]
             for r in range(2):

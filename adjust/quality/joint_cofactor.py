@@ -40,33 +40,33 @@ class Chosen:
 
     Attributes
     ----------
-    images : (i,) exposures, six unknowns each.
+    events : (i,) exposures, six unknowns each.
     columns : (b,) of the border.
     points : (k,) active object points, three unknowns each.
     """
 
-    images: Ints = field(default_factory=_none)
+    events: Ints = field(default_factory=_none)
     columns: Ints = field(default_factory=_none)
     points: Ints = field(default_factory=_none)
 
     @property
     def count(self) -> int:
         """Number of unknowns, u = 6 i + b + 3 k, in this order."""
-        return 6 * len(self.images) + len(self.columns) + 3 * len(self.points)
+        return 6 * len(self.events) + len(self.columns) + 3 * len(self.points)
 
 
 @dataclass(frozen=True, eq=False)
 class MixedParts:
-    """C of k points: (r, 6, 3) of every ray with its image and point (0 … k − 1), (k, g, 3) of the border.
+    """C of k points: (r, 6, 3) of every ray with its event and point (0 … k − 1), (k, g, 3) of the border.
 
     Attributes
     ----------
-    of_rays, image, point : with the exposures, ray by ray.
+    of_rays, event, point : with the exposures, ray by ray.
     of_border : with the system parameters and joins.
     """
 
     of_rays: Floats
-    image: Ints
+    event: Ints
     point: Ints
     of_border: Floats
 
@@ -105,8 +105,8 @@ def joint_cofactors_of(system: System, solution: Solution, chosen: Chosen) -> Fl
         x, border = solution.factorization.factor.solve(of_exposures, of_border)
         d = border.shape[1]
         projected = np.swapaxes(mixed.of_border, 1, 2) @ border
-        np.add.at(projected, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.image])
-        parts = (x[chosen.images], border[chosen.columns], -own @ projected)
+        np.add.at(projected, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.event])
+        parts = (x[chosen.events], border[chosen.columns], -own @ projected)
         joint[:, first : first + d] = np.concatenate([part.reshape(-1, d) for part in parts])
         first += d
     k = len(chosen.points)
@@ -117,9 +117,9 @@ def joint_cofactors_of(system: System, solution: Solution, chosen: Chosen) -> Fl
 
 def _loads(system: System, chosen: Chosen, mixed: MixedParts, own: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Right-hand sides (n, 6, d) and (g, d) of the reduced system for the chosen unknowns, some at a time."""
-    n, g = system.layout.images, system.border
-    i = len(chosen.images)
-    row = np.concatenate([(6 * chosen.images[:, None] + np.arange(6)).ravel(), 6 * n + chosen.columns])
+    n, g = system.layout.events, system.border
+    i = len(chosen.events)
+    row = np.concatenate([(6 * chosen.events[:, None] + np.arange(6)).ravel(), 6 * n + chosen.columns])
     for first in range(0, 6 * i + len(chosen.columns), _TOGETHER):
         part = row[first : first + _TOGETHER]
         unit = np.zeros((6 * n + g, len(part)))
@@ -132,7 +132,7 @@ def _loads(system: System, chosen: Chosen, mixed: MixedParts, own: Floats) -> It
         place = mixed.point[rays]
         # The axis of the image and that of the point beside each other, as one index wants them.
         loads = np.zeros((n, d, 6, 3))
-        np.add.at(loads, (mixed.image[rays], place - first), mixed.of_rays[rays] @ own[place])
+        np.add.at(loads, (mixed.event[rays], place - first), mixed.of_rays[rays] @ own[place])
         of_border = np.moveaxis(mixed.of_border[these] @ own[these], 0, 1)
         yield -np.swapaxes(loads, 1, 2).reshape(n, 6, 3 * d), -of_border.reshape(-1, 3 * d)
 
@@ -160,4 +160,4 @@ def mixed_parts(system: System, solution: Solution, points: Ints) -> MixedParts:
     for k, j in enumerate(points):
         own = slice(start[j], start[j + 1])
         np.add.at(border[k], column[own], vector[own])
-    return MixedParts(np.swapaxes(of_exposure, 1, 2) @ of_point, part.image, point, border)
+    return MixedParts(np.swapaxes(of_exposure, 1, 2) @ of_point, part.event, point, border)

@@ -40,21 +40,21 @@ _LEFT_OVER = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ParameterAlternative:
-    """A system parameter that is held, or one that is free and differs for some of the images.
+    """A system parameter that is held, or one that is free and differs for some of the events.
 
     Attributes
     ----------
     family, entity, component : which parameter: name of its family, indices in it; None: of all entities.
-    images : (n,) images of the block for which it differs; None: all of them.
+    events : (n,) events of the block for which it differs; None: all of them.
     """
 
     family: str
     entity: int | None
     component: int
-    images: Bools | None = None
+    events: Bools | None = None
 
     def column(self, group: ObservationGroup, equations: Linearization, _: slice, /) -> Floats | None:
-        """The derivatives with respect to the parameter, of the observations in these images."""
+        """The derivatives with respect to the parameter, of the observations of these events."""
         terms = [term for term in equations.terms if term.block == self.family]
         if not terms:
             return None
@@ -64,8 +64,8 @@ class ParameterAlternative:
             touched = (
                 np.ones(len(term.index), dtype=bool) if self.entity is None else term.index == self.entity
             )
-            if self.images is not None:
-                touched &= self.images[group.image] & (group.image >= 0)
+            if self.events is not None:
+                touched &= self.events[group.event] & (group.event >= 0)
             column += np.where(touched[:, None], term.jacobian[:, :, self.component], 0.0)
             found |= bool(touched.any())
         return column if found else None

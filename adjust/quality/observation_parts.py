@@ -75,10 +75,10 @@ def parts_of(observations: Observations, divisions: tuple[Division, ...] = ()) -
     for index, group in enumerate(observations.groups):
         whole = (("", tuple(range(len(group.components)))),)
         division = divided.get(group.name)
-        if division is not None and len(division.of_observation) != len(group.image):
+        if division is not None and len(division.of_observation) != len(group.event):
             raise InconsistentBlockError(
                 f"The division of {group.name} is of {len(division.of_observation)} observations; there are "
-                f"{len(group.image)}."
+                f"{len(group.event)}."
             )
         for word, components in _PARTS.get(group.name, whole):
             name = f"{group.name} {word}".strip()

@@ -71,7 +71,7 @@ def _units(system: System, columns: Ints) -> FullVectors:
     layout, count = system.layout, len(columns)
     of_border = np.zeros((system.border, count))
     of_border[columns, np.arange(count)] = 1.0
-    return FullVectors(np.zeros((layout.images, 6, count)), of_border, np.zeros((layout.points, 3, count)))
+    return FullVectors(np.zeros((layout.events, 6, count)), of_border, np.zeros((layout.points, 3, count)))
 
 
 def _along(equations: Linearization, vectors: FullVectors, number: int, layout: ParameterLayout) -> Floats:

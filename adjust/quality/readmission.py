@@ -73,7 +73,7 @@ def fitting_again(
     """
     variance = estimated_variance(adjusted, rule)
     alone = rejected[0] & adjusted.system.active_point[given.image_points.point]
-    back = [np.zeros(len(group.image), dtype=bool) for group in given.groups]
+    back = [np.zeros(len(group.event), dtype=bool) for group in given.groups]
     if alone.any():
         residual = np.nan_to_num(adjusted.residuals[0].residual, nan=np.inf)[alone]
         whitened = residual / given.image_points.sigma[alone]

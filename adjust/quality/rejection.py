@@ -168,7 +168,7 @@ def _least(
 def choose(
     observations: Observations, state: State, statistics: tuple[Floats, ...], least: tuple[Floats, ...]
 ) -> Rejection:
-    """The largest observation of every object point and image whose statistic exceeds a value of its own.
+    """The largest observation of every object point and event whose statistic exceeds a value of its own.
 
     What is known beforehand of a parameter is no observation that could be gross: it contradicts, or not.
     """
@@ -179,12 +179,12 @@ def choose(
         if not isinstance(group, DirectObservations | JointPrior)
         for i in np.flatnonzero(statistics[g] > least[g])
     ]
-    rejected = tuple(np.zeros(len(group.image), dtype=bool) for group in groups)
+    rejected = tuple(np.zeros(len(group.event), dtype=bool) for group in groups)
     touched: set[tuple[str, int]] = set()
     for _, g, i in _first_of_equals(sorted(candidates), groups):
-        point, image = int(groups[g].point[i]), int(groups[g].image[i])
-        own = [("point", point)] if point >= 0 else [("image", image)]
-        if any(place in touched for place in (("point", point), ("image", image))):
+        point, event = int(groups[g].point[i]), int(groups[g].event[i])
+        own = [("point", point)] if point >= 0 else [("event", event)]
+        if any(place in touched for place in (("point", point), ("event", event))):
             continue
         rejected[g][i] = True
         touched.update(own, _beside(groups[g], i))
@@ -221,17 +221,17 @@ def _first_of_equals(
 
 
 def _beside(group: ObservationGroup, i: int) -> list[tuple[str, int]]:
-    """Images whose observations an error of this one raises because their errors are correlated over time."""
+    """Events whose observations an error of this one raises because their errors are correlated over time."""
     neighbours = group.stochastic.neighbours
     if neighbours is None:
         return []
-    return [("image", int(group.image[index[i]])) for index in (neighbours.before, neighbours.after)]
+    return [("event", int(group.event[index[i]])) for index in (neighbours.before, neighbours.after)]
 
 
 def _undetermined(observations: Observations, rejected: tuple[Bools, ...], points: int) -> Bools:
     """Object points (m,) that keep fewer than two rays and no survey after a rejection."""
     rays = observations.image_points
-    support = 2.0 * np.bincount(rays.point, weights=rays.active & ~rejected[0], minlength=points)
+    support = 2.0 * rays.seen_from(rays.active & ~rejected[0], points)
     touched = np.zeros(points, dtype=bool)
     touched[rays.point[rejected[0]]] = True
     for group, mask in zip(observations.others, rejected[1:], strict=True):

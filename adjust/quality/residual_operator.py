@@ -40,8 +40,8 @@ class _WithMisclosure:
         return self.group.unit
 
     @property
-    def image(self) -> Ints:
-        return self.group.image
+    def event(self) -> Ints:
+        return self.group.event
 
     @property
     def point(self) -> Ints:

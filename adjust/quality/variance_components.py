@@ -86,7 +86,7 @@ def reweighted(observations: Observations, parts: tuple[Part, ...], factors: Flo
     """
     divided = {part.group for part in parts if part.rows is not None}
     of_groups = [
-        np.ones((len(group.image) if index in divided else 1, len(group.components)))
+        np.ones((len(group.event) if index in divided else 1, len(group.components)))
         for index, group in enumerate(observations.groups)
     ]
     stretched = np.ones(len(observations.groups))

@@ -87,7 +87,7 @@ def normals_at(system: System, state: State) -> ParameterNormals:
 
 def _exposures_alone(system: System, state: State, normals: ReducedNormals) -> tuple[HelmertFactor, int]:
     """The reduced system factorised with all system parameters held, and the number of open movements."""
-    n, g = normals.pattern.images, len(normals.rhs_border)
+    n, g = normals.pattern.events, len(normals.rhs_border)
     alone = replace(
         normals,
         border=np.zeros((n, 6, 0)),
@@ -96,7 +96,7 @@ def _exposures_alone(system: System, state: State, normals: ReducedNormals) -> t
         diagonal_border=np.zeros(0),
     )
     held = tuple(replace(item, free=np.zeros_like(item.free)) for item in system.layout.system)
-    layout = ParameterLayout(system.layout.images, system.layout.points, held)
+    layout = ParameterLayout(system.layout.events, system.layout.points, held)
     movements = open_movements(replace(system, layout=layout), state, alone)
     try:
         if movements is None:

@@ -167,7 +167,7 @@ def _of_same(wanted: Observations, before: Observations, rejected: Rejection) ->
         ]
     )
     found = tuple(
-        np.zeros(len(group.image), dtype=bool) if isinstance(group, DirectObservations) else next(masks)
+        np.zeros(len(group.event), dtype=bool) if isinstance(group, DirectObservations) else next(masks)
         for group in wanted.groups
     )
     return replace(rejected, rejected=found)

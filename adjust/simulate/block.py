@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.approximate.intersection import intersect
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.geometry import rotation
 from adjust.observations.base import ObservationGroup, StochasticModel
@@ -19,6 +19,7 @@ from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
+    BORESIGHT,
     FAMILIES,
     GNSS_DRIFT,
     GNSS_SHIFT,
@@ -30,7 +31,9 @@ from adjust.parameters import (
     State,
     SystemParameters,
 )
+from adjust.rig import OF_HEADS
 from adjust.simulate.gross_errors import GrossErrors, gross_errors_of
+from adjust.simulate.heads import stated_heads
 from adjust.simulate.noise import gnss_markov_noise, ins_markov_noise, white_noise
 from adjust.simulate.random_streams import RandomStreams, Source
 from adjust.simulate.system import certified_interior, strip_errors
@@ -92,27 +95,39 @@ class SimulatedBlock:
         free : families of system parameters to estimate; the others are held at zero, the interior
             orientation at its certificate.
         """
-        truth, plan = self.truth, self.truth.plan
+        truth, plan, rig = self.truth, self.truth.plan, self.truth.state.rig
         cameras = self.specification.cameras
-        system = tuple(self._parameters(family, family.name in free) for family in FAMILIES.values())
+        known = truth.state.system
+        system = tuple(
+            self._parameters(family, family.name in free)
+            for name, family in FAMILIES.items()
+            if name in known
+        )
         mounting = np.stack([camera.body_from_camera for camera in cameras])[plan.camera]
         block = Block(
             self.specification.frame,
             cameras,
-            plan.images,
-            plan.camera,
+            truth.images,
+            truth.camera_of_image,
             plan.flights,
-            plan.flight,
+            plan.flight if rig is None else plan.flight[rig.event_of_image],
             truth.points,
             system,
             self.measured.positions,
             self.measured.local_from_body @ mounting,
             np.zeros((len(truth.points), 3)),
+            rig=rig,
         )
         found = intersect(self._image_points(), block.approximate_state(), len(truth.points))
         # A ray with a gross error may put a point behind a camera; the truth is then as good a start.
         start = np.where(found.usable[:, None], found.object_point, truth.state.object_point)
         return replace(block, object_point=start)
+
+    @property
+    def event_of_image(self) -> Ints:
+        """(n,) exposure of every image."""
+        rig = self.truth.state.rig
+        return np.arange(len(self.truth.images)) if rig is None else rig.event_of_image
 
     def true_state(self) -> State:
         """True values of all unknowns."""
@@ -160,17 +175,25 @@ class SimulatedBlock:
         values = np.zeros(shape)
         if family.name == INTERIOR_ORIENTATION:
             values = certified_interior(self.specification.cameras)
-        return SystemParameters(family, entities, values, np.full(shape, is_free))
+        freedom = np.full(shape, is_free)
+        rig = self.truth.state.rig
+        if rig is not None and family.name in OF_HEADS:
+            values = stated_heads(self.specification.heads, len(entities))[family.name]
+            freedom[rig.is_reference] = False
+        elif rig is not None and family.name in (BORESIGHT, LEVER_ARM):
+            freedom[~rig.is_reference] = False
+        return SystemParameters(family, entities, values, freedom)
 
     def _image_points(self) -> ImagePoints:
-        rays = len(self.measured.xy)
+        rays, rig = len(self.measured.xy), self.truth.state.rig
         return ImagePoints(
             self.truth.image,
             self.truth.point,
-            self.truth.plan.camera,
+            self.truth.camera_of_image,
             self.measured.xy,
             np.full((rays, 2), self.specification.noise.image),
             np.ones(rays, dtype=bool),
+            event_of_image=None if rig is None else rig.event_of_image,
         )
 
     def _control_points(self) -> ControlPoints | None:
@@ -270,7 +293,7 @@ def measure(specification: BlockSpecification, truth: BlockTruth, seed: int) -> 
         specification.gross_errors,
         streams,
         truth.xy,
-        half_format[truth.plan.camera[truth.image]],
+        half_format[truth.camera_of_image[truth.image]],
         full,
         len(truth.plan.strips),
     )

@@ -13,6 +13,8 @@ from adjust.simulate.terrain import Terrain, raised
 from adjust.simulate.visibility import ImageGeometry, visible_rays
 
 _COARSE = 100
+# Cameras inclined by more see far, but hardly up to the horizon.
+_OBLIQUE, _HORIZON = np.deg2rad(15.0), np.deg2rad(75.0)
 # Positions that are tried for one point that is found.
 _MOST_TRIALS = 1_000
 # A point keeps this part of its cell's side between itself and the border of the cell.
@@ -94,7 +96,10 @@ class Coverage:
 def coverage(images: ImageGeometry, terrain: Terrain, frame: LocalFrame) -> Coverage:
     """Coverage of the ground around the exposures."""
     height = frame.height(images.projection_centre) - terrain.mean
-    reach = float(np.max(np.hypot(*images.half_format.T) / images.interior[:, 0] * height))
+    corner = np.hypot(*images.half_format.T) / images.interior[:, 0]
+    tilt = np.arccos(np.clip(images.local_from_camera[:, 2, 2], -1.0, 1.0))
+    farthest = np.tan(np.minimum(tilt + np.arctan(corner), _HORIZON))
+    reach = float(np.max(np.where(tilt > _OBLIQUE, farthest, corner) * height))
     low = images.projection_centre[:, :2].min(axis=0) - reach
     high = images.projection_centre[:, :2].max(axis=0) + reach
     cell = (high - low) / _COARSE

@@ -8,7 +8,7 @@ errors. Nothing here knows the noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from adjust.camera.refraction import refracted_image_points, refraction_coeffici
 from adjust.geometry import rotation
 from adjust.geometry.earth import CartesianFrame, LocalFrame
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, State
+from adjust.rig import Rig
 from adjust.simulate.flight_plan import FlightPlan, LineGroup, flight_plan
 from adjust.simulate.flown_path import along_the_path
 from adjust.simulate.gross_errors import GrossErrorSpecification
+from adjust.simulate.heads import HeadSpecification, image_names, rig_of, true_heads
 from adjust.simulate.image_errors import ImageErrors, ImageErrorSpecification, image_errors_of
 from adjust.simulate.noise import NoiseSpecification
 from adjust.simulate.object_points import PointSpecification, coverage, jittered_grid
@@ -45,6 +47,7 @@ class BlockSpecification:
     survey : control and check points.
     seed : of all random streams.
     frame : the local frame; heights are those of this frame.
+    heads : heads of rigs beside the cameras that the lines are flown with.
     """
 
     cameras: tuple[FrameCamera, ...]
@@ -59,6 +62,7 @@ class BlockSpecification:
     gross_errors: GrossErrorSpecification = field(default_factory=GrossErrorSpecification)
     frame: LocalFrame = field(default_factory=CartesianFrame)
     seed: int = 1
+    heads: tuple[HeadSpecification, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +71,13 @@ class BlockTruth:
 
     Attributes
     ----------
-    plan : the exposures by name, strip, flight, camera.
+    plan : the exposures by name, strip, flight, camera; those of a rig are events.
     trajectory : as flown.
     state : true values of all unknowns, with every family of system parameters.
     points : names of the m object points, ascending; surveyed points first.
     surveyed : (k,) indices of the surveyed points.  present : (k, 3) which of east, north, up are known.
     is_check : (k,).
+    images, camera_of_image : names and cameras of the images; of a camera alone those of the exposures.
     image, point : (r,) of the rays, sorted by point, then image.
     xy : (r, 2) image coordinates as an errorless observer measures them, metres.
     image_errors : systematic errors of each camera.
@@ -85,6 +90,8 @@ class BlockTruth:
     surveyed: Ints
     present: Bools
     is_check: Bools
+    images: tuple[str, ...]
+    camera_of_image: Ints
     image: Ints
     point: Ints
     xy: Floats
@@ -116,9 +123,16 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     flown = fly(plan, specification.variation, terrain.mean, frame, streams.of(Source.TRAJECTORY))
     if specification.variation.is_path:
         flown = along_the_path(plan, flown)
-    system = true_system(specification.system, specification.cameras, plan, streams)
-    local_from_camera = _local_from_camera(flown, plan, specification.cameras, system)
-    geometry = _geometry(flown, plan, specification, system, local_from_camera)
+    cameras = specification.cameras
+    system = {
+        **true_system(specification.system, cameras, plan, streams),
+        **true_heads(specification.heads, len(cameras)),
+    }
+    local_from_camera = _local_from_camera(flown, plan, cameras, system)
+    rig = rig_of(specification.heads, cameras, plan)
+    flight = State(flown.projection_centre, local_from_camera, np.zeros((0, 3)), system, rig)
+    camera_of_image = plan.camera if rig is None else rig.camera_of_image
+    geometry = _geometry(flight, camera_of_image, specification)
 
     covered = coverage(geometry, terrain, frame)
     survey = survey_of(specification.survey, covered.within(specification.points.rays))
@@ -126,12 +140,10 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     place = np.concatenate([survey.place, ties])
     x_in_local = raised(place, terrain.elevation(place), frame)
     of_errors = streams.of(Source.IMAGE_ERRORS)  # one stream: every camera has its own directions
-    errors = tuple(
-        image_errors_of(specification.image_errors, camera, of_errors) for camera in specification.cameras
-    )
-    rays = _measurable(geometry, plan, specification, x_in_local, errors)
+    errors = tuple(image_errors_of(specification.image_errors, camera, of_errors) for camera in cameras)
+    rays = _measurable(geometry, camera_of_image, specification, x_in_local, errors)
     is_survey = np.arange(len(place)) < len(survey.place)
-    rays = _detected(rays, is_survey, specification.points, streams.of(Source.DETECTION))
+    rays = _detected(rays, is_survey, specification.points, streams.of(Source.DETECTION), rig)
 
     seen = np.unique(rays.point)
     surveyed = seen[is_survey[seen]]
@@ -140,11 +152,13 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
     return BlockTruth(
         plan,
         flown,
-        State(flown.projection_centre, local_from_camera, x_in_local[seen], system),
+        replace(flight, object_point=x_in_local[seen]),
         _names(len(surveyed), len(seen) - len(surveyed)),
         number[surveyed],
         survey.present[surveyed],
         survey.is_check[surveyed],
+        plan.images if rig is None else image_names(rig, cameras),
+        camera_of_image,
         rays.image,
         number[rays.point],
         rays.xy,
@@ -161,26 +175,20 @@ def _local_from_camera(
     return np.asarray(flown.local_from_body @ inertial_from_camera[plan.camera])
 
 
-def _geometry(
-    flown: Trajectory,
-    plan: FlightPlan,
-    specification: BlockSpecification,
-    system: Mapping[str, Floats],
-    local_from_camera: Floats,
-) -> ImageGeometry:
+def _geometry(flight: State, camera_of_image: Ints, specification: BlockSpecification) -> ImageGeometry:
     """What projects points into the images, with the margin taken off the formats."""
     half = np.array([camera.half_format for camera in specification.cameras])
     return ImageGeometry(
-        flown.projection_centre,
-        local_from_camera,
-        system[INTERIOR_ORIENTATION][plan.camera],
-        ((1.0 - specification.points.margin) * half)[plan.camera],
+        flight.pictures.projection_centre,
+        flight.pictures.local_from_camera,
+        flight.system[INTERIOR_ORIENTATION][camera_of_image],
+        ((1.0 - specification.points.margin) * half)[camera_of_image],
     )
 
 
 def _measurable(
     geometry: ImageGeometry,
-    plan: FlightPlan,
+    camera_of_image: Ints,
     specification: BlockSpecification,
     x_in_local: Floats,
     errors: tuple[ImageErrors, ...],
@@ -198,7 +206,7 @@ def _measurable(
     ideal = straight - interior[:, 1:]
     measured, kept = np.empty_like(ideal), np.ones(len(ideal), dtype=bool)
     for number, of_camera in enumerate(errors):
-        rows = plan.camera[image] == number
+        rows = camera_of_image[image] == number
         measured[rows], kept[rows] = of_camera.measured_from_ideal(ideal[rows])
     return _Rays(image, point, measured + interior[:, 1:]).only(kept)
 
@@ -216,12 +224,22 @@ def _refracted(
 
 
 def _detected(
-    rays: _Rays, is_survey: Bools, specification: PointSpecification, random: np.random.Generator
+    rays: _Rays,
+    is_survey: Bools,
+    specification: PointSpecification,
+    random: np.random.Generator,
+    rig: Rig | None,
 ) -> _Rays:
-    """Rays that were found: surveyed points always, tie points with a probability; too few rays: none."""
+    """Rays that were found: surveyed points always, tie points with a probability; too few rays: none.
+
+    The rays of several heads of one event count as one.
+    """
     found = random.uniform(size=len(rays.image)) < specification.detection
     rays = rays.only(found | is_survey[rays.point])
-    count = np.bincount(rays.point, minlength=len(is_survey))
+    point = rays.point
+    if rig is not None:
+        point = np.unique(np.stack([rays.point, rig.event_of_image[rays.image]]), axis=1)[0]
+    count = np.bincount(point, minlength=len(is_survey))
     return rays.only(count[rays.point] >= specification.rays)
 
 

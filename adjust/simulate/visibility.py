@@ -16,6 +16,8 @@ from adjust.arrays import Bools, Floats, Ints
 _CELLS = 6.0
 # Cells along a side of the block at most; the largest blocks have a tenth of them.
 _MOST_CELLS = 10_000
+# Least downward part of a ray in units of the focal length.
+_LEVEL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,9 @@ def _footprints(images: ImageGeometry, x_in_local: Floats) -> Floats:
     corners = signs[None] * images.half_format[:, None] - images.interior[:, None, 1:]
     focal = np.broadcast_to(-images.interior[:, None, :1], (*corners.shape[:2], 1))
     ray = np.einsum("nij,nkj->nki", images.local_from_camera, np.concatenate([corners, focal], axis=2))
-    distance = (level - images.projection_centre[:, None, 2]) / ray[:, :, 2]
+    # Nothing is looked for where a ray is nearly level, or goes up.
+    downwards = np.minimum(ray[:, :, 2], _LEVEL * focal[:, :, 0])
+    distance = (level - images.projection_centre[:, None, 2]) / downwards
     ground = images.projection_centre[:, None, :2] + distance[:, :, None] * ray[:, :, :2]
     both = np.concatenate([ground, images.projection_centre[:, None, :2]], axis=1)
     return np.stack([both.min(axis=1), both.max(axis=1)], axis=1)

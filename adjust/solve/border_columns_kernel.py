@@ -23,8 +23,8 @@ def open_row(column, touched, local, position, rows):
 def nonzero_columns(a, e, of_system, columns, found):
     """Free parameters of a ray with a derivative other than zero; returns how many.
 
-    Their derivatives move to the front of of_system[a] (2, 3 + t), their columns go to found[a] (3 + t,), in
-    ascending order. Most terms of composed images are zero outside one CCD.
+    e is the picture of the ray. Their derivatives move to the front of of_system[a] (2, w), their columns go
+    to found[a] (w,), in the same order. Most terms of composed images are zero outside one CCD.
     """
     count = 0
     for s in range(columns.shape[1]):

@@ -1,7 +1,7 @@
 """The block-sparse pattern of the reduced normal equations.
 
-Pairs of images are joined by the object points they both see, and by errors of their own observations that
-are correlated over time.
+Pairs of events are joined by the object points they both see, through any of their pictures, and by errors
+of their own observations that are correlated over time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from adjust.solve import covisibility_kernel
 
 @dataclass(frozen=True, eq=False)
 class Covisibility:
-    """Pairs (i, j), i ≤ j, of images that are joined, row by row, diagonal first.
+    """Pairs (i, j), i ≤ j, of events that are joined, row by row, diagonal first.
 
     Attributes
     ----------
@@ -30,8 +30,8 @@ class Covisibility:
     column: Ints
 
     @property
-    def images(self) -> int:
-        """Number of images n."""
+    def events(self) -> int:
+        """Number of events n."""
         return len(self.row_start) - 1
 
     @property
@@ -42,28 +42,28 @@ class Covisibility:
     @property
     def row(self) -> Ints:
         """(blocks,) row of every block."""
-        return np.repeat(np.arange(self.images), np.diff(self.row_start))
+        return np.repeat(np.arange(self.events), np.diff(self.row_start))
 
     @cached_property
     def _keys(self) -> Ints:
         """(blocks,) row · n + column, ascending."""
-        return self.row * self.images + self.column
+        return self.row * self.events + self.column
 
     def find(self, one: Ints, other: Ints) -> Ints:
-        """Positions (k,) of the blocks of pairs of images in either order; −1 where there is none."""
-        wanted = np.minimum(one, other) * self.images + np.maximum(one, other)
+        """Positions (k,) of the blocks of pairs of events in either order; −1 where there is none."""
+        wanted = np.minimum(one, other) * self.events + np.maximum(one, other)
         position = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
         return np.where(self._keys[position] == wanted, position, -1)
 
     def with_pairs(self, one: Ints, other: Ints) -> Covisibility:
-        """The same pattern with more pairs (k,) of images; itself if they are all there."""
+        """The same pattern with more pairs (k,) of events; itself if they are all there."""
         missing = self.find(one, other) < 0
         if not missing.any():
             return self
         one, other = one[missing], other[missing]
-        keys = np.union1d(self._keys, np.minimum(one, other) * self.images + np.maximum(one, other))
-        row, column = np.divmod(keys, self.images)
-        return Covisibility(np.searchsorted(row, np.arange(self.images + 1)).astype(np.int64), column)
+        keys = np.union1d(self._keys, np.minimum(one, other) * self.events + np.maximum(one, other))
+        row, column = np.divmod(keys, self.events)
+        return Covisibility(np.searchsorted(row, np.arange(self.events + 1)).astype(np.int64), column)
 
 
 def point_starts(point: Ints, points: int) -> Ints:
@@ -71,16 +71,17 @@ def point_starts(point: Ints, points: int) -> Ints:
     return np.searchsorted(point, np.arange(points + 1)).astype(np.int64)
 
 
-def covisibility(image_points: ImagePoints, images: int, points: int) -> Covisibility:
+def covisibility(image_points: ImagePoints, events: int, points: int) -> Covisibility:
     """The pattern of a set of image points; rejected ones count, so that it serves every pass."""
-    by_image = np.argsort(image_points.image, kind="stable")
-    image_start = np.searchsorted(image_points.image[by_image], np.arange(images + 1)).astype(np.int64)
+    event = image_points.event
+    by_event = np.argsort(event, kind="stable")
+    event_start = np.searchsorted(event[by_event], np.arange(events + 1)).astype(np.int64)
     row_start, unsorted = covisibility_kernel.upper_pattern(
-        image_start,
-        image_points.point[by_image],
+        event_start,
+        image_points.point[by_event],
         point_starts(image_points.point, points),
-        image_points.image,
-        images,
+        event,
+        events,
     )
-    row = np.repeat(np.arange(images), np.diff(row_start))
-    return Covisibility(row_start, np.sort(row * images + unsorted) % images)
+    row = np.repeat(np.arange(events), np.diff(row_start))
+    return Covisibility(row_start, np.sort(row * events + unsorted) % events)

@@ -1,4 +1,4 @@
-"""Which pairs of images see a common object point, compiled."""
+"""Which pairs of events see a common object point, compiled."""
 
 import numpy as np
 
@@ -6,27 +6,27 @@ from adjust.compiled import kernel, small_kernel
 
 
 @kernel
-def upper_pattern(image_start, point_of_ray, point_start, image_of_ray, images):
-    """Rows of the upper block triangle, diagonal included: row_start (images + 1), column (blocks).
+def upper_pattern(event_start, point_of_ray, point_start, event_of_ray, events):
+    """Rows of the upper block triangle, diagonal included: row_start (events + 1), column (blocks).
 
-    image_start / point_of_ray list the points of every image, point_start / image_of_ray the images
+    event_start / point_of_ray list the points of every event, point_start / event_of_ray the events
     of every point. The diagonal comes first in every row, the others as they are met.
     """
-    mark = np.full(images, -1, np.int64)
-    row_start = np.zeros(images + 1, np.int64)
+    mark = np.full(events, -1, np.int64)
+    row_start = np.zeros(events + 1, np.int64)
     for fill in range(2):
-        column = np.empty(row_start[images] if fill == 1 else 0, np.int64)
+        column = np.empty(row_start[events] if fill == 1 else 0, np.int64)
         total = 0
-        for i in range(images):
-            stamp = i + fill * images
+        for i in range(events):
+            stamp = i + fill * events
             mark[i] = stamp
             if fill == 1:
                 column[total] = i
             total += 1
-            for k in range(image_start[i], image_start[i + 1]):
+            for k in range(event_start[i], event_start[i + 1]):
                 j = point_of_ray[k]
                 for q in range(point_start[j], point_start[j + 1]):
-                    other = image_of_ray[q]
+                    other = event_of_ray[q]
                     if other > i and mark[other] != stamp:
                         mark[other] = stamp
                         if fill == 1:

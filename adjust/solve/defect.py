@@ -67,7 +67,7 @@ class OpenDirection:
 
 def explain_defect(system: System, state: State, singular: SingularNormalsError) -> DatumDefectError:
     """Name what a singular reduced system leaves undetermined."""
-    n, g = system.layout.images, system.layout.border
+    n, g = system.layout.events, system.layout.border
     scaled = singular.null_space / singular.scale[:, None]
     null = _NullSpace(scaled[: 6 * n], scaled[6 * n : 6 * n + g], _border_names(system))
     movements = datum_basis(state).reshape(6 * n, 7) / singular.scale[: 6 * n, None]
@@ -92,7 +92,7 @@ def open_directions(
     system: System, state: State, normals: ReducedNormals, vectors: FullVectors
 ) -> tuple[OpenDirection, ...]:
     """Name the movements that a free network has open."""
-    n, g, d = system.layout.images, system.layout.border, vectors.count
+    n, g, d = system.layout.events, system.layout.border, vectors.count
     root = np.sqrt(np.where(normals.diagonal_exposure > 0.0, normals.diagonal_exposure, 1.0)).reshape(-1, 1)
     diagonal = normals.diagonal_border[:g]
     root_border = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -165,9 +165,10 @@ def _rest(
         sentence = f"Nothing fixes a movement of the block that combines {_and(combined)}"
         return f"{sentence}{_together(involved)}.", [*combined, *involved], True
     largest = np.argmax(np.linalg.norm(exposures.reshape(-1, 6), axis=1))
-    image = system.block.images[int(largest)]
-    sentence = f"The orientation of image {image} is not determined{_together(involved)}."
-    return sentence, [f"image {image}", *involved], False
+    kind = "image" if system.block.rig is None else "event"
+    image = f"{kind} {system.block.events[int(largest)]}"
+    sentence = f"The orientation of {image} is not determined{_together(involved)}."
+    return sentence, [image, *involved], False
 
 
 def _combination(movements: Floats, exposures: Floats) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ class DesignMatrix:
 def design_matrix(system: System, state: State) -> DesignMatrix:
     """Observation equations of all groups at a state."""
     layout = system.layout
-    n, g = layout.images, layout.border
+    n, g = layout.events, layout.border
     exposure_columns = np.arange(6 * n).reshape(n, 6)
     border_columns = 6 * n + np.arange(g)
     point_columns = np.full((layout.points, 3), -1, dtype=np.int64)

@@ -65,9 +65,9 @@ def dissect(pattern: Covisibility, position: Floats, largest_part: int = LARGEST
     neighbours = _graph(pattern)
     owns: list[Ints] = []
     parents: list[int] = []
-    _split(np.arange(pattern.images), neighbours, position[:, :2], largest_part, owns, parents)
-    rank = np.empty(pattern.images, dtype=np.int64)
-    rank[np.concatenate(owns)] = np.arange(pattern.images)
+    _split(np.arange(pattern.events), neighbours, position[:, :2], largest_part, owns, parents)
+    rank = np.empty(pattern.events, dtype=np.int64)
+    rank[np.concatenate(owns)] = np.arange(pattern.events)
     return Dissection(_with_boundaries(owns, parents, neighbours, rank), rank)
 
 
@@ -77,7 +77,7 @@ def _graph(pattern: Covisibility) -> scipy.sparse.csr_array:
     row, column = pattern.row[off], pattern.column[off]
     ones = np.ones(2 * len(row), dtype=np.int8)
     both = (np.concatenate([row, column]), np.concatenate([column, row]))
-    return scipy.sparse.csr_array((ones, both), shape=(pattern.images, pattern.images))
+    return scipy.sparse.csr_array((ones, both), shape=(pattern.events, pattern.events))
 
 
 def _split(

@@ -12,9 +12,9 @@ from adjust.observations.image_point_kernel import linearize_ray
 
 @kernel
 def subtract_eliminated(
-    first_point, last_point, point_start, image, camera_of_image, centres, rotations, points, interior, ideal,
-    slope, basis, inverse_sigma, active_point, compact, coupled_start, coupled_column, coupled_vector,
-    point_factor, rhs_point, rhs_exposure, rhs_border,
+    first_point, last_point, point_start, image, event, camera_of_image, centres, rotations, heads, points,
+    interior, ideal, slope, basis, inverse_sigma, active_point, compact, coupled_start, coupled_column,
+    coupled_vector, point_factor, rhs_point, rhs_exposure, rhs_border,
 ):  # fmt: skip
     """Subtract N_qp N_pp⁻¹ b_p of the object points first_point … last_point − 1.
 
@@ -48,10 +48,10 @@ def subtract_eliminated(
                 for t in range(width):
                     rhs_border[coupled_column[i], t] -= coupled_vector[i, k] * solved[k, t]
         for i in range(point_start[j], point_start[j + 1]):
-            e = image[i]
+            e = event[i]
             linearize_ray(
-                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-                inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+                basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             # The vectors innermost: they lie beside each other in memory.
             for c in range(2):
@@ -65,7 +65,7 @@ def subtract_eliminated(
                     for t in range(width):
                         rhs_exposure[e, k, t] -= of_exterior[0, c, k] * seen[t]
                 for s in range(compact.shape[1]):
-                    g = compact[e, s]
+                    g = compact[image[i], s]
                     if g >= 0:
                         for t in range(width):
                             rhs_border[g, t] -= of_system[0, c, s] * seen[t]

@@ -100,7 +100,7 @@ class Factorization:
 
 def dense_matrix(normals: ReducedNormals) -> Floats:
     """The reduced normal matrix S in full, (6 n + g, 6 n + g), symmetric."""
-    n, g = normals.pattern.images, len(normals.rhs_border)
+    n, g = normals.pattern.events, len(normals.rhs_border)
     matrix = np.zeros((6 * n + g, 6 * n + g))
     rows = 6 * normals.pattern.row[:, None, None] + np.arange(6)[:, None]
     columns = 6 * normals.pattern.column[:, None, None] + np.arange(6)

@@ -20,6 +20,7 @@ redundancy numbers notice none of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +28,9 @@ import scipy.linalg
 
 from adjust.arrays import Floats
 from adjust.errors import InconsistentBlockError
+from adjust.observations.base import ObservationGroup
 from adjust.parameters import InnerConstraints, State
+from adjust.rig import RELATIVE_POSITION
 from adjust.solve.datum import datum_basis, movements_of_points, noticed_movements
 from adjust.solve.full_vectors import FullVectors
 from adjust.solve.joined_points import Joins
@@ -42,6 +45,8 @@ _UNNOTICED = 1e-9
 _MOVES = 1e-10
 # A system parameter that takes less than this part in a movement takes none.
 _STILL = 1e-12
+# So many image points at a time bound the memory of their equations.
+_AT_ONCE = 65_536
 # No exposure is moved by the datum by more than this part of the σ it would have alone any more.
 _SETTLED = 1e-3
 
@@ -71,7 +76,7 @@ class OpenMovements:
 
     def held(self, normals: ReducedNormals) -> ReducedNormals:
         """Normal equations N + Hᵀ w H: d unknowns of exposures hold the datum."""
-        n = normals.pattern.images
+        n = normals.pattern.events
         weight = normals.diagonal_exposure.ravel()
         scaled = np.sqrt(weight)[:, None] * self.vectors.of_exposures.reshape(6 * n, self.defect)
         # The first d pivots: each unknown that moves most with what the ones before leave free.
@@ -105,6 +110,7 @@ def open_movements(system: System, state: State, normals: ReducedNormals) -> Ope
     """The movements that nothing notices; None where the network is not free or nothing is open.
 
     Image points notice none of the seven, and every system parameter they know; so the other groups decide.
+    In a rig they notice a scale, as long as the relative positions of its heads do not scale with the block.
 
     Raises
     ------
@@ -134,8 +140,11 @@ def _unnoticed(
     g = system.layout.border
     # What rays know does not move with the block.
     along = np.setdiff1d(np.arange(g), system.ray_columns.border)
+    if RELATIVE_POSITION in system.layout.columns:
+        columns = system.layout.columns[RELATIVE_POSITION]
+        along = np.union1d(along, columns[columns >= 0])
     information = np.zeros((7 + len(along), 7 + len(along)))
-    for group in system.observations.others:
+    for group in _noticing(system):
         equations = whiten(group, group.linearize(state))
         of_border = np.zeros((*equations.misclosure.shape, g))
         for term in equations.terms:
@@ -155,6 +164,15 @@ def _unnoticed(
     of_border = np.zeros((g, found.shape[1]))
     of_border[along] = found[7:]
     return found[:7], of_border
+
+
+def _noticing(system: System) -> Iterator[ObservationGroup]:
+    """The groups that may notice a movement of the block; of a rig its image points, too, some at a time."""
+    yield from system.observations.others
+    if system.block.rig is not None:
+        rays = system.observations.image_points
+        for first in range(0, len(rays.image), _AT_ONCE):
+            yield rays.only(np.arange(first, min(first + _AT_ONCE, len(rays.image))))
 
 
 def _scale(normals: ReducedNormals, movements: Floats, diagonal: Floats) -> Floats:

@@ -78,7 +78,7 @@ class SparseVectors:
     def zeros(cls, system: System, count: int) -> SparseVectors:
         """Vectors of zeros over the unknowns of a system."""
         layout = system.layout
-        return cls(np.zeros((layout.images, 6, count)), np.zeros((system.border, count)), layout.points)
+        return cls(np.zeros((layout.events, 6, count)), np.zeros((system.border, count)), layout.points)
 
     def points_of(self, number: int) -> Floats:
         """The part (m, 3) of one vector at the object points, to be written into."""

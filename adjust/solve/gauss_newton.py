@@ -274,6 +274,7 @@ def _largest(system: System, increments: _Increments) -> str:
     shift = np.linalg.norm(increments.of_exposures[:, :3], axis=1)
     image = int(np.argmax(shift))
     of_border = increments.of_border
-    return f"image {system.block.images[image]} ({shift[image]:.3g} m)" + (
+    kind = "image" if system.block.rig is None else "event"
+    return f"{kind} {system.block.events[image]} ({shift[image]:.3g} m)" + (
         f"; system parameters by up to {np.max(np.abs(of_border)):.3g}" if len(of_border) else ""
     )

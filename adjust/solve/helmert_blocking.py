@@ -100,7 +100,7 @@ def _fronts(pattern: Covisibility, dissection: Dissection) -> tuple[Front, ...]:
     owner = part_of_rank[first]
     order = np.argsort(owner, kind="stable")
     starts = np.searchsorted(owner[order], np.arange(len(parts) + 1))
-    place = np.empty(pattern.images, dtype=np.int64)
+    place = np.empty(pattern.events, dtype=np.int64)
     images = [np.concatenate([part.own, part.boundary]) for part in parts]
     fronts = []
     for index, part in enumerate(parts):
@@ -211,7 +211,7 @@ class HelmertFactor:
     def inverse(self) -> tuple[Floats, Floats, Floats]:
         """Blocks of S⁻¹: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
         analysis, scale, of_border = self.analysis, self.scale_exposure, self.scale_border
-        n, g = analysis.pattern.images, len(of_border)
+        n, g = analysis.pattern.events, len(of_border)
         blocks = np.empty((len(analysis.pattern.column), 6, 6))
         border = np.empty((n, 6, g))
         corner = np.empty((g, g))

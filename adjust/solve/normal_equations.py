@@ -74,7 +74,7 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
     """
     layout = system.layout
     m, g = layout.points, system.border
-    sums = Sums.zero(len(system.pattern.column), layout.images, g)
+    sums = Sums.zero(len(system.pattern.column), layout.events, g)
     point_normal, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
     squares, joins = 0.0, list[Joins]()
     for group in system.observations.others:

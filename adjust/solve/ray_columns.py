@@ -1,4 +1,4 @@
-"""Which system parameters the image points touch: interior orientation and additional parameters."""
+"""Which system parameters the image points touch: interior orientation, additional parameters, heads."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from adjust.arrays import Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION, ParameterLayout
+from adjust.rig import OF_HEADS
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +18,11 @@ class RayColumns:
 
     Attributes
     ----------
-    of_image : (n, 3 + t) column of c, x0, y0 and t additional parameters of each image; −1 where held.
+    of_image : (n, 3 + t) column of c, x0, y0 and t additional parameters of each image; −1 where held. Where
+        parameters of heads are free six more: relative position and relative rotation.
     components : (t,) which components of the additional parameters these are: those free anywhere.
-    border : (k,) all columns that occur, ascending.
-    compact : (n, 3 + t) the same counted among those in ``border`` alone.
+    border : (k,) all columns that occur: those of the cameras ascending, then those of the heads.
+    compact : the same as ``of_image`` counted among those in ``border`` alone; ascending in every image.
     """
 
     of_image: Ints
@@ -43,6 +45,12 @@ def ray_columns(layout: ParameterLayout, rays: ImagePoints) -> RayColumns:
         components = np.flatnonzero(np.any(of_entity >= 0, axis=0))
         additional = of_entity[rays.self_calibration.entity_of_image][:, components]
         of_image = np.concatenate([of_image, additional], axis=1)
-    border = np.unique(of_image[of_image >= 0])
-    compact = np.where(of_image >= 0, np.searchsorted(border, of_image), -1)
-    return RayColumns(of_image, components, border, compact)
+    heads = [layout.columns[family][rays.camera_of_image] for family in OF_HEADS if family in layout.columns]
+    if not any(np.any(columns >= 0) for columns in heads):
+        heads = []
+    # The kernels fill the upper triangle of the corner.
+    border = np.concatenate([np.unique(part[part >= 0]) for part in (of_image, *heads)])
+    of_image = np.concatenate([of_image, *heads], axis=1)
+    number = np.full(layout.border + 1, -1, dtype=np.int64)
+    number[border] = np.arange(len(border))
+    return RayColumns(of_image, components, border, number[of_image])

@@ -98,7 +98,7 @@ def reduce_image_points(
     touched = system.touched_columns
 
     def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
-        mine = Sums.zero(len(pattern.column), pattern.images, len(touched))
+        mine = Sums.zero(len(pattern.column), pattern.events, len(touched))
         return mine, *reduction_kernel.reduce_points(
             *system.rays_of_lane(state, lane),
             columns.compact,

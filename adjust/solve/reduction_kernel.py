@@ -64,8 +64,8 @@ def subtract_product(blocks, position, reduced, a, b):
 
 @small_kernel
 def point_normals(
-    rays, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-    inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
+    rays, point, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+    basis, inverse_sigma, misclosure, of_exterior, of_system, of_point, normal, rhs,
 ):  # fmt: skip
     """Linearise the rays of one point and add A_pᵀ A_p and A_pᵀ l to normal (3, 3) and rhs (3,).
 
@@ -76,8 +76,8 @@ def point_normals(
     for a in range(rays[1] - rays[0]):
         i = rays[0] + a
         front = linearize_ray(
-            i, point, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-            inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
+            i, point, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+            basis, inverse_sigma, a, misclosure, of_exterior, of_system, of_point,
         )  # fmt: skip
         if not front and inverse_sigma[i, 0] > 0.0:
             return -1.0
@@ -143,13 +143,13 @@ def subtract_system_rows(touched, local, reduced_border, half, corner, rhs_borde
 
 @small_kernel
 def subtract_exposure_rows(
-    rays, image, row_start, column, reduced, half, touched, local, reduced_border,
+    rays, event, row_start, column, reduced, half, touched, local, reduced_border,
     blocks, border, rhs_exposure,
 ):  # fmt: skip
     """Subtract Z_a Z_bᵀ, Z_a Z_gᵀ and Z_a z of the rays of one point."""
     count = rays[1] - rays[0]
     for a in range(count):
-        e = image[rays[0] + a]
+        e = event[rays[0] + a]
         for k in range(6):
             rhs_exposure[e, k] -= (
                 reduced[6 * a + k, 0] * half[0]
@@ -157,11 +157,11 @@ def subtract_exposure_rows(
                 + reduced[6 * a + k, 2] * half[2]
             )
         for b in range(a, count):
-            f = image[rays[0] + b]
+            f = event[rays[0] + b]
             if e <= f:
                 position = find_block(row_start, column, e, f)
                 subtract_product(blocks, position, reduced, a, b)
-                if e == f and a != b:  # measured twice in one image: the diagonal block gets both
+                if e == f and a != b:  # measured twice in one event: the diagonal block gets both
                     subtract_product(blocks, position, reduced, b, a)
             else:
                 subtract_product(blocks, find_block(row_start, column, f, e), reduced, b, a)
@@ -177,9 +177,9 @@ def subtract_exposure_rows(
 
 @kernel
 def reduce_points(
-    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
-    basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector, damping,
-    row_start, column,
+    first, last, point_start, image, event, camera_of_image, centres, rotations, heads, points, interior,
+    ideal, slope, basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector,
+    damping, row_start, column,
     blocks, border, corner, rhs_exposure, rhs_border, diagonal_exposure, diagonal_border,
     point_normal, point_rhs,
 ):  # fmt: skip
@@ -187,8 +187,9 @@ def reduce_points(
 
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
-    ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone;
-    columns (n, 3 + t) says where the system parameters of each image stand; coupled_vector (c, 3) are the
+    ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone; event
+    (r,) is the exposure whose pose each ray touches; columns (n, 3 + t, or 3 + t + 6 with heads) says where
+    the system parameters of each image stand; coupled_vector (c, 3) are the
     elements of N in the rows of other columns of the border, those of each object point beside each other.
     blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border
     (g) are added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
@@ -200,7 +201,7 @@ def reduce_points(
     for j in range(first, last):
         most = max(most, point_start[j + 1] - point_start[j])
     borders = border.shape[2]
-    width = 3 + basis.shape[2]
+    width = columns.shape[1]
     base = point_start[first]
     misclosure = np.zeros((most, 2))
     of_exterior = np.zeros((most, 2, 6))
@@ -225,8 +226,8 @@ def reduce_points(
         lower = point_normal[j]
         rhs = point_rhs[j]
         squares = point_normals(
-            rays, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-            inverse_sigma, misclosure, of_exterior, of_system, of_point, lower, rhs,
+            rays, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+            basis, inverse_sigma, misclosure, of_exterior, of_system, of_point, lower, rhs,
         )  # fmt: skip
         if squares < 0.0:
             if behind < 0:
@@ -247,13 +248,13 @@ def reduce_points(
             eliminated += half[k] * half[k]
         touched = 0
         for a in range(rays[1] - rays[0]):
-            e = image[rays[0] + a]
+            e = event[rays[0] + a]
             add_exposure_rows(
                 a, e, row_start[e], misclosure, of_exterior, of_point, blocks, rhs_exposure,
                 diagonal_exposure, reduced,
             )  # fmt: skip
             if borders > 0:
-                count = nonzero_columns(a, e, of_system, columns, found)
+                count = nonzero_columns(a, image[rays[0] + a], of_system, columns, found)
                 add_system_rows(
                     a, e, count, found, misclosure, of_exterior, of_system, border, corner, rhs_border,
                     diagonal_border,
@@ -273,7 +274,7 @@ def reduce_points(
         times_inverse_transpose(reduced, 0, 6 * (rays[1] - rays[0]), lower)
         times_inverse_transpose(reduced_border, 0, touched, lower)
         subtract_exposure_rows(
-            rays, image, row_start, column, reduced, half, touched, local, reduced_border,
+            rays, event, row_start, column, reduced, half, touched, local, reduced_border,
             blocks, border, rhs_exposure,
         )  # fmt: skip
         subtract_system_rows(touched, local, reduced_border, half, corner, rhs_border)
@@ -284,14 +285,14 @@ def reduce_points(
 
 @kernel
 def substitute_back(
-    first, last, point_start, image, camera_of_image, centres, rotations, points, interior, ideal, slope,
-    basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector, point_factor,
-    point_rhs, of_exposures, of_border, result,
+    first, last, point_start, image, event, camera_of_image, centres, rotations, heads, points, interior,
+    ideal, slope, basis, inverse_sigma, active_point, columns, coupled_start, coupled_column, coupled_vector,
+    point_factor, point_rhs, of_exposures, of_border, result,
 ):  # fmt: skip
     """Increments dp = N_pp⁻¹ (b_p − Σ W_aᵀ dq_a) of the object points first … last − 1, to result (m, 3)."""
     misclosure = np.zeros((1, 2))
     of_exterior = np.zeros((1, 2, 6))
-    of_system = np.zeros((1, 2, 3 + basis.shape[2]))
+    of_system = np.zeros((1, 2, columns.shape[1]))
     of_point = np.zeros((1, 2, 3))
     rhs = np.zeros(3)
     base = point_start[first]
@@ -303,17 +304,17 @@ def substitute_back(
             for i in range(coupled_start[j], coupled_start[j + 1]):
                 rhs[k] -= coupled_vector[i, k] * of_border[coupled_column[i]]
         for i in range(point_start[j], point_start[j + 1]):
-            e = image[i]
+            e = event[i]
             linearize_ray(
-                i, j, base, image, camera_of_image, centres, rotations, points, interior, ideal, slope, basis,
-                inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
+                basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             for c in range(2):
                 moved = 0.0
                 for k in range(6):
                     moved += of_exterior[0, c, k] * of_exposures[e, k]
                 for s in range(columns.shape[1]):
-                    g = columns[e, s]
+                    g = columns[image[i], s]
                     if g >= 0:
                         moved += of_system[0, c, s] * of_border[g]
                 for k in range(3):

@@ -80,15 +80,15 @@ class System:
         """
         _refuse_unknown_indices(block, observations)
         observations = _with_known_basis(block, observations)
-        images, points = len(block.images), len(block.points)
+        events, points = len(block.events), len(block.points)
         active = determined_points(block, observations)
-        pattern = covisibility(observations.image_points, images, points)
+        pattern = covisibility(observations.image_points, events, points)
         return cls(
             block,
             block.layout,
             _of_active_points(observations, active),
             HelmertBlocking.of(
-                pattern.with_pairs(*_correlated_images(observations)), block.projection_centre
+                pattern.with_pairs(*_correlated_events(observations)), block.projection_centre
             ),
             point_starts(observations.image_points.point, points),
             active,
@@ -101,7 +101,7 @@ class System:
         """The same system after some of its observations have been rejected."""
         active_point = determined_points(self.block, observations)
         # Correlation over time joins what stood on either side of a rejected observation.
-        pattern = self.pattern.with_pairs(*_correlated_images(observations))
+        pattern = self.pattern.with_pairs(*_correlated_events(observations))
         return replace(
             self,
             observations=_of_active_points(observations, active_point),
@@ -138,21 +138,24 @@ class System:
         rays = self.observations.image_points
         return rays.ideal(state, columns.components, columns.principal_point_is_free, first, last)
 
-    def rays_of_lane(self, state: State, lane: Lane) -> tuple[Floats | Ints | Bools | int, ...]:
+    def rays_of_lane(self, state: State, lane: Lane) -> tuple[Floats | Ints | Bools | int | None, ...]:
         """What every kernel that goes through the rays of a lane begins its arguments with.
 
-        The object points first … last − 1, where the rays of each begin, image and camera of the rays, the
-        values of a state (metres, local frame; interior orientation), the corrected rays with slope and basis
-        (those of the lane alone), 1/σ, and which object points take part.
+        The object points first … last − 1, where the rays of each begin, picture, event and camera of the
+        rays, the poses of the pictures and how they hang on the events, the values of a state (metres, local
+        frame; interior orientation), the corrected rays with slope and basis (those of the lane alone), 1/σ,
+        and which object points take part.
         """
-        rays, ideal = self.observations.image_points, self.ideal_rays(state, lane)
+        rays, ideal, pictures = self.observations.image_points, self.ideal_rays(state, lane), state.pictures
         return (
             *lane,
             self.point_start,
             rays.image,
+            rays.event,
             rays.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
+            pictures.projection_centre,
+            pictures.local_from_camera,
+            pictures.of_event,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
             ideal.xy,
@@ -166,7 +169,7 @@ class System:
     def unknowns(self) -> int:
         """Number u of unknowns that take part."""
         layout = self.layout
-        return 6 * layout.images + 3 * int(self.active_point.sum()) + layout.border
+        return 6 * layout.events + 3 * int(self.active_point.sum()) + layout.border
 
     @property
     def redundancy(self) -> int:
@@ -184,34 +187,41 @@ def _with_known_basis(block: Block, observations: Observations) -> Observations:
 
 def _refuse_unknown_indices(block: Block, observations: Observations) -> None:
     """The kernels do not look whether an index is in range; they would read foreign memory."""
-    images, points = len(block.images), len(block.points)
-    for group in observations.groups:
-        # Only image points must have both; −1 elsewhere says that there is none.
-        lowest = 0 if group is observations.image_points else -1
-        joined = np.concatenate(joined_points((group,)))
-        for kind, index, count, least in (
-            ("image", group.image, images, lowest),
-            ("object point", group.point, points, lowest),
-            ("object point", joined, points, 0),
-        ):
-            if index.size and not (index.min() >= least and index.max() < count):
-                raise InconsistentBlockError(
-                    f"An observation of {group.name} has an index of its {kind} outside 0 … {count - 1}."
-                )
-    camera = observations.image_points.camera_of_image
+    images, events, points = len(block.images), len(block.events), len(block.points)
+    rays = observations.image_points
+    _refuse_outside(rays.name, "image", rays.image, images)
+    camera = rays.camera_of_image
     if camera.shape != (images,) or (
         images and not (camera.min() >= 0 and camera.max() < len(block.cameras))
     ):
         raise InconsistentBlockError("The image points do not know the camera of every image of the block.")
+    known = rays.event_of_image
+    if (known is None) != (block.rig is None) or not np.array_equal(
+        block.event_of_image, block.event_of_image if known is None else known
+    ):
+        raise InconsistentBlockError("The image points do not know the event of every image of the block.")
+    for group in observations.groups:
+        # Only image points must have an object point; −1 elsewhere says that there is none.
+        _refuse_outside(group.name, "object point", group.point, points, 0 if group is rays else -1)
+        kind = "image" if block.rig is None else "event"
+        _refuse_outside(group.name, kind, group.event, events, -1)
+        _refuse_outside(group.name, "object point", np.concatenate(joined_points((group,))), points)
+
+
+def _refuse_outside(group: str, kind: str, index: Ints, count: int, least: int = 0) -> None:
+    if index.size and not (index.min() >= least and index.max() < count):
+        raise InconsistentBlockError(
+            f"An observation of {group} has an index of its {kind} outside 0 … {count - 1}."
+        )
 
 
 def determined_points(block: Block, observations: Observations) -> Bools:
-    """Object points (m,) with enough observations: two rays, or one and a known height, or a full survey."""
-    equations = np.bincount(
-        observations.image_points.point,
-        weights=2.0 * observations.image_points.active,
-        minlength=len(block.points),
-    )
+    """Object points (m,) with enough observations: two rays, or one and a known height, or a full survey.
+
+    Rays of several heads of one event count as one: they come from one place.
+    """
+    rays = observations.image_points
+    equations = 2.0 * rays.seen_from(rays.active, len(block.points))
     for group in observations.others:
         if isinstance(group, Distances):  # it holds its points together, wherever they are
             continue
@@ -221,8 +231,8 @@ def determined_points(block: Block, observations: Observations) -> Bools:
     return equations >= 3
 
 
-def _correlated_images(observations: Observations) -> tuple[Ints, Ints]:
-    """Pairs (k,) of images that errors correlated over time join.
+def _correlated_events(observations: Observations) -> tuple[Ints, Ints]:
+    """Pairs (k,) of events that errors correlated over time join.
 
     Neighbours share rows of the whitened equations, and an error of one observation alone shows in those of
     both its neighbours; what is rejected is tested between the neighbours it would have.
@@ -231,8 +241,8 @@ def _correlated_images(observations: Observations) -> tuple[Ints, Ints]:
     for group in observations.others:
         neighbours = group.stochastic.neighbours
         if neighbours is not None:
-            before, after = group.image[neighbours.before], group.image[neighbours.after]
-            pairs += [(before, group.image), (group.image, after), (before, after)]
+            before, after = group.event[neighbours.before], group.event[neighbours.after]
+            pairs += [(before, group.event), (group.event, after), (before, after)]
     if not pairs:
         nothing = np.zeros(0, dtype=np.int64)
         return nothing, nothing

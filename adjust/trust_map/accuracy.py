@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
+from adjust.errors import InconsistentBlockError
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
@@ -111,6 +112,8 @@ def joint_solution(
     block: Block, result: AdjustmentResult, sight: Sight, options: AdjustmentOptions
 ) -> JointSolution:
     """The adjusted block with every pair of images that see a common cell in its pattern."""
+    if block.rig is not None:
+        raise InconsistentBlockError("The trust map does not know rigs.")
     rays, *others = (group.taking_part for group in result.groups)
     assert isinstance(rays, ImagePoints)  # the first group of every result
     given = System.of(block, Observations(rays, tuple(others)), options.threads, options.free_network)

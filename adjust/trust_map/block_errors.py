@@ -128,7 +128,7 @@ def _adjoint(
     normal = np.zeros((d, 3, 3))
     np.add.at(normal, cell, np.swapaxes(of_point, 1, 2) @ of_point)
     gain = np.linalg.inv(normal)[cell] @ np.swapaxes(of_point, 1, 2)
-    of_exposures = np.zeros((system.layout.images, d, 3, 6))
+    of_exposures = np.zeros((system.layout.events, d, 3, 6))
     np.add.at(of_exposures, (image, cell), -gain @ of.pop(EXTERIOR_ORIENTATION).jacobian)
     of_border = np.zeros((d, 3, system.border))
     for term in of.values():
@@ -140,7 +140,7 @@ def _adjoint(
         np.ascontiguousarray(of_border.reshape(3 * d, -1).T),
     )
     pulled = np.swapaxes(mixed.of_border, 1, 2) @ border
-    np.add.at(pulled, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.image])
+    np.add.at(pulled, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.event])
     half = np.linalg.inv(solution.factorization.normals.point_factor[points])
     of_points = np.zeros((system.layout.points, 3, 3 * d))
     of_points[points] = -(np.swapaxes(half, 1, 2) @ half) @ pulled

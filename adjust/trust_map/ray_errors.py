@@ -61,7 +61,7 @@ class BlockRays:
         """Of the object points in some images; ``tested`` are all image points of the block."""
         system = solution.system
         rays, normals = system.observations.image_points, solution.factorization.normals
-        wanted = np.zeros(system.layout.images, dtype=bool)
+        wanted = np.zeros(system.layout.events, dtype=bool)
         wanted[images] = True
         there = np.zeros(system.layout.points, dtype=bool)
         there[rays.point[wanted[rays.image] & rays.active]] = True
@@ -85,7 +85,7 @@ class BlockRays:
             np.append(np.searchsorted(part.point, points), len(rows)),
             np.searchsorted(points, part.point),
             part.image,
-            np.searchsorted(np.sort(part.image), np.arange(system.layout.images + 1)),
+            np.searchsorted(np.sort(part.image), np.arange(system.layout.events + 1)),
             np.argsort(part.image, kind="stable"),
             np.ascontiguousarray(of_exposure),
             np.ascontiguousarray(of_point),
@@ -123,7 +123,7 @@ class BlockRays:
 
 def images_around(sight: Sight, pattern: Covisibility) -> Sight:
     """The images that see each cell, and those that have an object point in common with one of them."""
-    n = pattern.images
+    n = pattern.events
     upper = csr_array((np.ones(len(pattern.column)), pattern.column, pattern.row_start), shape=(n, n))
     seen = csr_array((np.ones(len(sight.image)), sight.image, sight.start), shape=(len(sight.rays), n))
     around = seen @ (upper + upper.T)

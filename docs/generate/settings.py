@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
-from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles
+from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles, HeadSettings
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.deliver import DeliverSettings
@@ -62,6 +62,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         "Either `file` and `format`, or the five values that describe the image.",
     ),
     ("cameras.NAME.tiles", CcdTiles, ""),
+    ("[cameras.NAME.head]", HeadSettings, ""),
     ("cameras.NAME.identity", CameraIdentity, ""),
     ("[inputs]", Inputs, "`[inputs.KIND]` for one file, `[[inputs.KIND]]` for each of several."),
     ("[inputs.image_points]", ImagePointsInput, ""),

@@ -47,11 +47,13 @@ def simulate(
 
       dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II
 
+      penta: a nadir head and four that look 45° aside, 60 exposures
+
     [bold]Specifications[/bold]
 
       A SPEC.toml names a preset and what it changes:
 
-      seed, project, camera, flight, trajectory, terrain, points, control, noise, truth
+      seed, project, camera, head, flight, trajectory, terrain, points, control, noise, truth
 
       DIR/truth/spec.toml shows all values; docs/simulation.md explains them.
 

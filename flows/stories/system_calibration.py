@@ -77,7 +77,7 @@ def system_calibration(project: Project, store: Store) -> Summary:
     two = second_step(one, store, block)
     stages = (*block.stages, one.adjusted, *two.outputs)
     # Approximate exposures are nothing that could be checked.
-    checked = is_georeferenced(project)
+    checked = is_georeferenced(project) and not project.has_heads
     if checked:
         stages = (*stages, checked_block(one.project, store, stages))
     described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
@@ -159,6 +159,13 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
     calibration = one.project.calibration
     if not calibration.two_step:
         return SecondStep()
+    if one.project.has_heads:
+        return SecondStep(
+            remarks=(
+                "There is no two-step calibration and no check of direct georeferencing of a rig: both take "
+                "cameras one by one.",
+            )
+        )
     if not is_georeferenced(one.project):
         return SecondStep(
             remarks=(

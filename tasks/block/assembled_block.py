@@ -26,6 +26,7 @@ from tasks.block.block_input import (
 from tasks.block.block_input import (
     control_points as control_observations,
 )
+from tasks.block.exposure_events import exposure_events
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.known_calibrations import (
     KnownCalibration,
@@ -106,11 +107,14 @@ def assembled_block(
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
-    begin = given.with_boresight(delivered.approximate_boresight).orientations()
-    block = block_of(frame, given, tuple(start["point"].tolist()), x_in_local, settings, calibration, begin)
+    events = exposure_events(given)
+    rig, of_events = (None, given) if events is None else (events.rig, events.given)
+    begin = of_events.with_boresight(delivered.approximate_boresight).orientations()
+    names = tuple(start["point"].tolist())
+    block = block_of(frame, given, names, x_in_local, settings, calibration, begin, rig)
     known = known_calibrations(block, delivered.cameras)
     block = with_known_calibrations(block, known)
-    observations, rows = _observations(block, given, surveyed, measured, settings, calibration)
+    observations, rows = _observations(block, of_events, surveyed, measured, settings, calibration)
     others = (*observations.others, *distance_observations(block, delivered.distances))
     observed = ObservedBlock(block, lambda place: local_from_map(map_frame, frame, place))
     taken = [group.name for group in (observations.image_points, *others)]
@@ -129,14 +133,14 @@ def assembled_block(
         delivered.cameras,
         calibration,
         fields,
-        divisions_of(observations, given, measured["input_file"].to_numpy(dtype=object)[rows], settings),
+        divisions_of(observations, of_events, measured["input_file"].to_numpy(dtype=object)[rows], settings),
         known,
     )
 
 
 def _observations(
     block: Block,
-    given: GivenOrientations,
+    events: GivenOrientations,
     surveyed: SurveyedPoints,
     measured: pd.DataFrame,
     settings: AdjustmentSettings,
@@ -144,7 +148,12 @@ def _observations(
 ) -> tuple[Observations, np.ndarray]:
     """All observation groups of the block, and the rows of the image point table that are in it."""
     rays, rows = image_point_observations(
-        measured, block.images, block.points, block.camera_of_image, calibration
+        measured,
+        block.images,
+        block.points,
+        block.camera_of_image,
+        calibration,
+        None if block.rig is None else block.rig.event_of_image,
     )
     if settings.refraction == "standard":
         rays = without_refraction(rays, block)
@@ -152,10 +161,10 @@ def _observations(
     control = control_observations(block, surveyed)
     if "control" in settings.observe and control is not None:
         others.append(control)
-    if "gnss" in settings.observe and given.position_observed.any():
-        others.append(gnss_positions(block, given, settings))
-    if "ins" in settings.observe and given.attitude_observed.any():
-        others.append(ins_attitudes(given, settings))
+    if "gnss" in settings.observe and events.position_observed.any():
+        others.append(gnss_positions(block, events, settings))
+    if "ins" in settings.observe and events.attitude_observed.any():
+        others.append(ins_attitudes(events, settings))
     others += priors(block, settings)
     prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
     return Observations(rays, tuple(others if prior is None else [*others, prior])), rows

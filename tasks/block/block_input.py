@@ -27,12 +27,14 @@ from adjust.parameters import (
     LEVER_ARM,
     SystemParameters,
 )
+from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.errors import InputError
 from tasks.quantities import KINDS, reported_unit
 from tasks.settings.adjustment import AdjustmentSettings, Priors
 from tasks.tables.places import places_of
@@ -129,6 +131,7 @@ def image_point_observations(
     points: tuple[str, ...],
     camera_of_image: Ints,
     calibration: BlockSelfCalibration | None = None,
+    event_of_image: Ints | None = None,
 ) -> tuple[ImagePoints, Ints]:
     """Image points of the given images and points, sorted by point, and their rows in the table."""
     image, point = places_of(table["image"], images), places_of(table["point"], points)
@@ -142,6 +145,7 @@ def image_point_observations(
         table[["sigma_x_mm", "sigma_y_mm"]].to_numpy(np.float64)[rows] * 1e-3,
         np.ones(len(rows), dtype=bool),
         None if calibration is None else calibration.model,
+        event_of_image=event_of_image,
     )
     return observations, rows
 
@@ -158,16 +162,33 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         INTERIOR_ORIENTATION: np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras]),
         BORESIGHT: mountings.boresight,
         LEVER_ARM: mountings.lever_arm,
+        RELATIVE_POSITION: mountings.relative_position,
+        RELATIVE_ROTATION: mountings.relative_rotation,
     }
     chosen = [KINDS[name] for name in settings.free]
+    if any(kind.family in OF_HEADS for kind in chosen) and not mountings.has_heads:
+        raise InputError(
+            "Relative positions and rotations are of the heads of a rig, and no camera is one.",
+            "Take relative_position and relative_rotation out of `free`.",
+        )
     values = {
         name: stated.get(name, np.zeros((len(entities[family.entity_kind]), len(family.components))))
         for name, family in FAMILIES.items()
-        if family.always_there or any(kind.family == name for kind in chosen)
+        if family.always_there
+        or any(kind.family == name for kind in chosen)
+        or (mountings.has_heads and name in OF_HEADS)
     }
     free = {name: np.zeros(array.shape, dtype=bool) for name, array in values.items()}
     for one in chosen:
         free[one.family][:, one.components] = True
+    is_reference = mountings.reference == np.arange(len(mountings.reference))
+    for name in free:
+        if name in OF_HEADS:
+            free[name][is_reference] = False
+        elif name in (BORESIGHT, LEVER_ARM):  # those of a head follow
+            free[name][~is_reference] = False
+    if INTERIOR_ORIENTATION in free:  # a platform that stands for its heads takes no image
+        free[INTERIOR_ORIENTATION][np.setdiff1d(np.arange(len(mountings.names)), given.camera)] = False
     # A flight or strip all of whose images were oriented without GNSS has nothing to shift.
     seen = given.position_observed
     for kind, index in (("flight", given.flight_of_image), ("strip", given.strip_of_image)):
@@ -188,12 +209,15 @@ def block_of(
     settings: AdjustmentSettings,
     calibration: BlockSelfCalibration | None = None,
     begin: tuple[Floats, Floats] | None = None,
+    rig: Rig | None = None,
 ) -> Block:
     """The block of the given images and object points (m, 3) with their approximate values.
 
     Parameters
     ----------
-    begin : approximate projection centres and rotations; None: those of the given orientations.
+    begin : approximate projection centres and rotations of the images, of a rig those of its events; None:
+        those of the given orientations.
+    rig : which heads took the images of which event; None: every image is an event.
     """
     centre, local_from_camera = given.orientations() if begin is None else begin
     return Block(
@@ -208,18 +232,19 @@ def block_of(
         centre,
         local_from_camera,
         object_point,
+        rig=rig,
     )
 
 
 def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
-    """GNSS positions of the images that have one, along grid east, grid north, up; heads share a reading."""
+    """GNSS positions of the images or events that have one, along grid axes; heads share a reading."""
     observed = np.flatnonzero(given.position_observed)
     sigma = given.position_sigma * np.sqrt(heads_of_reading(given))[:, None]
     model = StochasticModel.from_sigma(sigma[observed])
     return GnssPositions(
         observed.astype(np.int64),
         given.camera[observed],
-        block.flight_of_image[observed],
+        block.flight_of_event[observed],
         given.observed[observed],
         given.local_from_grid[observed],
         given.body_from_camera[observed],
@@ -229,7 +254,7 @@ def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentS
 
 
 def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> InsAttitudes:
-    """INS attitudes of the images that have one, weighted in body axes; heads share a reading."""
+    """INS attitudes of the images or events that have one, weighted in body axes; heads share a reading."""
     observed = np.flatnonzero(given.attitude_observed)
     covariance = given.attitude_covariance() * heads_of_reading(given)[:, None, None]
     model = StochasticModel.from_covariance(covariance[observed], np.ones((len(observed), 3), dtype=bool))

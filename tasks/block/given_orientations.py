@@ -38,12 +38,17 @@ class Mountings:
     lever_arm : (c, 3) metres, body axes.
     reduced_by : (c, 3) that with which delivered projection centres were reduced, metres, body axes.
     boresight : (c, 3) roll, pitch, yaw, radians.
+    reference : (c,) reference head of the rig of each camera; a camera alone is its own.
+    relative_position, relative_rotation : (c, 3) against it: metres, and roll, pitch, yaw in radians.
     """
 
     cameras: tuple[FrameCamera, ...]
     lever_arm: Floats
     reduced_by: Floats
     boresight: Floats
+    reference: Ints
+    relative_position: Floats
+    relative_rotation: Floats
 
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> Self:
@@ -54,7 +59,24 @@ class Mountings:
             for name in ("lever_arm", "reduced_by")
         )
         boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
-        return cls(cameras, lever_arm, reduced_by, np.deg2rad(boresight))
+        names = pd.Index([camera.name for camera in cameras])
+        of_itself = table["head_of"].fillna(table["camera"])
+        return cls(
+            cameras,
+            lever_arm,
+            reduced_by,
+            np.deg2rad(boresight),
+            names.get_indexer(pd.Index(of_itself)).astype(np.int64),
+            np.nan_to_num(table[[f"relative_position_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)),
+            np.deg2rad(
+                np.nan_to_num(table[[f"relative_rotation_{name}_deg" for name in _BODY]].to_numpy(np.float64))
+            ),
+        )
+
+    @property
+    def has_heads(self) -> bool:
+        """Whether any camera is a head of a rig."""
+        return bool(np.any(self.reference != np.arange(len(self.reference))))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -71,7 +71,10 @@ def oriented_images(
         )
     if found is not None:
         own = _completed(own, found)
-    mountings = Mountings.from_table(cameras[cameras["camera"].isin(own["camera"].unique())])
+    used = cameras["camera"].isin(own["camera"].unique())
+    # The reference head of a rig may take no image itself.
+    used |= cameras["camera"].isin(cameras.loc[used, "head_of"].dropna())
+    mountings = Mountings.from_table(cameras[used])
     placed = own[has_position(own)]
     if len(placed) == 0:
         raise InputError(*_nothing_oriented(own, measured))

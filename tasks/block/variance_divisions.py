@@ -38,7 +38,7 @@ def divisions_of(
         for division in (
             *(_division(rays.name, together) for together in _joined(labels)),
             *(
-                _division(group.name, np.array(given.flight, dtype=object)[group.image], "flight ")
+                _division(group.name, np.array(given.flight, dtype=object)[group.event], "flight ")
                 for group in observations.others
                 if "flight" in by and isinstance(group, GnssPositions | InsAttitudes)
             ),

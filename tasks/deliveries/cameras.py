@@ -6,11 +6,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
+import numpy as np
 import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
+from adjust.geometry import rotation
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import CAMERA_FORMATS
@@ -20,6 +22,7 @@ from tasks.tables.parquet import write_table
 from tasks.tables.schemas import CAMERAS
 
 _MM = 1e-3
+_BODY = ("roll", "pitch", "yaw")
 _USES = {
     "consider": "Their errors are part of every σ.",
     "prior": "They are observed with their covariance.",
@@ -39,7 +42,7 @@ def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
     InputError
         If a camera file cannot be read.
     """
-    rows = [_row(name, camera) for name, camera in cameras.items()]
+    rows = [_row(name, cameras) for name in cameras]
     write_table(
         path, CAMERAS, {column.name: [row[column.name] for row in rows] for column in CAMERAS.columns}
     )
@@ -47,7 +50,7 @@ def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
 
 def camera_table(cameras: Mapping[str, CameraInput]) -> pd.DataFrame:
     """The rows that ``write_cameras`` writes."""
-    return pd.DataFrame([_row(name, camera) for name, camera in cameras.items()])
+    return pd.DataFrame([_row(name, cameras) for name in cameras])
 
 
 def camera_record(camera: CameraInput) -> CameraRecord:
@@ -122,8 +125,9 @@ def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
     )
 
 
-def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
-    record = camera_record(camera)
+def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int | float | None]:
+    camera = cameras[name]
+    record, mounting = camera_record(camera), _mounting(name, cameras)
     row: dict[str, str | int | float | None] = {
         "camera": name,
         "columns": record.columns,
@@ -145,12 +149,38 @@ def _row(name: str, camera: CameraInput) -> dict[str, str | int | float | None]:
         "calibration_use": None if known is None else camera.calibration_use,
         "calibration_covariance": None if known is None else json.dumps(asdict(known)),
     }
-    row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", camera.lever_arm_m, strict=True)}
-    reduced_by = camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
+    row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", mounting.lever_arm_m, strict=True)}
+    reduced_by = mounting.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
     row |= {f"reduced_by_{axis}_m": value for axis, value in zip("xyz", reduced_by, strict=True)}
     row |= {name: getattr(camera.identity, name) for name in ("body", "lens", "imu", "mount", "product")}
-    names = ("roll", "pitch", "yaw")
-    return row | {f"boresight_{axis}_deg": v for axis, v in zip(names, camera.boresight_deg, strict=True)}
+    row |= {f"boresight_{axis}_deg": v for axis, v in zip(_BODY, mounting.boresight_deg, strict=True)}
+    head = camera.head
+    row["head_of"] = None if head is None else head.reference
+    for place, axis in enumerate("xyz"):
+        row[f"relative_position_{axis}_m"] = None if head is None else head.position_m[place]
+    for place, axis in enumerate(_BODY):
+        row[f"relative_rotation_{axis}_deg"] = None if head is None else head.rotation_deg[place]
+    return row
+
+
+class _Mounting(NamedTuple):
+    """Lever arm, m, and boresight, degrees, body axes."""
+
+    lever_arm_m: tuple[float, ...]
+    boresight_deg: tuple[float, ...]
+
+
+def _mounting(name: str, cameras: Mapping[str, CameraInput]) -> _Mounting:
+    """Those of a camera; of a head they follow from its reference head: R_B(b) R(ρ), l − R_B(b) p."""
+    camera = cameras[name]
+    if camera.head is None:
+        return _Mounting(camera.lever_arm_m, camera.boresight_deg)
+    reference = cameras[camera.head.reference]
+    body = rotation.from_roll_pitch_yaw(np.deg2rad(reference.boresight_deg))
+    turned = body @ rotation.from_roll_pitch_yaw(np.deg2rad(camera.head.rotation_deg))
+    angles = np.rad2deg(rotation.to_heading_pitch_roll(turned))[::-1]
+    arm = np.array(reference.lever_arm_m) - body @ np.array(camera.head.position_m)
+    return _Mounting(tuple(arm.tolist()), tuple(angles.tolist()))
 
 
 def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:

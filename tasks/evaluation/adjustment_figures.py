@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.observations.image_point import ImagePoints
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.global_test import GlobalTest
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
@@ -118,6 +119,7 @@ def uncontrolled(group: GroupResult) -> int:
 def _image_rms_px(adjusted: AdjustedBlock) -> list[JSON]:
     """RMS of the residuals of the image points that were used, in pixels, x and y."""
     group = adjusted.result.groups[0]
+    assert isinstance(group.group, ImagePoints)  # the first group of every result
     cameras = adjusted.block.cameras
     pixel = np.array([camera.pixel_size for camera in cameras])[adjusted.block.camera_of_image]
     used = np.isin(group.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED)).all(axis=1)

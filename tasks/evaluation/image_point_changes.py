@@ -25,7 +25,8 @@ def refraction(block: Block, rays: ImagePoints, interior: Floats) -> Floats:
     ----------
     interior : (cameras, 3) c, x0, y0.
     """
-    up = np.asarray(block.frame.local_from_enu(block.projection_centre))[:, :, 2]
+    pictures = block.approximate_state().pictures
+    up = np.asarray(block.frame.local_from_enu(pictures.projection_centre))[:, :, 2]
     coefficient = coefficients_of_rays(rays, block)
     change = np.empty_like(rays.xy)
     for first in range(0, len(change), _AT_ONCE):
@@ -34,7 +35,7 @@ def refraction(block: Block, rays: ImagePoints, interior: Floats) -> Floats:
         bent = refracted_image_points(
             xy,
             interior[rays.camera_of_image[image]],
-            block.local_from_camera[image],
+            pictures.local_from_camera[image],
             up[image],
             coefficient[part],
         )

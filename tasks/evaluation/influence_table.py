@@ -95,11 +95,11 @@ def _rows(
 
 
 def _names(adjusted: AdjustedBlock, found: ParameterInfluence) -> np.ndarray:
-    """(n,) images, points or strips of the observations."""
+    """(n,) events, points or strips of the observations."""
     group, block = found.group, adjusted.block
     if isinstance(group, ControlPoints):
         return np.array(block.points, dtype=object)[group.point]
     if isinstance(group, GnssPositions | InsAttitudes):
-        return np.array(block.images, dtype=object)[group.image]
+        return np.array(block.events, dtype=object)[group.event]
     strips = next(item.entities for item in block.system if item.family.name == GNSS_STRIP_BIAS)
     return np.array(strips, dtype=object)

@@ -130,7 +130,8 @@ def _parts(block: Block, given: GivenOrientations, observations: Observations) -
     if len(given.flights) > 1:
         for number, name in enumerate(given.flights):
             yield _Part("flight", name, given.flight_of_image == number)
-    height = block.frame.height(block.projection_centre) - ground_heights(observations.image_points, block)
+    centre = block.approximate_state().pictures.projection_centre
+    height = block.frame.height(centre) - ground_heights(observations.image_points, block)
     heading = given.headings()
     strip = given.strip_of_image
     known = np.isfinite(height) & (height > 0.0) & np.isfinite(heading)
@@ -175,9 +176,14 @@ def _of_parameters(material: _Material) -> Iterator[Alternative]:
         if family not in _DIFFERING:
             continue
         for (entity, component), free in np.ndenumerate(parameters.free):
-            if not free:
+            if not free and _is_of_body(material.block, family, entity):
                 yield _parameter(parameters, entity, component, None)
         yield from _differing(material, parameters)
+
+
+def _is_of_body(block: Block, family: str, entity: int) -> bool:
+    """Whether it is not the boresight or lever arm of a head, which follow from the reference head."""
+    return block.rig is None or family not in (BORESIGHT, LEVER_ARM) or bool(block.rig.is_reference[entity])
 
 
 def _differing(material: _Material, parameters: SystemParameters) -> Iterator[Alternative]:
@@ -186,20 +192,20 @@ def _differing(material: _Material, parameters: SystemParameters) -> Iterator[Al
     # Shifts belong to flights: a height or direction has all of them.
     entities = [None] if family == GNSS_SHIFT else list(range(len(parameters.entities)))
     for entity in entities:
-        own = np.ones(len(material.block.images), dtype=bool)
+        own = np.ones(len(material.block.events), dtype=bool)
         if entity is not None:
-            own = material.block.camera_of_image == entity
+            own = material.block.camera_of_event == entity
         seen: set[bytes] = set()
         for part in material.parts:
-            images = part.images & own
-            if part.scope not in _DIFFERING[family] or not images.any() or images.sum() == own.sum():
+            events = part.images[material.block.image_of_event] & own
+            if part.scope not in _DIFFERING[family] or not events.any() or events.sum() == own.sum():
                 continue
-            if images.tobytes() in seen:
+            if events.tobytes() in seen:
                 continue
             # Of two parts one differs from the other as the other does from it.
-            seen |= {images.tobytes(), (own & ~images).tobytes()}
+            seen |= {events.tobytes(), (own & ~events).tobytes()}
             for component in range(parameters.values.shape[1]):
-                yield _parameter(parameters, entity, component, replace(part, images=images))
+                yield _parameter(parameters, entity, component, replace(part, images=events))
 
 
 def _parameter(
@@ -224,13 +230,14 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
     if gnss is None:
         return
     of_times = next((item for item in material.block.system if item.family.name == TIME_OFFSET), None)
-    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity[gnss.image])
+    image = material.block.image_of_event[gnss.event]
+    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity[image])
     for number, flight in enumerate(material.given.flights):
         moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
         if moving.any() and (of_times is None or not of_times.free[number].any()):
             change = ObservationAlternative(gnss.name, moving, _turned_meanwhile(material, number))
             yield Alternative("time_offset", flight, "all", "", "s", 1.0, change)
-    height = material.block.frame.height(material.block.projection_centre)[gnss.image]
+    height = material.block.frame.height(material.block.projection_centre)[gnss.event]
     if np.ptp(height) > 0.5 * np.abs(np.median(height)):
         yield _scaled("gnss_height_scale", gnss.name, _columns(2, height - height.mean()))
 
@@ -249,8 +256,9 @@ def _of_attitudes(material: _Material) -> Iterator[Alternative]:
     ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
     if ins is None:
         return
-    enu = material.given.local_from_enu[ins.image]
-    grid = np.swapaxes(enu, 1, 2) @ material.given.local_from_grid[ins.image]
+    image = material.block.image_of_event[ins.event]
+    enu = material.given.local_from_enu[image]
+    grid = np.swapaxes(enu, 1, 2) @ material.given.local_from_grid[image]
     convergence = np.arctan2(grid[:, 1, 0], grid[:, 0, 0])
     if np.abs(convergence).max(initial=0.0) > _NO_CONVERGENCE:
         turned = np.einsum("nji,nj->ni", ins.observed, enu[:, :, 2]) * convergence[:, None]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from tasks.deliveries.neighbouring_images import neighbours
 from tasks.evaluation.result_tables import AdjustedBlock, axes_of_orientations, xyz_columns
 from tasks.tables import schemas
@@ -27,14 +28,16 @@ def write_neighbouring_images(folder: Path, adjusted: AdjustedBlock, exposures: 
     one, other = (
         places_of(exposures["image"].iloc[rows], adjusted.block.images) for rows in neighbours(exposures)
     )
-    reduced = adjusted.cofactor.reduced
+    reduced, state, layout = adjusted.cofactor.reduced, adjusted.result.state, adjusted.result.layout
+    event = adjusted.block.event_of_image
     known = (one >= 0) & (other >= 0)
     one, other = one[known], other[known]
-    together = reduced.pattern.find(one, other) >= 0
+    together = reduced.pattern.find(event[one], event[other]) >= 0
     one, other = one[together], other[together]
     axes = axes_of_orientations(adjusted)
-    own = axes @ reduced.of_exposures @ np.swapaxes(axes, 1, 2)
-    between = axes[one] @ reduced.between(one, other) @ np.swapaxes(axes[other], 1, 2)
+    own = axes @ picture_cofactors(state, layout, reduced) @ np.swapaxes(axes, 1, 2)
+    mixed = cofactors_between_pictures(state, layout, reduced, one, other)
+    between = axes[one] @ mixed @ np.swapaxes(axes[other], 1, 2)
     first, second, both = (_diagonals(part) for part in (own[one], own[other], between))
     correlation = both / np.sqrt(first * second)
     sigma = adjusted.sigma0 * np.sqrt(np.maximum(first + second - 2.0 * both, 0.0))

@@ -44,7 +44,7 @@ class _Rows:
     Attributes
     ----------
     result : the n observations that were adjusted.
-    titles, images, points : the names.
+    titles, images, points : the names; of what belongs to an event of a rig that of the event.
     title, image, point : (n + k,) indices into them.
     unused_sigma : (k, m) in the unit of the table, of those that never entered.
     """
@@ -68,11 +68,11 @@ class _Rows:
         result, group = self.result, self.result.group
         units = [reported_unit_of(group, component) for component in range(len(group.components))]
         factors = np.array([factor for _, factor in units])
-        entered = rows < len(group.image)
+        entered = rows < len(group.event)
         own = rows[entered]
         sigma = np.empty((len(rows), len(factors)))
         sigma[entered] = result.sigma[own] * factors
-        sigma[~entered] = self.unused_sigma[rows[~entered] - len(group.image)]
+        sigma[~entered] = self.unused_sigma[rows[~entered] - len(group.event)]
         by_name = np.argsort(np.array(group.components))
         row, place = np.nonzero(np.isfinite(sigma[:, by_name]))
         component, observation = by_name[place], rows[row]
@@ -120,22 +120,24 @@ def _pieces(adjusted: AdjustedBlock, piece: int) -> Iterator[Mapping[str, Any]]:
     image_names, image = _extended(adjusted.block.images, unused["image"])
     point_names, point = _extended(adjusted.block.points, unused["point"])
     images, points = Names.of(image_names), Names.of(point_names)
+    events = images if adjusted.block.rig is None else Names.of(adjusted.block.events)
     nobody = np.zeros(0, dtype=np.int64)
     for result in sorted(adjusted.result.groups, key=lambda item: item.group.name):
         group = result.group
         titles, title = _titles(adjusted.block, group)
         if isinstance(group, ImagePoints):
-            more_images, more_points = image, point
+            names, own, more_images, more_points = images, group.image, image, point
             sigma = unused[["sigma_x_mm", "sigma_y_mm"]].to_numpy(np.float64) * 1e3
         else:
-            more_images, more_points, sigma = nobody, nobody, np.zeros((0, len(group.components)))
+            names, own, more_images, more_points = events, group.event, nobody, nobody
+            sigma = np.zeros((0, len(group.components)))
         rows = _Rows(
             result,
             titles,
-            images,
+            names,
             points,
             np.concatenate([title, np.zeros_like(more_images)]),
-            np.concatenate([group.image, more_images]),
+            np.concatenate([own, more_images]),
             np.concatenate([group.point, more_points]),
             sigma,
         )
@@ -166,4 +168,4 @@ def _titles(block: Block, group: ObservationGroup) -> tuple[Names, Ints]:
     if isinstance(group, Distances):
         others, row = np.unique(group.other_point, return_inverse=True)
         return Names.of([f"{group.name}:{block.points[point]}" for point in others]), row.astype(np.int64)
-    return Names.of([group.name]), np.zeros(len(group.image), dtype=np.int64)
+    return Names.of([group.name]), np.zeros(len(group.event), dtype=np.int64)

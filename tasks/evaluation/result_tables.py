@@ -27,6 +27,7 @@ from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.considered import with_considered
+from adjust.quality.picture_cofactor import picture_cofactors
 from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
@@ -81,7 +82,7 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
     """
     x_in_map, angles, grid_from_local = _in_map(adjusted)
     axes = axes_of_orientations(adjusted)
-    cofactor = adjusted.cofactor.reduced.of_exposures
+    cofactor = picture_cofactors(adjusted.result.state, adjusted.result.layout, adjusted.cofactor.reduced)
     of_position = _sigmas(grid_from_local, cofactor[:, :3, :3], adjusted.sigma0)
     of_angles = _sigmas(axes[:, 3:, 3:], cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
     write_table(
@@ -101,11 +102,12 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
 
 def _in_map(adjusted: AdjustedBlock) -> tuple[Floats, Floats, Floats]:
     """Projection centres (n, 3) in the map, ω, φ, κ (n, 3) against its grid, and its axes (n, 3, 3) there."""
-    state = adjusted.result.state
-    x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, state.projection_centre)
+    pictures = adjusted.result.state.pictures
+    x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, pictures.projection_centre)
     grid = local_from_grid(adjusted.map_frame, adjusted.frame, x_in_map)
     grid_from_local = np.swapaxes(grid, 1, 2)
-    return x_in_map, rotation.to_omega_phi_kappa(grid_from_local @ state.local_from_camera), grid_from_local
+    angles = rotation.to_omega_phi_kappa(grid_from_local @ pictures.local_from_camera)
+    return x_in_map, angles, grid_from_local
 
 
 def axes_of_orientations(adjusted: AdjustedBlock) -> Floats:

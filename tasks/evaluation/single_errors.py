@@ -57,11 +57,11 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
 
 
 def _named(adjusted: AdjustedBlock, group: ObservationGroup) -> tuple[str, list[str]] | None:
-    """What an observation of a group is called, and the image or point of each; None: not tested here."""
+    """What an observation of a group is called, and the event or point of each; None: not tested here."""
     if isinstance(group, GnssPositions):
-        return "gnss_position", [adjusted.block.images[image] for image in group.image]
+        return "gnss_position", [adjusted.block.events[event] for event in group.event]
     if isinstance(group, InsAttitudes):
-        return "ins_attitude", [adjusted.block.images[image] for image in group.image]
+        return "ins_attitude", [adjusted.block.events[event] for event in group.event]
     if isinstance(group, ControlPoints):
         return "control_point", [adjusted.block.points[point] for point in group.point]
     return None

@@ -92,6 +92,15 @@ class Priors(Settings):
     principal_point_mm: PositivePair | None = Field(
         default=None, description="Principal point x, y about the camera's value, mm; one number or two."
     )
+    relative_position_m: PositiveTriple | None = Field(
+        default=None,
+        description="Relative position of the heads of a rig about `position_m`, m; one number or three.",
+    )
+    relative_rotation_deg: PositiveTriple | None = Field(
+        default=None,
+        description="Relative rotation of the heads of a rig about `rotation_deg`, degrees; one number or "
+        "three.",
+    )
 
 
 class AdjustmentSettings(Settings):

@@ -84,6 +84,23 @@ class CalibrationCovariance:
     covariance: tuple[tuple[float, ...], ...]
 
 
+class HeadSettings(Settings):
+    """How a head of a rig sits beside the reference head of the same body."""
+
+    reference: str = Field(description="Name of the camera that is the reference head.")
+    rotation_deg: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Rotation against the reference head, roll, pitch, yaw about the body axes, degrees: "
+        "mounting = R_z(yaw) R_y(pitch) R_x(roll) T with the `mount_deg` of both cameras. `[45, 0, 0]` looks "
+        "to the left, `[0, 45, 0]` ahead. The initial value if it is estimated, otherwise fixed.",
+    )
+    position_m: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Projection centre against that of the reference head, body axes (forward, right, down), "
+        "m: likewise.",
+    )
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -148,6 +165,13 @@ class CameraInput(Settings):
         "initial value if it is estimated, otherwise fixed.",
     )
 
+    head: HeadSettings | None = Field(
+        default=None,
+        description="Of a head of a rig that is not the reference head: how it sits beside it. Its lever "
+        "arm and boresight follow from those of the reference head. Images of the heads of a rig that were "
+        "exposed in one flight within 1 ms belong to one event, which GNSS and INS observe once.",
+    )
+
     calibration: Annotated[str, AfterValidator(one_of(lambda: CALIBRATIONS, "calibration of a camera"))] = (
         Field(
             default=GIVEN,
@@ -203,6 +227,17 @@ class CameraInput(Settings):
                 "calibration_use says what becomes of the covariance of a calibration of the registry, and "
                 "the values of this camera are given here.",
                 'Add calibration = "registry", or leave calibration_use out.',
+            )
+        if self.head is not None and self.calibration == REGISTRY:
+            raise trouble(
+                "The registry does not keep the relative rotations of the heads of a rig.",
+                'Take calibration = "registry" out, and give rotation_deg and position_m of the head.',
+            )
+        twice = {"lever_arm_m", "boresight_deg"} & self.model_fields_set
+        if self.head is not None and twice:
+            raise trouble(
+                f"The camera is a head of a rig and has {' and '.join(sorted(twice))}, too.",
+                "Leave them out: they follow from those of the reference head, rotation_deg and position_m.",
             )
         if self.file is None and missing:
             raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them, or give a camera `file`.")

@@ -111,6 +111,11 @@ class Project(Settings):
     _source: ProjectSource = PrivateAttr(default=ProjectSource())
 
     @property
+    def has_heads(self) -> bool:
+        """Whether any camera is a head of a rig beside another one."""
+        return any(camera.head is not None for camera in self.cameras.values())
+
+    @property
     def source(self) -> ProjectSource:
         """The file the settings were read from."""
         return self._source
@@ -126,6 +131,26 @@ class Project(Settings):
         wrong = self.certificate.trouble_with(self.cameras, self.project.flown)
         if wrong is not None:
             raise trouble(*wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _heads_have_their_reference(self) -> Project:
+        for name, camera in self.cameras.items():
+            if camera.head is None:
+                continue
+            reference = self.cameras.get(camera.head.reference)
+            if reference is None or reference.head is not None or camera.head.reference == name:
+                raise trouble(
+                    f"The camera {name} is a head beside {camera.head.reference}, which is "
+                    f"{'no camera' if reference is None else 'no reference head'}.",
+                    "Name the one camera of the body that has no `head` itself.",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _no_map_of_a_rig(self) -> Project:
+        if self.has_heads and self.trust_map is not None:
+            raise trouble("The trust map does not know rigs yet.", "Take out [trust_map], or the heads.")
         return self
 
     @model_validator(mode="after")

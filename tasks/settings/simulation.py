@@ -17,6 +17,7 @@ from tasks.settings.coordinates import (
     NotNegativeTriple,
     Positive,
     Real,
+    Triple,
     Whole,
     one_table_or_several,
 )
@@ -97,6 +98,24 @@ class SimulatedCamera(Settings):
     mount_deg: Literal[0, 90, 180, 270] = Field(
         default=0, description="κ_mount; 0: image x (columns) points forward."
     )
+
+
+class SimulatedHead(SimulatedCamera):
+    """A head of a rig beside the `[camera]` with which the lines are planned; `[[head]]` for each."""
+
+    rotation_deg: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Rotation against the camera that the project states: roll, pitch, yaw, degrees. "
+        "`[45, 0, 0]` looks to the left, `[0, 45, 0]` ahead.",
+    )
+    position_m: Triple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Position against the camera that the project states: forward, right, down, m.",
+    )
+    rotation_change_deg: Triple = Field(
+        default=(0.0, 0.0, 0.0), description="True minus stated rotation, degrees."
+    )
+    position_change_m: Triple = Field(default=(0.0, 0.0, 0.0), description="True minus stated position, m.")
 
 
 class FlightLines(Settings):
@@ -275,7 +294,10 @@ class Simulation(Settings):
     )
     seed: Annotated[Whole, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
     project: SimulatedProject = Field(description="The project to be written.")
-    camera: SimulatedCamera = Field(description="The camera.")
+    camera: SimulatedCamera = Field(description="The camera; of a rig the reference head.")
+    head: Annotated[tuple[SimulatedHead, ...], BeforeValidator(one_table_or_several)] = Field(
+        default=(), description="Further heads of a rig, which take pictures together with the camera."
+    )
     flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(
         description="Groups of parallel lines."
     )
@@ -304,6 +326,17 @@ class Simulation(Settings):
                 f"The flight has {exposures:,} exposures, more than {MOST_EXPOSURES:,}.",
                 "Give fewer lines or exposures.",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _heads_differ(self) -> Simulation:
+        names = [self.camera.name, *(head.name for head in self.head)]
+        if len(set(names)) < len(names):
+            raise trouble(
+                f"Two heads of the rig have the same name ({', '.join(names)}).", "Give each its own name."
+            )
+        if self.head and self.trajectory.sbet_hz is not None:
+            raise trouble("Trajectories (trajectory.sbet_hz) are not written for rigs.", "Leave sbet_hz out.")
         return self
 
     @model_validator(mode="after")

@@ -76,7 +76,7 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
     check = int(truth.is_check.sum())
     return SimulatedFiles(
         folder / "project.toml",
-        len(truth.plan.images),
+        len(truth.images),
         len(truth.points),
         len(truth.xy),
         len(truth.surveyed) - check,
@@ -117,7 +117,7 @@ def _write_image_points(path: Path, block: SimulatedBlock) -> None:
     truth = block.truth
     xy_mm = np.round(block.measured.xy * 1e3, _IMAGE_DIGITS)
     columns = {
-        "image": _names(truth.plan.images, truth.image),
+        "image": _names(truth.images, truth.image),
         "point": _names(truth.points, truth.point),
         "x": xy_mm[:, 0],
         "y": xy_mm[:, 1],
@@ -132,21 +132,23 @@ def _write_exposures(
     plan = block.truth.plan
     positions = map_from_local(map_frame, frame, block.measured.positions)
     if simulation.project.angles == "heading-pitch-roll":
-        names, angles = ("heading", "pitch", "roll"), _heading_pitch_roll(block, frame)
+        names, angles = ("heading", "pitch", "roll"), _heading_pitch_roll(block, frame)[block.event_of_image]
     else:
         names = ("omega", "phi", "kappa")
         angles = _omega_phi_kappa(block, positions, map_frame, frame)
+    # The heads of a rig share the reading of their event.
+    own = block.event_of_image
     columns = {
-        "image": pa.array(plan.images),
-        "camera": _names(tuple(c.name for c in block.specification.cameras), plan.camera),
-        "flight": _names(plan.flights, plan.flight),
-        "strip": _names(plan.strips, plan.strip),
-        "time": np.round(block.truth.trajectory.time, _TIME_DIGITS),
-        **_xyz(np.round(positions, _COORDINATE_DIGITS)),
+        "image": pa.array(block.truth.images),
+        "camera": _names(tuple(c.name for c in block.specification.cameras), block.truth.camera_of_image),
+        "flight": _names(plan.flights, plan.flight[own]),
+        "strip": _names(plan.strips, plan.strip[own]),
+        "time": np.round(block.truth.trajectory.time[own], _TIME_DIGITS),
+        **_xyz(np.round(positions[own], _COORDINATE_DIGITS)),
         **dict(zip(names, np.round(np.rad2deg(angles), _ANGLE_DIGITS).T, strict=True)),
     }
     if any(simulation.trajectory.rate_deg_s):
-        rates = np.round(np.rad2deg(block.truth.trajectory.rate), _ANGLE_DIGITS)
+        rates = np.round(np.rad2deg(block.truth.trajectory.rate[own]), _ANGLE_DIGITS)
         columns |= dict(zip(("rate_roll", "rate_pitch", "rate_yaw"), rates.T, strict=True))
     _write_csv(path, columns)
 
@@ -166,8 +168,9 @@ def _omega_phi_kappa(
     """ω, φ, κ (n, 3) of the camera in its nominal mounting, against the grid, radians."""
     mounting = np.stack([camera.body_from_camera for camera in block.specification.cameras])
     grid_from_local = np.swapaxes(local_from_grid(map_frame, frame, x_in_map), 1, 2)
-    nominal = block.measured.local_from_body @ mounting[block.truth.plan.camera]
-    return rotation.to_omega_phi_kappa(grid_from_local @ nominal)
+    own = block.event_of_image
+    nominal = block.measured.local_from_body[own] @ mounting[block.truth.camera_of_image]
+    return rotation.to_omega_phi_kappa(grid_from_local[own] @ nominal)
 
 
 def _write_control(path: Path, block: SimulatedBlock, map_frame: MapFrame, frame: AdjustmentFrame) -> None:

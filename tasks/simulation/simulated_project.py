@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from adjust.simulate.block import SimulatedBlock
 from tasks.files.toml_text import TomlValue, toml_text
 from tasks.settings.adjustment import FreeParameter
-from tasks.settings.simulation import Simulation
+from tasks.settings.simulation import SimulatedCamera, SimulatedHead, Simulation
 from tasks.simulation.simulated_sbet import trajectory_files
 from tasks.simulation.simulation_input import simulated_map_frame
 
@@ -23,7 +23,10 @@ def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
             "crs": simulation.project.crs,
             "heights": "ellipsoidal",
         },
-        "cameras": {simulation.camera.name: _camera(simulation)},
+        "cameras": {
+            simulation.camera.name: _camera(simulation, simulation.camera),
+            **{head.name: _camera(simulation, head) | _head(simulation, head) for head in simulation.head},
+        },
         "inputs": _inputs(simulation, block),
         "adjustment": _adjustment(simulation, block),
     }
@@ -34,8 +37,8 @@ def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
     return opening + toml_text(content)
 
 
-def _camera(simulation: Simulation) -> Mapping[str, TomlValue]:
-    camera, seams = simulation.camera, simulation.truth.image_errors.seams_mm
+def _camera(simulation: Simulation, camera: SimulatedCamera) -> dict[str, TomlValue]:
+    seams = simulation.truth.image_errors.seams_mm
     # Where the CCD images meet is known of a camera; what they do wrong is not.
     tiles = {} if seams is None else {"tiles": _tiles(seams)}
     return {
@@ -47,6 +50,16 @@ def _camera(simulation: Simulation) -> Mapping[str, TomlValue]:
         "pixel_origin": "corner",
         "mount_deg": camera.mount_deg,
         **tiles,
+    }
+
+
+def _head(simulation: Simulation, head: SimulatedHead) -> dict[str, TomlValue]:
+    return {
+        "head": {
+            "reference": simulation.camera.name,
+            "rotation_deg": head.rotation_deg,
+            "position_m": head.position_m,
+        }
     }
 
 
@@ -159,5 +172,7 @@ def free_parameters(simulation: Simulation) -> tuple[FreeParameter, ...]:
         "time_offset": truth.time_offset_s != 0.0,
         "focal_length": truth.focal_length_change_mm != 0.0,
         "principal_point": any(truth.principal_point_change_mm),
+        "relative_position": any(any(head.position_change_m) for head in simulation.head),
+        "relative_rotation": any(any(head.rotation_change_deg) for head in simulation.head),
     }
     return tuple(name for name, is_different in differs.items() if is_different)

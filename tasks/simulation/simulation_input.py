@@ -10,6 +10,7 @@ from adjust.camera.interior import FrameCamera
 from adjust.geometry.earth import TopocentricFrame
 from adjust.simulate.flight_plan import LineGroup, base_of, centre_from_start, spacing_of
 from adjust.simulate.gross_errors import GrossErrorSpecification
+from adjust.simulate.heads import HeadSpecification
 from adjust.simulate.image_errors import ImageErrorSpecification
 from adjust.simulate.noise import NoiseSpecification
 from adjust.simulate.object_points import PointSpecification
@@ -27,6 +28,7 @@ from tasks.settings.simulation import (
     FlightLines,
     SimulatedCamera,
     SimulatedControl,
+    SimulatedHead,
     SimulatedProject,
     Simulation,
 )
@@ -53,9 +55,10 @@ def block_specification(simulation: Simulation) -> BlockSpecification:
         If the CRS is not one that a project can have.
     """
     camera = certified_camera(simulation.camera)
+    heads = tuple(certified_camera(head) for head in simulation.head)
     points, terrain = simulation.points, simulation.terrain
     return BlockSpecification(
-        cameras=(camera,),
+        cameras=(camera, *heads),
         flight=tuple(_line_group(lines, camera) for lines in simulation.flight),
         points=PointSpecification(points.count, points.detection, points.min_rays, points.margin),
         noise=_noise(simulation.noise),
@@ -73,6 +76,7 @@ def block_specification(simulation: Simulation) -> BlockSpecification:
         gross_errors=_gross_errors(simulation.noise),
         frame=simulated_frame(simulation.project),
         seed=simulation.seed,
+        heads=tuple(_head(number, head) for number, head in enumerate(simulation.head, start=1)),
     )
 
 
@@ -108,6 +112,17 @@ def certified_camera(camera: SimulatedCamera) -> FrameCamera:
         (x0 * _MM, y0 * _MM),
         "corner",
         camera.mount_deg,
+    )
+
+
+def _head(number: int, head: SimulatedHead) -> HeadSpecification:
+    return HeadSpecification(
+        number,
+        0,
+        _radians(head.rotation_deg),
+        head.position_m,
+        _radians(head.rotation_change_deg),
+        head.position_change_m,
     )
 
 

@@ -15,8 +15,10 @@ import pyarrow as pa
 
 from adjust.arrays import Floats
 from adjust.geometry import rotation
-from adjust.parameters import FAMILIES, INTERIOR_ORIENTATION
+from adjust.parameters import BORESIGHT, FAMILIES, INTERIOR_ORIENTATION, LEVER_ARM
+from adjust.rig import OF_HEADS
 from adjust.simulate.block import SimulatedBlock
+from adjust.simulate.heads import stated_heads
 from adjust.simulate.system import certified_interior
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
@@ -138,14 +140,15 @@ def _write_orientations(
     folder: Path, block: SimulatedBlock, map_frame: MapFrame, frame: AdjustmentFrame
 ) -> None:
     state = block.true_state()
-    x_in_map = map_from_local(map_frame, frame, state.projection_centre)
+    pictures = state.pictures
+    x_in_map = map_from_local(map_frame, frame, pictures.projection_centre)
     grid_from_local = np.swapaxes(local_from_grid(map_frame, frame, x_in_map), 1, 2)
-    angles = np.rad2deg(rotation.to_omega_phi_kappa(grid_from_local @ state.local_from_camera))
+    angles = np.rad2deg(rotation.to_omega_phi_kappa(grid_from_local @ pictures.local_from_camera))
     names = ("omega_deg", "phi_deg", "kappa_deg")
     write_table(
         folder / "exterior_orientations.parquet",
         ORIENTATIONS,
-        {"image": block.truth.plan.images, **_columns(_XYZ_M, x_in_map), **_columns(names, angles)},
+        {"image": block.truth.images, **_columns(_XYZ_M, x_in_map), **_columns(names, angles)},
         map_frame,
     )
 
@@ -181,13 +184,18 @@ def _write_parameters(folder: Path, block: SimulatedBlock) -> None:
         "flight": plan.flights,
         "strip": plan.strips,
     }
+    heads = {head.camera for head in specification.heads}
     rows: list[tuple[str, str, float, float, str]] = []
     for name, values in block.true_state().system.items():
         unit, factor = reported_unit(FAMILIES[name])
         stated = np.zeros_like(values)
         if name == INTERIOR_ORIENTATION:
             stated = certified_interior(specification.cameras)
+        elif name in OF_HEADS:
+            stated = stated_heads(specification.heads, len(specification.cameras))[name]
         for (entity, component), value in np.ndenumerate(values):
+            if name in (BORESIGHT, LEVER_ARM) and entity in heads:  # they follow from the reference head
+                continue
             family = FAMILIES[name]
             given = float(stated[entity, component]) * factor
             entity_name = entities[family.entity_kind][entity]
@@ -227,7 +235,7 @@ def _gross_errors(block: SimulatedBlock) -> list[_GrossError]:
     rows = [
         _GrossError(
             "image_point",
-            image=truth.plan.images[truth.image[ray]],
+            image=truth.images[truth.image[ray]],
             point=truth.points[truth.point[ray]],
             dx_um=float(dx) * 1e6,
             dy_um=float(dy) * 1e6,

@@ -20,6 +20,7 @@ from adjust.selection.parameter_selection import SelectedAdjustment, adjust_with
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.system import Observations
 from tasks.block.assembled_block import AssembledBlock, DeliveredTables, assembled_block
+from tasks.block.exposure_events import about_events
 from tasks.block.residual_grid import BlockGrids, block_grids
 from tasks.block.residual_grid_file import write_residual_grid
 from tasks.block.shared_readings import about_shared_readings
@@ -204,7 +205,7 @@ def _written(
         *distance_sentences(distances, settings.confidence),
         *(item.sentence for item in findings),
         *adjustment_problems(adjusted, settings),
-        *about_shared_readings(prepared.given),
+        *_about_heads(prepared),
         *problems,
         *residual_grid_sentences(cameras, grids, settings.confidence),
     )
@@ -233,6 +234,12 @@ def _with_trust_map(
     grid = write_trust_map(folder, adjusted, trust_map, _options(settings))
     figures = {**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
     return replace(notes, problems=(*notes.problems, *trust_map_problems(grid)), figures=figures)
+
+
+def _about_heads(prepared: AssembledBlock) -> tuple[str, ...]:
+    """How images of one moment were taken: as events of a rig, or as readings that several cameras share."""
+    rig = prepared.block.rig
+    return about_shared_readings(prepared.given) if rig is None else about_events(rig)
 
 
 def _examined_model(

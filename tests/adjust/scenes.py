@@ -44,6 +44,7 @@ from adjust.parameters import (
     SystemParameters,
     additional_family,
 )
+from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
 from adjust.solve.system import Observations
 
 MICROMETRE = 1e-6
@@ -92,7 +93,8 @@ class Plan:
     directly. ``additional``: every camera has a set of additional parameters of its own; ``forward``: and a
     distortion of the ideal point, some millimetres in the corners. ``turning``: the body turns at the
     exposures, and the rates are delivered. ``distances``: number of measured distances between object points;
-    the first point is an end of two of them.
+    the first point is an end of two of them. ``heads``: with every camera so many take a picture at each
+    exposure; the further heads look aside, and have no additional parameters.
     ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
     those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
@@ -103,6 +105,7 @@ class Plan:
     points_across: int = 6
     frame: Literal["cartesian", "topocentric"] = "topocentric"
     cameras: Literal[1, 2] = 1
+    heads: Literal[1, 2, 3] = 1
     flights: Literal[1, 2] = 1
     headings_deg: tuple[float, ...] = (90.0, 270.0)
     tilt_deg: float = 2.0
@@ -145,12 +148,15 @@ def two_strips(**switches: object) -> Scene:
         else TopocentricFrame(GRS80, np.deg2rad(48.0), np.deg2rad(9.0), 300.0)
     )
     cameras = _cameras(plan)
-    camera_of_image, flight_of_image = _assignments(plan)
+    camera_of_event, flight_of_event = _assignments(plan)
     system = _true_system(plan)
     centre, attitude = _exposures(plan, frame)
-    mounting = np.stack([camera.body_from_camera for camera in cameras])[camera_of_image]
-    boresight = rotation.from_roll_pitch_yaw(system[BORESIGHT])[camera_of_image]
-    truth = State(centre, attitude @ boresight @ mounting, _terrain(plan), system)
+    mounting = np.stack([camera.body_from_camera for camera in cameras])[camera_of_event]
+    boresight = rotation.from_roll_pitch_yaw(system[BORESIGHT])[camera_of_event]
+    rig = _rig(plan, cameras, camera_of_event)
+    truth = State(centre, attitude @ boresight @ mounting, _terrain(plan), system, rig)
+    camera_of_image = camera_of_event if rig is None else rig.camera_of_image
+    flight_of_image = flight_of_event if rig is None else flight_of_event[rig.event_of_image]
     noise = None if plan.noise_seed is None else np.random.default_rng(plan.noise_seed)
 
     rays, seen = _image_points(plan, cameras, camera_of_image, truth, noise)
@@ -160,7 +166,7 @@ def two_strips(**switches: object) -> Scene:
     if plan.control:
         others.append(_control(plan, frame, rays, truth.object_point, noise))
     if plan.gnss:
-        others.append(_gnss(plan, frame, truth, camera_of_image, flight_of_image, mounting, noise))
+        others.append(_gnss(plan, frame, truth, camera_of_event, flight_of_event, mounting, noise))
     if plan.ins:
         motion = _motion(plan, frame, centre)
         drawn = _along_strips(_drawn(noise, plan.sigma_ins_rad, (n, 3)), motion, plan.ins_correlation_s)
@@ -169,13 +175,15 @@ def two_strips(**switches: object) -> Scene:
         )
         rates = np.random.default_rng(12).normal(0.0, DEGREE, (n, 3)) if plan.turning else np.zeros((n, 3))
         # log(R_INSᵀ R_b exp(ω Δt)) = v for the true R_b: R_INS = R_b exp(ω Δt) exp(−v).
-        later = rotation.exp(rates * system[TIME_OFFSET][flight_of_image])
+        later = rotation.exp(rates * system[TIME_OFFSET][flight_of_event])
         observed = attitude @ later @ rotation.exp(-drawn)
-        turning = BodyRates(flight_of_image, rates) if plan.turning else None
-        others.append(InsAttitudes(np.arange(n), camera_of_image, observed, mounting, weights, turning))
+        turning = BodyRates(flight_of_event, rates) if plan.turning else None
+        others.append(InsAttitudes(np.arange(n), camera_of_event, observed, mounting, weights, turning))
     if plan.distances:
         others.append(_distances(plan, truth.object_point, noise))
     for family, sigma in plan.priors.items():
+        if family not in system:
+            continue
         shape = system[family].shape
         given = system[family] + _drawn(noise, sigma, shape)
         weights = StochasticModel.from_sigma(np.full(shape, sigma))
@@ -184,7 +192,7 @@ def two_strips(**switches: object) -> Scene:
     block = Block(
         frame,
         cameras,
-        tuple(f"image_{i:02d}" for i in range(n)),
+        tuple(f"image_{i:02d}" for i in range(len(camera_of_image))),
         camera_of_image,
         tuple(f"flight_{i}" for i in range(plan.flights)),
         flight_of_image,
@@ -193,15 +201,46 @@ def two_strips(**switches: object) -> Scene:
         start.projection_centre,
         start.local_from_camera,
         start.object_point,
+        rig=rig,
     )
     return Scene(plan, block, Observations(rays, tuple(others)), truth)  # type: ignore[arg-type]
 
 
 def _cameras(plan: Plan) -> tuple[FrameCamera, ...]:
-    """One camera with x forward; the second one stands across, with another focal length."""
+    """One camera with x forward; the second one stands across, with another focal length; their heads."""
     forward = FrameCamera("forward", 14000, 20000, 5e-6, 0.100, (0.0, 0.0), "corner", 0)
     across = FrameCamera("across", 20000, 14000, 5e-6, 0.105, (0.0, 0.0), "centre", 90)
-    return (forward, across)[: plan.cameras]
+    first = (forward, across)[: plan.cameras]
+    return (
+        *first,
+        *(
+            replace(camera, name=f"{camera.name}_{head}", focal_length=0.09 + 0.002 * head)
+            for camera in first
+            for head in range(1, plan.heads)
+        ),
+    )
+
+
+# Of the further heads: roll, pitch, yaw in degrees, and metres forward, right, down.
+_HEAD_ANGLES = np.array([[24.0, -3.0, 2.0], [-19.0, 12.0, -5.0]])
+_HEAD_PLACES = np.array([[0.30, -0.20, 0.10], [-0.25, 0.35, 0.05]])
+
+
+def _rig(plan: Plan, cameras: tuple[FrameCamera, ...], camera_of_event: Ints) -> Rig | None:
+    """The heads of the first camera follow those of both cameras, then come those of the second."""
+    if plan.heads == 1:
+        return None
+    more = plan.heads - 1
+    events = np.arange(len(camera_of_event))
+    further = plan.cameras + camera_of_event[:, None] * more + np.arange(more)
+    reference = np.concatenate([np.arange(plan.cameras), np.repeat(np.arange(plan.cameras), more)])
+    return Rig(
+        tuple(f"event_{event:02d}" for event in events),
+        np.repeat(events, plan.heads),
+        np.column_stack([camera_of_event, further]).ravel(),
+        reference,
+        np.stack([camera.body_from_camera for camera in cameras]),
+    )
 
 
 def _assignments(plan: Plan) -> tuple[Ints, Ints]:
@@ -216,15 +255,41 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
     interior = np.array([[0.100, 0.0, 0.0], [0.105, 0.0, 0.0]])
     if INTERIOR_ORIENTATION in plan.free:
         interior = interior + np.array([[20.0, 15.0, -10.0], [-30.0, 5.0, 25.0]]) * MICROMETRE
+    more = plan.cameras * (plan.heads - 1)
+    nothing = np.zeros((more, 3))
+    of_heads = np.array([[0.09 + 0.002 * head, 1e-5, -2e-5] for head in range(1, plan.heads)])
+    own = {} if plan.heads == 1 else _of_heads(plan)
+    return (
+        own
+        | {
+            INTERIOR_ORIENTATION: np.concatenate(
+                [interior[: plan.cameras], np.resize(of_heads, (more, 3)) if more else nothing]
+            ),
+            BORESIGHT: np.concatenate(
+                [np.array([[0.3, -0.2, 0.4], [-0.5, 0.1, 0.2]])[: plan.cameras] * DEGREE, nothing]
+            ),
+            LEVER_ARM: np.concatenate(
+                [np.array([[0.4, -0.2, -1.1], [-0.3, 0.25, -1.2]])[: plan.cameras], nothing]
+            ),
+            GNSS_SHIFT: np.array([[0.0, 0.0, 0.0], [0.15, -0.25, 0.2]])[: plan.flights],
+            GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
+            GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
+            TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
+        }
+        | ({ADDITIONAL_PARAMETERS: _additional(plan)} if plan.additional else {})
+    )
+
+
+def _of_heads(plan: Plan) -> dict[str, Floats]:
+    """True relative positions and rotations of all cameras, of both rigs a little different."""
+    held, more = np.zeros((plan.cameras, 3)), plan.heads - 1
+    drawn = np.random.default_rng(15).normal(0.0, 0.02, (plan.cameras * more, 3))
+    angles = np.tile(_HEAD_ANGLES[:more] * DEGREE, (plan.cameras, 1)) + 0.1 * drawn
+    places = np.tile(_HEAD_PLACES[:more], (plan.cameras, 1)) + drawn
     return {
-        INTERIOR_ORIENTATION: interior[: plan.cameras],
-        BORESIGHT: np.array([[0.3, -0.2, 0.4], [-0.5, 0.1, 0.2]])[: plan.cameras] * DEGREE,
-        LEVER_ARM: np.array([[0.4, -0.2, -1.1], [-0.3, 0.25, -1.2]])[: plan.cameras],
-        GNSS_SHIFT: np.array([[0.0, 0.0, 0.0], [0.15, -0.25, 0.2]])[: plan.flights],
-        GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
-        GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
-        TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
-    } | ({ADDITIONAL_PARAMETERS: _additional(plan)} if plan.additional else {})
+        RELATIVE_POSITION: np.concatenate([held, places]),
+        RELATIVE_ROTATION: np.concatenate([held, angles]),
+    }
 
 
 _TERMS = ("test:square", "test:shear", "test:radial", "test:quarter", "test:stretch")
@@ -242,7 +307,8 @@ def _terms(plan: Plan) -> tuple[str, ...]:
 def _additional(plan: Plan) -> Floats:
     """True values of the additional parameters of every camera; zero where it does not have one."""
     values = np.concatenate([_ADDITIONAL, _FORWARD], axis=1) if plan.forward else _ADDITIONAL
-    return values[: plan.cameras]
+    values = values[: plan.cameras]
+    return np.concatenate([values, np.zeros((plan.cameras * (plan.heads - 1), values.shape[1]))])
 
 
 def _distortion(values: Floats) -> Distortion:
@@ -256,7 +322,8 @@ def _self_calibration(plan: Plan, camera_of_image: Ints) -> SelfCalibration | No
     corrections = tuple(
         Polynomials(tuple(name for name, value in zip(_TERMS, row, strict=True) if value != 0.0))
         for row in _ADDITIONAL[: plan.cameras]
-    )
+    ) + (Polynomials(()),) * (plan.cameras * (plan.heads - 1))
+    assert not plan.forward or plan.heads == 1
     distortions = tuple(_distortion(row) for row in _FORWARD[: plan.cameras]) if plan.forward else ()
     return SelfCalibration(_terms(plan), corrections, camera_of_image, distortions)
 
@@ -273,7 +340,15 @@ def _system_parameters(
         free = np.broadcast_to(np.asarray(plan.free.get(name, False), dtype=bool), values.shape).copy()
         if name == ADDITIONAL_PARAMETERS:
             free &= values != 0.0
+        if name in (BORESIGHT, LEVER_ARM):  # of the body: its reference head
+            free[plan.cameras :] = False
+        if name in OF_HEADS:
+            free[: plan.cameras] = False
         nominal = np.zeros_like(values)
+        if name == RELATIVE_ROTATION:
+            nominal = np.round(values, 1)
+        if name == RELATIVE_POSITION:
+            nominal = np.round(values, 1)
         if name == INTERIOR_ORIENTATION:
             nominal[:, 0] = [camera.focal_length for camera in cameras]
         entities = (
@@ -329,11 +404,12 @@ def _image_points(
 ) -> tuple[ImagePoints, Bools]:
     """Rays inside the format, and which object points (m,) are seen at least twice."""
     interior = truth.system[INTERIOR_ORIENTATION][camera_of_image]
-    difference = truth.object_point[:, None, :] - truth.projection_centre[None, :, :]
-    in_camera = np.einsum("nji,mnj->mni", truth.local_from_camera, difference)
+    pictures = truth.pictures
+    difference = truth.object_point[:, None, :] - pictures.projection_centre[None, :, :]
+    in_camera = np.einsum("nji,mnj->mni", pictures.local_from_camera, difference)
     xy = interior[:, 1:] - interior[:, :1] * in_camera[:, :, :2] / in_camera[:, :, 2:]
     half = np.array([camera.half_format for camera in cameras])[camera_of_image]
-    inside = (np.abs(xy) < half).all(axis=2)
+    inside = (np.abs(xy) < half).all(axis=2) & (in_camera[:, :, 2] < 0.0)
     seen = inside.sum(axis=1) >= 2
     point, image = np.nonzero(inside[seen])
     measured = xy[seen][point, image]
@@ -349,7 +425,10 @@ def _image_points(
     measured = measured + _drawn(noise, plan.sigma_image_m, measured.shape)
     sigma = np.full(measured.shape, plan.sigma_image_m)
     active = np.ones(len(image), dtype=bool)
-    rays = ImagePoints(image, point, camera_of_image, measured, sigma, active, model)
+    event_of_image = None if truth.rig is None else truth.rig.event_of_image
+    rays = ImagePoints(
+        image, point, camera_of_image, measured, sigma, active, model, event_of_image=event_of_image
+    )
     return rays, seen
 
 
@@ -503,9 +582,9 @@ def with_correlated_attitudes(scene: Scene) -> Scene:
     others = list(scene.observations.others)
     number, ins = next((k, group) for k, group in enumerate(others) if isinstance(group, InsAttitudes))
     generator = np.random.default_rng(41)
-    root = np.tril(generator.uniform(-0.5, 0.5, (len(ins.image), 3, 3))) + np.eye(3)
+    root = np.tril(generator.uniform(-0.5, 0.5, (len(ins.event), 3, 3))) + np.eye(3)
     covariance = scene.plan.sigma_ins_rad**2 * root @ np.swapaxes(root, 1, 2)
-    model = StochasticModel.from_covariance(covariance, np.ones((len(ins.image), 3), dtype=bool))
+    model = StochasticModel.from_covariance(covariance, np.ones((len(ins.event), 3), dtype=bool))
     others[number] = replace(ins, stochastic=replace(model, over_time=ins.stochastic.over_time))
     return replace(scene, observations=replace(scene.observations, others=tuple(others)))
 
@@ -522,7 +601,7 @@ def with_rejected_positions(scene: Scene, rows: tuple[int, ...]) -> Scene:
     """The same block without some GNSS positions."""
     others = list(scene.observations.others)
     number = next(k for k, group in enumerate(others) if isinstance(group, GnssPositions))
-    others[number] = others[number].without(np.isin(np.arange(len(others[number].image)), rows))
+    others[number] = others[number].without(np.isin(np.arange(len(others[number].event)), rows))
     return replace(scene, observations=replace(scene.observations, others=tuple(others)))
 
 
@@ -566,6 +645,22 @@ def variants() -> dict[str, Scene]:
         "strip_families_and_time_free": two_strips(
             free={GNSS_STRIP_BIAS: True, GNSS_DRIFT: True, TIME_OFFSET: True, BORESIGHT: True},
             priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
+            **seeds,
+        ),
+        "heads_held": two_strips(heads=2, **seeds),
+        "heads_free_two_cameras": two_strips(
+            **{
+                **everything,
+                "free": {
+                    **ALL_FREE,
+                    ADDITIONAL_PARAMETERS: True,
+                    RELATIVE_ROTATION: True,
+                    RELATIVE_POSITION: [[True, True, False]],
+                },
+                "priors": {INTERIOR_ORIENTATION: 2e-5, RELATIVE_POSITION: 5e-4},
+            },
+            heads=3,
+            additional=True,
             **seeds,
         ),
         "distances": with_rejected_distances(

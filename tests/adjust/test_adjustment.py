@@ -180,7 +180,7 @@ def permuted(scene: Scene, images: Ints, points: Ints) -> Scene:
         if isinstance(group, ControlPoints):
             others.append(replace(group, point=new_point[group.point]))
         elif hasattr(group, "body_from_camera"):
-            others.append(replace(group, image=new_image[group.image]))
+            others.append(replace(group, event=new_image[group.event]))
         else:
             others.append(group)
     return replace(scene, block=moved_block, observations=Observations(moved_rays, tuple(others)))
@@ -282,7 +282,7 @@ def test_one_observation_less_never_decreases_a_variance(image: int) -> None:
     scene = two_strips(free={BORESIGHT: True})
     gnss = scene.observations.others[1]
     less = list(scene.observations.others)
-    less[1] = gnss.without(gnss.image == image)
+    less[1] = gnss.without(gnss.event == image)
     fewer = replace(scene, observations=replace(scene.observations, others=tuple(less)))
     before, after = all_variances(adjusted(scene)), all_variances(adjusted(fewer))
     assert np.all(after >= before * (1.0 - 1e-9))

@@ -25,7 +25,7 @@ def turned(scene: Scene, angles: np.ndarray) -> Scene:
     """Attitudes (n, 3) turned by small rotations in body axes."""
     others = list(scene.observations.others)
     number, ins = next((k, group) for k, group in enumerate(others) if group.name == "ins_attitudes")
-    others[number] = replace(ins, observed=ins.observed @ rotation.exp(angles[ins.image]))
+    others[number] = replace(ins, observed=ins.observed @ rotation.exp(angles[ins.event]))
     return replace(scene, observations=replace(scene.observations, others=tuple(others)))
 
 

@@ -52,7 +52,7 @@ VAIHINGEN = {
 
 
 def test_every_preset_but_the_combined_ones_is_in_the_table() -> None:
-    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield"}
+    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield", "penta"}
 
 
 @pytest.mark.parametrize(("name", "flight"), list(VAIHINGEN.items()))

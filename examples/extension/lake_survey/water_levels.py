@@ -39,8 +39,8 @@ class WaterLevels:
     unit: ClassVar[Unit] = "m"
 
     @property
-    def image(self) -> Ints:
-        """No image."""
+    def event(self) -> Ints:
+        """They belong to no event."""
         return np.full(len(self.point), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:

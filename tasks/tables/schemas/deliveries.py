@@ -59,6 +59,17 @@ CAMERAS = TableSchema(
             number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
+        text("head_of", "reference head of the rig; null: the camera is no head of another", nullable=True),
+        *(
+            number(f"relative_position_{axis}_m", "m", f"given position against it, {way}", nullable=True)
+            for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
+        ),
+        *(
+            number(
+                f"relative_rotation_{name}_deg", "deg", f"given rotation against it, {name}", nullable=True
+            )
+            for name in ("roll", "pitch", "yaw")
+        ),
         *(
             text(name, f"what it is a calibration of: {words}; null: not declared", nullable=True)
             for name, words in (

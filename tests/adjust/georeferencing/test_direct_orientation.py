@@ -106,4 +106,4 @@ def test_an_image_without_attitude_is_refused(noisy: Flight) -> None:
             noisy.gnss, replace(noisy.ins, stochastic=StochasticModel.from_sigma(lacking)), noisy.system
         )
     with pytest.raises(InconsistentBlockError, match="every image"):
-        direct_orientations(noisy.gnss, replace(noisy.ins, image=noisy.ins.image[::-1]), noisy.system)
+        direct_orientations(noisy.gnss, replace(noisy.ins, event=noisy.ins.event[::-1]), noisy.system)

@@ -30,12 +30,13 @@ STEP = {"m": 0.05, "rad": 2e-5, "s": 1e-3, "m/s": 1e-2, "interior": 1e-5, "1": 0
 
 
 def scene() -> Scene:
-    """Everything free, two cameras and flights, the state far from where the observations agree."""
+    """Everything free, two rigs and flights, the state far from where the observations agree."""
     priors = dict.fromkeys(FAMILIES, 0.01)
     strips = {"gnss_strip_bias": True, "gnss_drift": True, "time_offset": True}
     free = {**ALL_FREE, **strips, ADDITIONAL_PARAMETERS: True}
     return two_strips(
         cameras=2,
+        heads=3,
         flights=2,
         additional=True,
         turning=True,
@@ -202,7 +203,7 @@ def test_the_contract_finds_a_derivative_that_is_only_nearly_right() -> None:
     sound = GROUPS["ins_attitudes"]
     assert isinstance(sound, InsAttitudes)
     broken = LinearisedAttitudes(
-        sound.image, sound.camera, sound.observed, sound.body_from_camera, sound.stochastic, sound.turning
+        sound.event, sound.camera, sound.observed, sound.body_from_camera, sound.stochastic, sound.turning
     )
     assert largest_derivative_error(broken, STATE) > 1e-3
 
@@ -227,6 +228,7 @@ def test_the_contract_finds_a_wrong_sign() -> None:
 def test_misclosure_vanishes_at_the_truth_without_noise(name: str) -> None:
     exact = two_strips(
         cameras=2,
+        heads=3,
         flights=2,
         turning=True,
         distances=5,
@@ -242,7 +244,7 @@ def test_misclosure_vanishes_at_the_truth_without_noise(name: str) -> None:
 @pytest.mark.parametrize("name", list(GROUPS))
 def test_shapes_and_units_are_what_the_protocol_says(name: str) -> None:
     group = GROUPS[name]
-    n, m = len(group.image), len(group.components)
+    n, m = len(group.event), len(group.components)
     equations = group.linearize(STATE)
     assert group.point.shape == (n,)
     assert equations.misclosure.shape == (n, m)
@@ -257,7 +259,7 @@ def test_shapes_and_units_are_what_the_protocol_says(name: str) -> None:
 @pytest.mark.parametrize("name", list(GROUPS))
 def test_rejecting_observations_takes_out_these_and_no_others(name: str) -> None:
     group = GROUPS[name]
-    rejected: Bools = np.zeros(len(group.image), dtype=bool)
+    rejected: Bools = np.zeros(len(group.event), dtype=bool)
     rejected[0] = True
     left = group.without(rejected)
     assert not left.stochastic.present[0].any()
@@ -272,9 +274,9 @@ def test_rejecting_observations_takes_out_these_and_no_others(name: str) -> None
 @pytest.mark.parametrize("name", list(GROUPS))
 def test_rejecting_in_two_steps_is_rejecting_both(name: str) -> None:
     group = GROUPS[name]
-    if len(group.image) < 2:
-        group = next(g for g in GROUPS.values() if len(g.image) > 2)
-    first, second = np.arange(len(group.image)) == 0, np.arange(len(group.image)) == 1
+    if len(group.event) < 2:
+        group = next(g for g in GROUPS.values() if len(g.event) > 2)
+    first, second = np.arange(len(group.event)) == 0, np.arange(len(group.event)) == 1
     stepwise = group.without(first).without(second)
     at_once = group.without(first | second)
     np.testing.assert_array_equal(stepwise.stochastic.whitener, at_once.stochastic.whitener)
@@ -295,9 +297,9 @@ def test_whiteners_are_roots_of_the_inverse_covariance(name: str) -> None:
 @pytest.mark.parametrize("name", ["control_points", "gnss_positions", "ins_attitudes"])
 def test_the_order_of_observations_does_not_matter(name: str) -> None:
     group: Any = GROUPS[name]
-    order = np.random.default_rng(3).permutation(len(group.image))
+    order = np.random.default_rng(3).permutation(len(group.event))
     changed = {}
-    for field in ("image", "point", "camera", "flight", "given", "given_height", "observed"):
+    for field in ("event", "point", "camera", "flight", "given", "given_height", "observed"):
         if field in group.__dataclass_fields__:
             changed[field] = getattr(group, field)[order]
     for field in ("local_from_enu", "body_from_camera"):

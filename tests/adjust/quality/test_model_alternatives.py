@@ -26,6 +26,7 @@ from adjust.quality.model_alternatives import (
     ParameterAlternative,
     alternative_tests,
 )
+from adjust.rig import OF_HEADS
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips, variants
@@ -86,12 +87,16 @@ def test_held_parameters_are_tested_as_the_dense_equations_with_them_would(name:
         for entity, component in np.argwhere(~item.free)
         # Terms that a camera does not have are no parameters of it.
         if item.family.name != ADDITIONAL_PARAMETERS or item.values[entity, component] != 0.0
+        # Nor is a reference head one against itself.
+        if item.family.name not in OF_HEADS or item.values[entity].any()
     ]
     tests = scored(found, [ParameterAlternative(*one) for one in held])
     own = design_matrix(found.system, found.state)
     cofactor = full_cofactor(own)
     everything = {
-        item.family.name: item.family.name != ADDITIONAL_PARAMETERS or item.values != 0.0
+        item.family.name: True
+        if item.family.name not in (ADDITIONAL_PARAMETERS, *OF_HEADS)
+        else item.values != 0.0
         for item in scene.block.system
     }
     wide = with_free(scene, everything).block
@@ -175,7 +180,7 @@ def test_a_camera_that_was_remounted_between_two_flights_is_found_by_the_images_
     second = np.repeat(np.arange(4), 5) >= 2
     others = list(scene.observations.others)
     number, ins = next((k, group) for k, group in enumerate(others) if group.name == "ins_attitudes")
-    moved = np.where(second[ins.image, None, None], rotation.exp(-turned), np.eye(3))
+    moved = np.where(second[ins.event, None, None], rotation.exp(-turned), np.eye(3))
     others[number] = replace(ins, observed=ins.observed @ np.swapaxes(moved, 1, 2))
     scene = replace(scene, observations=replace(scene.observations, others=tuple(others)))
     tests = scored(

@@ -101,7 +101,7 @@ def test_a_lone_observation_has_the_same_statistic_inside_and_outside(correlatio
     first, second = rays_of_many(scene)
     for group, row in ((0, first), (0, second), (2, 4), (2, 3), (3, 6)):
         inside = float(statistics[group][row])
-        rejected = tuple(np.zeros(len(item.image), dtype=bool) for item in observations.groups)
+        rejected = tuple(np.zeros(len(item.event), dtype=bool) for item in observations.groups)
         rejected[group][row] = True
         search = replace(Search.start(observations, adjusted), rejected=rejected)
         search = replace(search, adjusted=adjuster.again(adjusted, search.remaining()))

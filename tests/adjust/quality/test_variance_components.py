@@ -181,7 +181,7 @@ def of_two_origins(large: SimulatedBlock, seed: int) -> tuple[Block, Observation
     rays = observations.image_points
     gnss = next(group for group in observations.others if isinstance(group, GnssPositions))
     manual = np.arange(len(rays.image)) % 3 == 0
-    later = gnss.image >= np.median(gnss.image)
+    later = gnss.event >= np.median(gnss.event)
     xy = noisier(rays.xy, np.flatnonzero(manual), rays.sigma, 2.0, seed)
     position = noisier(gnss.observed, np.flatnonzero(later), gnss.stochastic.sigma, 2.5, seed + 1000)
     stated = replace(rays, xy=xy, sigma=rays.sigma * (2.0 / 1.5))

@@ -131,7 +131,7 @@ def block_with_given_values_nearby() -> Scene:
     sigma = np.sqrt(np.diagonal(result.cofactor.reduced.corner))
     beside = result.layout.update(
         result.state,
-        np.zeros((result.layout.images, 6)),
+        np.zeros((result.layout.events, 6)),
         sigma * np.random.default_rng(6).normal(0.0, 3.0, len(sigma)),
         np.zeros((result.layout.points, 3)),
     )

@@ -192,7 +192,7 @@ def test_redundancy_numbers_are_those_of_the_dense_equations_and_sum_up(both: Bo
 def test_solutions_for_other_right_hand_sides_fulfil_the_full_equations(both: BothWays) -> None:
     normal, _ = full_normals(both.design)
     random = np.random.default_rng(5)
-    n, g, m = both.system.layout.images, both.system.layout.border, both.system.layout.points
+    n, g, m = both.system.layout.events, both.system.layout.border, both.system.layout.points
     joins = both.system.border - g
     x = FullVectors(*(random.normal(size=(*shape, 2)) for shape in ((n, 6), (g + joins,), (m, 3))))
     # N maps onto vectors without a part along G, whatever x is; so N (solution of N x) = N x.

@@ -39,7 +39,7 @@ def test_weighted_squares_of_the_last_step_are_a_minimum() -> None:
     for _ in range(10):
         moved = layout.update(
             solution.state,
-            generator.normal(0.0, 1e-4, (layout.images, 6)) * [1, 1, 1, 1e-3, 1e-3, 1e-3],
+            generator.normal(0.0, 1e-4, (layout.events, 6)) * [1, 1, 1, 1e-3, 1e-3, 1e-3],
             generator.normal(0.0, 1e-6, layout.border),
             generator.normal(0.0, 1e-3, (layout.points, 3)),
         )

@@ -28,7 +28,7 @@ def pattern_of(adjacent: np.ndarray) -> Covisibility:
 def positive_matrix(pattern: Covisibility, border: int, seed: int) -> tuple[np.ndarray, ...]:
     """Blocks, border and corner of a positive definite matrix with the pattern, and the matrix itself."""
     rng = np.random.default_rng(seed)
-    n = pattern.images
+    n = pattern.events
     blocks = rng.normal(size=(len(pattern.column), 6, 6))
     of_border = rng.normal(size=(n, 6, border))
     matrix = np.zeros((6 * n + border, 6 * n + border))
@@ -46,9 +46,9 @@ def positive_matrix(pattern: Covisibility, border: int, seed: int) -> tuple[np.n
 def check(
     pattern: Covisibility, position: np.ndarray, border: int, largest_part: int, threads: int = 1
 ) -> None:
-    blocks, of_border, corner, matrix = positive_matrix(pattern, border, seed=pattern.images)
+    blocks, of_border, corner, matrix = positive_matrix(pattern, border, seed=pattern.events)
     analysis = HelmertBlocking.of(pattern, position, largest_part)
-    n = pattern.images
+    n = pattern.events
     # Powers of two: any scale gives the same solution and inverse, these without rounding.
     scale = np.exp2(np.random.default_rng(2).integers(-9, 9, 6 * n + border))
     factor = factorize_blocks(
@@ -122,8 +122,8 @@ def test_every_exposure_is_eliminated_once_and_parts_do_not_know_each_other() ->
     pattern, position = flight(12, 20, 2)
     dissection = dissect(pattern, position, largest_part=16)
     owned = np.concatenate([part.own for part in dissection.parts])
-    np.testing.assert_array_equal(np.sort(owned), np.arange(pattern.images))
-    part_of = np.empty(pattern.images, dtype=int)
+    np.testing.assert_array_equal(np.sort(owned), np.arange(pattern.events))
+    part_of = np.empty(pattern.events, dtype=int)
     for index, part in enumerate(dissection.parts):
         part_of[part.own] = index
         assert index < part.parent or part.parent == -1
@@ -149,7 +149,7 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
     results = []
     for threads in (1, 2, 4):
         factor = factorize_blocks(
-            analysis, blocks, of_border, corner, np.ones((pattern.images, 6)), np.ones(5), threads
+            analysis, blocks, of_border, corner, np.ones((pattern.events, 6)), np.ones(5), threads
         )
         assert factor is not None
         results.append(b"".join(part.tobytes() for part in factor.inverse()))
@@ -161,5 +161,5 @@ def test_a_matrix_that_is_not_positive_definite_has_no_factor() -> None:
     blocks, of_border, corner, _ = positive_matrix(pattern, 2, seed=0)
     blocks[pattern.diagonal[11]] -= 2.0 * np.eye(6) * np.trace(blocks[pattern.diagonal[11]])
     analysis = HelmertBlocking.of(pattern, position, 4)
-    scale = np.ones((pattern.images, 6))
+    scale = np.ones((pattern.events, 6))
     assert factorize_blocks(analysis, blocks, of_border, corner, scale, np.ones(2), 1) is None

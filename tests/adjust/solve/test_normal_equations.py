@@ -107,7 +107,7 @@ def test_a_position_of_an_image_that_is_not_there_is_refused() -> None:
     scene = two_strips()
     control, gnss, *others = scene.observations.others
     wrong: Any = gnss
-    wrong = replace(wrong, image=wrong.image + 1)
+    wrong = replace(wrong, event=wrong.event + 1)
     observations = replace(scene.observations, others=(control, wrong, *others))
     with pytest.raises(
         InconsistentBlockError, match=r"gnss_positions has an index of its image outside 0 … 9"

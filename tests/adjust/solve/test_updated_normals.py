@@ -37,7 +37,7 @@ def without_some(observations: Observations, seed: int) -> Observations:
     rays = observations.image_points
     return Observations(
         rays.without(some(len(rays.image), 5)),
-        tuple(group.without(some(len(group.image), 1)) for group in observations.others),
+        tuple(group.without(some(len(group.event), 1)) for group in observations.others),
     )
 
 

@@ -60,7 +60,7 @@ def naive_rows(adjusted: AdjustedBlock) -> pd.DataFrame:
             if isinstance(group, DirectObservations):
                 (entities,) = (p.entities for p in block.system if p.family.name == group.family.name)
                 title += f":{entities[group.entity[n]]}"
-            image, point = group.image[n], group.point[n]
+            image, point = group.event[n], group.point[n]
             unit, factor = reported_unit_of(group, int(k))
             rows.append(
                 {

@@ -1,0 +1,50 @@
+"""Cofactors of the exterior orientations of pictures: of a rig they follow from event and head.
+
+    Q_ij = [E_i H_i] Q [E_j H_j]ᵀ
+
+with the derivatives E by the pose of the event and H by position and rotation of the head, see
+:mod:`adjust.rig`. What is held of a head has no error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adjust.arrays import Floats, Ints
+from adjust.parameters import ParameterLayout, State
+from adjust.rig import OF_HEADS
+from adjust.solve.factorization import ReducedCofactor
+
+
+def picture_cofactors(state: State, layout: ParameterLayout, reduced: ReducedCofactor) -> Floats:
+    """Cofactors (n, 6, 6) of projection centre, local axes, and small rotation in the camera frame."""
+    if state.rig is None:
+        return reduced.of_exposures
+    every = np.arange(len(state.rig.event_of_image))
+    return cofactors_between_pictures(state, layout, reduced, every, every)
+
+
+def cofactors_between_pictures(
+    state: State, layout: ParameterLayout, reduced: ReducedCofactor, one: Ints, other: Ints
+) -> Floats:
+    """Cofactors (k, 6, 6) of pictures (k,) with others (k,), whose events are joined in the pattern."""
+    if state.rig is None:
+        return reduced.between(one, other)
+    event, camera = state.rig.event_of_image, state.rig.camera_of_image
+    of_event, of_head = state.pictures.jacobians()
+    columns = np.concatenate([layout.columns[family] for family in OF_HEADS], axis=1)[camera]
+    # What is held stands in one more column, of zeros.
+    place = np.where(columns >= 0, columns, len(reduced.corner))
+    border = np.concatenate([reduced.border, np.zeros((*reduced.border.shape[:2], 1))], axis=2)
+    own = np.pad(reduced.corner, (0, 1))[place[one][:, :, None], place[other][:, None, :]]
+
+    def mixed(exposure: Ints, head: Ints) -> Floats:
+        """(k, 6, 6) of the events of pictures with the heads of others."""
+        return np.stack([border[event[exposure], :, place[head, k]] for k in range(6)], axis=2)
+
+    events = reduced.between(event[one], event[other])
+    of_one = np.concatenate([of_event[one], of_head[one]], axis=2)
+    of_other = np.concatenate([of_event[other], of_head[other]], axis=2)
+    upper = np.concatenate([events, mixed(one, other)], axis=2)
+    lower = np.concatenate([np.swapaxes(mixed(other, one), 1, 2), own], axis=2)
+    return np.asarray(of_one @ np.concatenate([upper, lower], axis=1) @ np.swapaxes(of_other, 1, 2))

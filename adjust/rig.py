@@ -1,0 +1,112 @@
+"""Rigs: several heads on one body, which take the pictures of an event together.
+
+The unknowns of an event are one pose, that of the camera frame of its reference head: (X_e, R_e). Head h
+stands at t_h and is turned by M_h, both in the camera frame of the reference head,
+
+    R_c = R_e M_h,    X0 = X_e + R_e t_h,    M_h = T_rᵀ R(ρ_h) T_h,    t_h = T_rᵀ p_h
+
+with the nominal mountings T (body from camera) of the reference head r and of head h, the relative rotation
+ρ_h = roll, pitch, yaw and the relative position p_h in the axes forward, right, down in which the reference
+head is mounted nominally. Derivatives J by (X0, δ_c) of a picture become those by its event and its head:
+
+    J_event = J · [[I, −R_e [t_h]×], [0, M_hᵀ]],    J_(p, ρ) = J · [[R_e T_rᵀ, 0], [0, M_hᵀ T_rᵀ E(ρ)]].
+
+No image point notices (R_e G, X_e + R_e g; Gᵀ M_h, Gᵀ (t_h − g)): the reference head is held at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.geometry import rotation
+
+RELATIVE_POSITION = "relative_position"
+RELATIVE_ROTATION = "relative_rotation"
+#: System parameters of heads, in the order of the columns that pictures have for them.
+OF_HEADS = (RELATIVE_POSITION, RELATIVE_ROTATION)
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Poses of pictures, and how they hang on the events.
+
+    Attributes
+    ----------
+    projection_centre, local_from_camera : (n, 3) metres and (n, 3, 3).
+    of_event : (n, 3, 12) −R_e [t]×, Mᵀ, R_e T_rᵀ and Mᵀ T_rᵀ E beside each other; None where every picture
+        is an event.
+    """
+
+    projection_centre: Floats
+    local_from_camera: Floats
+    of_event: Floats | None
+
+    def jacobians(self) -> tuple[Floats, Floats]:
+        """Derivatives (n, 6, 6) of the poses (X0, δ_c) by those of the events, and by (p, ρ) of the heads."""
+        n = len(self.projection_centre)
+        of_event, of_head = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
+        of_event[:, :3, :3] = of_event[:, 3:, 3:] = np.eye(3)
+        if self.of_event is not None:
+            of_event[:, :3, 3:], of_event[:, 3:, 3:] = self.of_event[:, :, :3], self.of_event[:, :, 3:6]
+            of_head[:, :3, :3], of_head[:, 3:, 3:] = self.of_event[:, :, 6:9], self.of_event[:, :, 9:]
+        return of_event, of_head
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Which head took every picture of every event.
+
+    Attributes
+    ----------
+    events : names of the e events.
+    event_of_image, camera_of_image : (n,) event and head (index of the camera) of every picture.
+    reference : (c,) reference head of the body on which each camera is; a camera alone is its own.
+    body_from_camera : (c, 3, 3) nominal mountings T.
+    """
+
+    events: tuple[str, ...]
+    event_of_image: Ints
+    camera_of_image: Ints
+    reference: Ints
+    body_from_camera: Floats
+
+    @property
+    def camera_of_event(self) -> Ints:
+        """(e,) reference head of every event."""
+        found = np.full(len(self.events), -1, dtype=np.int64)
+        found[self.event_of_image] = self.reference[self.camera_of_image]
+        return found
+
+    @property
+    def is_reference(self) -> Bools:
+        """(c,) cameras that are reference heads."""
+        return np.asarray(self.reference == np.arange(len(self.reference)))
+
+    def pictures(
+        self, projection_centre: Floats, local_from_camera: Floats, system: Mapping[str, Floats]
+    ) -> Pictures:
+        """Poses of the pictures from those of the events, (e, 3) and (e, 3, 3), and the heads' parameters."""
+        heads, camera, event = self._heads(system), self.camera_of_image, self.event_of_image
+        r_e = local_from_camera[event]
+        position, turn, axes, of_rotation = (part[camera] for part in heads)
+        turned = np.swapaxes(turn, 1, 2)
+        of_event = np.concatenate(
+            [-r_e @ rotation.cross_matrix(position), turned, r_e @ axes, turned @ of_rotation], axis=2
+        )
+        return Pictures(
+            projection_centre[event] + np.einsum("nij,nj->ni", r_e, position),
+            np.ascontiguousarray(r_e @ turn),
+            np.ascontiguousarray(of_event),
+        )
+
+    def _heads(self, system: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
+        """For each camera t (c, 3), M, T_rᵀ and T_rᵀ E(ρ), (c, 3, 3) each."""
+        angles = system[RELATIVE_ROTATION]
+        axes = np.swapaxes(self.body_from_camera[self.reference], 1, 2)
+        turn = axes @ rotation.from_roll_pitch_yaw(angles) @ self.body_from_camera
+        position = np.einsum("cij,cj->ci", axes, system[RELATIVE_POSITION])
+        return position, turn, axes, axes @ rotation.roll_pitch_yaw_jacobian(angles)

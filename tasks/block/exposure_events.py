@@ -1,0 +1,139 @@
+"""Events: exposures of all heads of a rig at one moment, each with one reading of GNSS and INS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.arrays import Bools, Ints
+from adjust.geometry import rotation
+from adjust.rig import Rig
+from tasks.block.given_orientations import GivenOrientations
+from tasks.errors import InputError
+
+# Heads of one event are exposed within this time, s.
+_ONE_EVENT_S = 1e-3
+# Readings of one event that differ by more are not the same: metres, radians.
+_SAME_PLACE_M, _SAME_ATTITUDE = 0.01, np.deg2rad(0.001)
+
+
+@dataclass(frozen=True, eq=False)
+class ExposureEvents:
+    """The events of a block with rigs.
+
+    Attributes
+    ----------
+    rig : which head took every image of which event.
+    given : positions and attitudes of the events, with the reference head in place of the camera.
+    """
+
+    rig: Rig
+    given: GivenOrientations
+
+
+def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
+    """Join images to events: the same rig and flight, and times within a millisecond; None without rigs.
+
+    Images of a camera alone are events of their own. The names of images decide nothing.
+
+    Raises
+    ------
+    InputError
+        If an image of a head has no time, a head took two images at one moment, or the readings of one event
+        differ.
+    """
+    mountings = given.mountings
+    if not mountings.has_heads:
+        return None
+    reference = mountings.reference[given.camera]
+    in_rig = (np.bincount(mountings.reference) > 1)[reference]
+    untimed = np.flatnonzero(in_rig & ~np.isfinite(given.time_s))
+    if len(untimed):
+        raise InputError(
+            f"{len(untimed):,} images of heads have no time of exposure; heads are joined by it.",
+            "Deliver the times of all images of a rig.",
+            entity=f"image {given.image[untimed[0]]}",
+        )
+    event = _joined(given, reference, in_rig)
+    _refuse_repeated_heads(given, event)
+    # The reading of an event is that of the image of its reference head, where there is one.
+    order = np.lexsort((given.camera != reference, event))
+    first = order[np.searchsorted(event[order], np.arange(event.max() + 1))]
+    _refuse_different_readings(given, event, first)
+    chosen = np.zeros(len(event), dtype=bool)
+    chosen[first] = True
+    # `only` keeps the order of the images; events are numbered in it.
+    number = np.argsort(np.argsort(first))
+    event = number[event]
+    first = np.sort(first)
+    rig = Rig(
+        tuple(given.image[row] for row in first),
+        event,
+        given.camera,
+        mountings.reference,
+        mountings.body_from_camera,
+    )
+    return ExposureEvents(rig, replace(given.only(chosen), camera=reference[first]))
+
+
+def about_events(rig: Rig) -> tuple[str, ...]:
+    """A sentence about heads that were joined to events; nothing where every image is one."""
+    images = np.bincount(rig.event_of_image)
+    joined = images[images > 1]
+    if not len(joined):
+        return ()
+    return (
+        f"{int(joined.sum()):,} images of {len(np.unique(rig.camera_of_image))} heads were exposed at "
+        f"{len(joined):,} events, joined by their times: each has one pose and one reading of GNSS and INS.",
+    )
+
+
+def _joined(given: GivenOrientations, reference: Ints, in_rig: Bools) -> Ints:
+    """Number (n,) of the event of each image."""
+    time = np.where(in_rig, given.time_s, 0.0)
+    alone = np.where(in_rig, -1, np.arange(len(time)))
+    order = np.lexsort((time, given.flight_of_image, reference, alone))
+    same = (np.diff(given.flight_of_image[order]) == 0) & (np.diff(reference[order]) == 0)
+    same &= (np.diff(alone[order]) == 0) & (np.diff(time[order]) < _ONE_EVENT_S)
+    event = np.empty(len(order), dtype=np.int64)
+    event[order] = np.concatenate([[0], np.cumsum(~same)])
+    return event
+
+
+def _refuse_repeated_heads(given: GivenOrientations, event: Ints) -> None:
+    key = event * len(given.mountings.cameras) + given.camera
+    order = np.argsort(key, kind="stable")
+    again = np.flatnonzero(np.diff(key[order]) == 0)
+    if len(again):
+        one, other = (given.image[row] for row in order[again[0] : again[0] + 2])
+        camera = given.mountings.names[given.camera[order[again[0]]]]
+        raise InputError(
+            f"The head {camera} took two images at one moment: '{one}' and '{other}' are less than "
+            f"{_ONE_EVENT_S * 1e3:g} ms apart.",
+            "Correct the times, or declare the flights of two aircraft.",
+            entity=f"image {one}",
+        )
+
+
+def _refuse_different_readings(given: GivenOrientations, event: Ints, first: Ints) -> None:
+    """All images of an event must have the position and attitude of one body."""
+    own = first[event]
+    apart = np.linalg.norm(given.observed - given.observed[own], axis=1)
+    body = given.local_from_body()
+    turned = np.linalg.norm(rotation.log(np.swapaxes(body[own], 1, 2) @ body), axis=1)
+    both = given.position_observed & given.position_observed[own]
+    wrong = (both & (apart > _SAME_PLACE_M)) | (
+        given.attitude_observed & given.attitude_observed[own] & (turned > _SAME_ATTITUDE)
+    )
+    if not wrong.any():
+        return
+    row = int(np.argmax(wrong))
+    raise InputError(
+        f"Images of one moment have different readings of GNSS and INS: '{given.image[row]}' and "
+        f"'{given.image[own[row]]}' differ by {apart[row]:.3f} m and {np.rad2deg(turned[row]):.4f}° of the "
+        "body. Heads of one body share one reading.",
+        "Deliver positions of the antenna and angles of the body; or correct position_m and rotation_deg of "
+        "the heads, from which positions and angles of the cameras follow.",
+        entity=f"image {given.image[row]}",
+    )

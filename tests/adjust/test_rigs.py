@@ -1,0 +1,385 @@
+"""Rigs: heads that take the pictures of an event together, against cameras that stand alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.adjustment import adjust_block
+from adjust.arrays import Floats, Ints
+from adjust.block import Block
+from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.geometry import rotation
+from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.ins_attitude import InsAttitudes
+from adjust.options import AdjustmentOptions
+from adjust.parameters import (
+    BORESIGHT,
+    FAMILIES,
+    INTERIOR_ORIENTATION,
+    LEVER_ARM,
+    State,
+    SystemParameters,
+)
+from adjust.quality.cofactor import cofactor
+from adjust.quality.picture_cofactor import picture_cofactors
+from adjust.result import AdjustmentResult
+from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
+from adjust.solve.design_matrix import design_matrix, full_cofactor
+from adjust.solve.gauss_newton import solution_at
+from adjust.solve.system import Observations, System
+from tests.adjust.scenes import ALL_FREE, Scene, two_strips
+
+HEADS_FREE: Mapping[str, object] = {RELATIVE_ROTATION: True, RELATIVE_POSITION: True}
+
+
+def heads_at_zero(entities: tuple[str, ...]) -> tuple[SystemParameters, ...]:
+    """Positions and rotations of heads that sit where their reference head sits, held."""
+    nothing = np.zeros((len(entities), 3))
+    return tuple(SystemParameters(FAMILIES[name], entities, nothing, nothing != 0.0) for name in OF_HEADS)
+
+
+def every_image_an_event(scene: Scene) -> Scene:
+    """The same block as rigs of one head each."""
+    block, rays = scene.block, scene.observations.image_points
+    names = tuple(camera.name for camera in block.cameras)
+    rig = Rig(
+        block.images,
+        np.arange(len(block.images)),
+        block.camera_of_image,
+        np.arange(len(names)),
+        np.stack([camera.body_from_camera for camera in block.cameras]),
+    )
+    return replace(
+        scene,
+        block=replace(block, rig=rig, system=(*block.system, *heads_at_zero(names))),
+        observations=replace(
+            scene.observations, image_points=replace(rays, event_of_image=rig.event_of_image)
+        ),
+    )
+
+
+def assert_same_results(one: AdjustmentResult, other: AdjustmentResult, tolerance: float) -> None:
+    """Unknowns, their cofactors and the redundancy numbers, relative to the size of each."""
+    for name in ("projection_centre", "local_from_camera", "object_point"):
+        np.testing.assert_allclose(getattr(one.state, name), getattr(other.state, name), rtol=tolerance)
+    for ours, theirs in (
+        (one.cofactor.reduced.blocks, other.cofactor.reduced.blocks),
+        (one.cofactor.reduced.corner, other.cofactor.reduced.corner),
+        (one.cofactor.of_points, other.cofactor.of_points),
+    ):
+        np.testing.assert_allclose(ours, theirs, atol=tolerance * np.nanmax(np.abs(theirs)))
+    for group, same in zip(one.groups, other.groups, strict=True):
+        np.testing.assert_allclose(group.redundancy, same.redundancy, atol=tolerance)
+    assert one.test.sigma0 == pytest.approx(other.test.sigma0, rel=tolerance)
+
+
+def test_a_rig_of_one_head_is_the_camera_alone() -> None:
+    scene = two_strips(cameras=2, flights=2, free=ALL_FREE, noise_seed=21, start_seed=22)
+    rig = every_image_an_event(scene)
+    alone = adjust_block(scene.block, scene.observations)
+    assert_same_results(adjust_block(rig.block, rig.observations), alone, 1e-12)
+
+
+def with_all_rays_twice(scene: Scene) -> tuple[Scene, Scene]:
+    """One head that measures every point twice, and two heads in one place that measure it once each."""
+    block, rays = scene.block, scene.observations.image_points
+    n, r = len(block.images), len(rays.image)
+    twice = np.repeat(np.arange(r), 2)
+    again = rays.xy[twice] + np.random.default_rng(5).normal(0.0, 2e-6, (2 * r, 2))
+    doubled = replace(
+        rays,
+        image=rays.image[twice],
+        point=rays.point[twice],
+        xy=again,
+        sigma=rays.sigma[twice],
+        active=rays.active[twice],
+    )
+    (camera,) = block.cameras
+    cameras = (camera, replace(camera, name="again"))
+    names = tuple(one.name for one in cameras)
+    rig = Rig(
+        tuple(f"event {k}" for k in range(n)),
+        np.repeat(np.arange(n), 2),
+        np.tile([0, 1], n),
+        np.zeros(2, dtype=np.int64),
+        np.stack([one.body_from_camera for one in cameras]),
+    )
+    system = tuple(
+        replace(
+            one,
+            entities=names,
+            values=np.repeat(one.values, 2, axis=0),
+            free=np.concatenate([one.free, np.zeros_like(one.free)]),
+        )
+        if one.family.entity_kind == "camera"
+        else one
+        for one in block.system
+    )
+    two = replace(
+        block,
+        images=tuple(f"{image} {name}" for image in block.images for name in names),
+        cameras=cameras,
+        camera_of_image=rig.camera_of_image,
+        flight_of_image=np.repeat(block.flight_of_image, 2),
+        system=system + heads_at_zero(names),
+        rig=rig,
+    )
+    of_heads = replace(
+        doubled,
+        image=2 * doubled.image + np.tile([0, 1], r),
+        camera_of_image=rig.camera_of_image,
+        event_of_image=rig.event_of_image,
+    )
+    return tuple(  # type: ignore[return-value]
+        replace(scene, block=which, observations=replace(scene.observations, image_points=points))
+        for which, points in ((block, doubled), (two, of_heads))
+    )
+
+
+def test_two_heads_in_one_place_are_one_head_that_measures_twice() -> None:
+    one, two = with_all_rays_twice(two_strips(free={BORESIGHT: True}, noise_seed=21, start_seed=22))
+    results = [adjust_block(scene.block, scene.observations) for scene in (two, one)]
+    assert_same_results(*results, 1e-10)
+
+
+def with_other_order_of_heads(scene: Scene, order: Ints) -> Scene:
+    """The same block with its cameras in another order: new camera k is the old one order[k]."""
+    block, rays = scene.block, scene.observations.image_points
+    rig, new = block.rig, np.argsort(order)
+    assert rig is not None
+    # The pictures of an event, too, in another order.
+    place = np.lexsort((new[rig.camera_of_image], rig.event_of_image))
+    to = np.argsort(place)
+    camera_of_image = new[rig.camera_of_image[place]]
+    other = Rig(
+        rig.events,
+        rig.event_of_image[place],
+        camera_of_image,
+        new[rig.reference[order]],
+        rig.body_from_camera[order],
+    )
+    system = tuple(
+        replace(
+            one,
+            entities=tuple(one.entities[k] for k in order),
+            values=one.values[order],
+            free=one.free[order],
+        )
+        if one.family.entity_kind == "camera"
+        else one
+        for one in block.system
+    )
+    rows = np.lexsort((to[rays.image], rays.point))
+    moved = replace(
+        rays.only(rows),
+        image=to[rays.image[rows]],
+        camera_of_image=camera_of_image,
+        event_of_image=other.event_of_image,
+    )
+    groups = tuple(
+        replace(group, camera=new[group.camera]) if isinstance(group, GnssPositions | InsAttitudes) else group
+        for group in scene.observations.others
+    )
+    permuted = replace(
+        block,
+        images=tuple(block.images[k] for k in place),
+        cameras=tuple(block.cameras[k] for k in order),
+        camera_of_image=camera_of_image,
+        flight_of_image=block.flight_of_image[place],
+        system=system,
+        rig=other,
+    )
+    return replace(scene, block=permuted, observations=Observations(moved, groups))
+
+
+def test_the_order_of_the_heads_changes_nothing() -> None:
+    scene = two_strips(
+        heads=3,
+        free={BORESIGHT: True, RELATIVE_ROTATION: True, INTERIOR_ORIENTATION: True},
+        noise_seed=21,
+        start_seed=22,
+    )
+    order = np.array([2, 0, 1])
+    permuted = with_other_order_of_heads(scene, order)
+    given, other = (adjust_block(one.block, one.observations) for one in (scene, permuted))
+    for name in ("projection_centre", "local_from_camera", "object_point"):
+        ours, theirs = getattr(other.state, name), getattr(given.state, name)
+        np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max())
+    for family, values in given.state.system.items():
+        expected = values[order] if FAMILIES[family].entity_kind == "camera" else values
+        np.testing.assert_allclose(other.state.system[family], expected, atol=1e-10)
+    scale = np.abs(given.cofactor.reduced.blocks).max(axis=0)
+    difference = other.cofactor.reduced.blocks - given.cofactor.reduced.blocks
+    assert np.all(np.abs(difference) < 1e-9 * scale)
+
+
+def test_poses_of_pictures_have_the_derivatives_of_central_differences() -> None:
+    scene = two_strips(cameras=2, heads=3, noise_seed=1)
+    state = scene.truth
+    of_event, of_head = state.pictures.jacobians()
+    assert state.rig is not None
+    event, camera = state.rig.event_of_image, state.rig.camera_of_image
+
+    def difference(after: State, before: State, step: float) -> Floats:
+        ahead, behind = after.pictures, before.pictures
+        turned = np.swapaxes(behind.local_from_camera, 1, 2) @ ahead.local_from_camera
+        moved = ahead.projection_centre - behind.projection_centre
+        return np.concatenate([moved, rotation.log(turned)], axis=1) / (2.0 * step)
+
+    step = 1e-4
+    for k in range(6):
+        unit = np.eye(6)[k] * step
+        n = len(state.projection_centre)
+        both = []
+        for sign in (1.0, -1.0):
+            turn = rotation.exp(np.tile(sign * unit[3:], (n, 1)))
+            centre = state.projection_centre + sign * unit[:3]
+            moved = replace(state, projection_centre=centre, local_from_camera=state.local_from_camera @ turn)
+            both.append(moved)
+        np.testing.assert_allclose(difference(*both, step), of_event[:, :, k], atol=1e-8)
+    for place, family in enumerate(OF_HEADS):
+        for k in range(3):
+            both = []
+            for sign in (1.0, -1.0):
+                values = state.system[family] + sign * step * np.eye(3)[k]
+                both.append(replace(state, system={**state.system, family: values}))
+            found = difference(*both, step)
+            np.testing.assert_allclose(found, of_head[:, :, 3 * place + k], atol=1e-8)
+    assert len(event) == len(camera) == len(of_event)
+
+
+def defect_of(scene: Scene) -> int:
+    """Directions that no observation notices, from the singular values of the full design matrix."""
+    system = System.of(scene.block, scene.observations)
+    matrix = design_matrix(system, scene.block.approximate_state()).matrix.toarray()
+    length = np.linalg.norm(matrix, axis=0)
+    sizes = np.linalg.svd(matrix / np.where(length > 0.0, length, 1.0), compute_uv=False)
+    return int(np.sum(sizes < 1e-9 * sizes[0]))
+
+
+@pytest.mark.parametrize(
+    ("gnss", "ins", "free", "defect"),
+    [
+        # The body is the inertial unit.
+        (True, True, {BORESIGHT: True, RELATIVE_ROTATION: True}, 0),
+        # Without attitudes it is the reference head.
+        (True, False, {RELATIVE_ROTATION: True}, 0),
+        # Turning about the known lever arm moves no antenna.
+        (True, False, {BORESIGHT: True, **HEADS_FREE}, 1),
+        # Nothing knows the body.
+        (False, False, {BORESIGHT: True, **HEADS_FREE}, 3),
+        (False, False, {BORESIGHT: True, LEVER_ARM: True, **HEADS_FREE}, 6),
+        # With the reference head held there is a place that the lever arm counts from.
+        (True, True, {BORESIGHT: True, LEVER_ARM: True, **HEADS_FREE}, 0),
+        (True, False, {BORESIGHT: True, LEVER_ARM: True, **HEADS_FREE}, 3),
+    ],
+)
+def test_defects_are_those_of_the_gauge(
+    gnss: bool, ins: bool, free: Mapping[str, object], defect: int
+) -> None:
+    scene = two_strips(heads=3, control=("full",) * 4, gnss=gnss, ins=ins, free=free, noise_seed=3)
+    assert defect_of(scene) == defect
+    if defect:
+        with pytest.raises(DatumDefectError) as error:
+            adjust_block(scene.block, scene.observations)
+        assert error.value.defect == defect
+
+
+@pytest.mark.parametrize("family", OF_HEADS)
+def test_a_reference_head_cannot_be_free(family: str) -> None:
+    """Known positions of the heads would hide the rotation defect behind pivots that look sound."""
+    scene = two_strips(heads=2)
+    system = tuple(
+        replace(one, free=np.ones_like(one.free)) if one.family.name == family else one
+        for one in scene.block.system
+    )
+    with pytest.raises(InconsistentBlockError, match=f"{family} of a reference head"):
+        replace(scene.block, system=system)
+
+
+def _other_rig(block: Block, **changes: Ints) -> Block:
+    assert block.rig is not None
+    return replace(block, rig=replace(block.rig, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"event_of_image": np.repeat(np.arange(9), [2] * 8 + [4])}, "every event an image"),
+        (
+            {"event_of_image": np.repeat(np.arange(10), 2)[[0, 2, 1, *range(3, 20)]]},
+            "two images of one event",
+        ),
+        ({"camera_of_image": np.zeros(20, dtype=np.int64)}, "not the cameras of the block"),
+        ({"reference": np.array([0, 1])}, "of different rigs"),
+        ({"reference": np.array([0])}, "not the cameras of the block"),
+    ],
+)
+def test_a_rig_that_contradicts_itself_is_refused(changes: dict[str, Ints], message: str) -> None:
+    with pytest.raises(InconsistentBlockError, match=message):
+        _other_rig(two_strips(heads=2).block, **changes)
+
+
+def test_image_points_must_know_the_events() -> None:
+    scene = two_strips(heads=2)
+    rays = replace(scene.observations.image_points, event_of_image=None)
+    with pytest.raises(InconsistentBlockError, match="do not know the event"):
+        System.of(scene.block, replace(scene.observations, image_points=rays))
+
+
+def test_a_point_that_several_heads_see_at_one_event_only_takes_no_part() -> None:
+    scene = two_strips(heads=3, noise_seed=3)
+    rays = scene.observations.image_points
+    events = np.zeros((len(scene.block.points), 10), dtype=bool)
+    events[rays.point, rays.event] = True
+    control = scene.observations.others[0].point
+    several = np.setdiff1d(np.flatnonzero(np.bincount(rays.point) > events.sum(axis=1)), control)
+    chosen = several[0]
+    seen_twice = next(
+        event for event in range(10) if np.sum((rays.point == chosen) & (rays.event == event)) > 1
+    )
+    left = rays.without((rays.point == chosen) & (rays.event != seen_twice))
+    system = System.of(scene.block, replace(scene.observations, image_points=left))
+    assert not system.active_point[chosen]
+    assert system.active_point.sum() == len(scene.block.points) - 1
+
+
+def test_cofactors_of_pictures_are_those_of_the_full_inverse() -> None:
+    """Six unknowns of the event and six of the head, some of them held."""
+    free = {RELATIVE_ROTATION: True, RELATIVE_POSITION: [[True, False, True]], BORESIGHT: True}
+    scene = two_strips(heads=3, free=free, priors={RELATIVE_POSITION: 1e-3}, noise_seed=21)
+    system, state = System.of(scene.block, scene.observations), scene.block.approximate_state()
+    solution = solution_at(system, state)
+    found = picture_cofactors(state, system.layout, cofactor(system, solution).reduced)
+    design = design_matrix(system, state)
+    full = np.pad(full_cofactor(design), (0, 1))
+    rig, (of_event, of_head) = scene.block.rig, state.pictures.jacobians()
+    assert rig is not None
+    own = np.concatenate([system.layout.columns[family] for family in OF_HEADS], axis=1)
+    for image in range(len(scene.block.images)):
+        columns = own[rig.camera_of_image[image]]
+        border = np.where(columns >= 0, design.border_columns[columns], -1)
+        place = np.concatenate([design.exposure_columns[rig.event_of_image[image]], border])
+        both = np.concatenate([of_event[image], of_head[image]], axis=1)
+        expected = both @ full[np.ix_(place, place)] @ both.T
+        scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
+        assert np.all(np.abs(found[image] - expected) < 1e-9 * scale)
+
+
+@pytest.mark.parametrize(("free", "defect"), [({}, 6), ({RELATIVE_POSITION: True}, 7)])
+def test_known_positions_of_heads_are_the_scale_of_a_free_network(
+    free: Mapping[str, object], defect: int
+) -> None:
+    """Tens of centimetres: a weak scale, but one that approximate values must not give a second time."""
+    scene = two_strips(heads=3, control=(), gnss=False, ins=False, free=free, noise_seed=3)
+    assert defect_of(scene) == defect
+    options = AdjustmentOptions(critical_value=None, free_network="object_points")
+    result = adjust_block(scene.block, scene.observations, options)
+    assert result.free_network is not None
+    assert result.free_network.defect == defect
+    total = sum(group.redundancy_sum for group in result.groups)
+    assert total == pytest.approx(result.test.redundancy, abs=1e-6)

@@ -1,0 +1,146 @@
+"""A penta camera from delivered files: joined to events by time, adjusted once for all its heads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
+from tasks.errors import InputError
+from tasks.settings.load import load_project
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+
+_NAMES = ("omega", "phi", "kappa")
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve exposures of five heads in three lines."""
+    changes = ("flight.lines=3", "flight.exposures=4", "points.count=250")
+    simulation = load_simulation("penta", changes, 3)
+    return simulate_project(simulation, tmp_path_factory.mktemp("penta")).project_file
+
+
+def adjusted(project: Path, out: Path, *overrides: str) -> Path:
+    """The results of a run that ends well."""
+    found = carry_out(aerial_triangulation, RunRequest(project, out, overrides=overrides))
+    assert found.error is None, found.error
+    return found.directory
+
+
+@pytest.fixture(scope="module")
+def results(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return adjusted(flight, tmp_path_factory.mktemp("results") / "out")
+
+
+def delivered(out: Path, exposures: pd.DataFrame) -> str:
+    """The override with which other exposures are read."""
+    file = out / "exposures.csv"
+    exposures.to_csv(file, index=False)
+    return f'inputs.exposures.file="{file}"'
+
+
+def test_mountings_of_the_heads_are_found_within_their_standard_deviations(
+    flight: Path, results: Path
+) -> None:
+    keys = ["parameter", "entity"]
+    truth = pd.read_parquet(flight.parent / "truth" / "parameters.parquet").set_index(keys)
+    found = pd.read_parquet(results / "parameters.parquet").set_index(keys)
+    estimated = found[found["sigma"].notna()]
+    mountings = estimated[estimated.index.get_level_values(0).str.startswith(("relative", "boresight"))]
+    assert len(mountings) == 15
+    error = mountings["value"] - truth.loc[mountings.index, "value"]
+    assert np.all(np.abs(error / mountings["sigma"]) < 3.5)
+    relative = mountings[mountings.index.get_level_values(0).str.startswith("relative")]
+    assert np.all(relative["sigma"] < 5e-4)
+
+
+def test_each_event_is_observed_once_and_each_picture_has_an_orientation(flight: Path, results: Path) -> None:
+    residuals = pd.read_parquet(results / "residuals.parquet")
+    counts = residuals.groupby("group")["image"].nunique()
+    assert counts["gnss_positions"] == counts["ins_attitudes"] == 12
+    truth = pd.read_parquet(flight.parent / "truth" / "exterior_orientations.parquet").set_index("image")
+    found = pd.read_parquet(results / "exterior_orientations.parquet").set_index("image")
+    assert len(found) == counts["image_points"] == 60
+    columns = [f"{axis}_m" for axis in "xyz"] + [f"{name}_deg" for name in _NAMES]
+    error = (found[columns] - truth.loc[found.index, columns]).to_numpy(copy=True)
+    error[:, 3:] = (error[:, 3:] + 180.0) % 360.0 - 180.0
+    ratio = error / found[[f"sigma_{name}" for name in columns]].to_numpy()
+    # Errors of the datum are common to all of them.
+    assert np.abs(ratio).max() < 4.0
+    assert np.abs(ratio).min(axis=0).max() < 2.0
+    notes = json.loads((results / "summary.json").read_text())["problems"]
+    assert any("60 images of 5 heads were exposed at 12 events" in sentence for sentence in notes)
+
+
+def test_names_of_images_decide_nothing(flight: Path, results: Path, tmp_path: Path) -> None:
+    names = pd.read_csv(flight.parent / "exposures.csv")["image"]
+    shuffled = np.random.default_rng(4).permutation(len(names))
+    other = dict(zip(names, [f"{k:03d}" for k in shuffled], strict=True))
+    overrides = []
+    for key, name in (("exposures", "exposures.csv"), ("image_points", "image_points.csv")):
+        table = pd.read_csv(flight.parent / name, dtype={"point": str})
+        table["image"] = table["image"].map(other)
+        table.to_csv(tmp_path / name, index=False)
+        overrides.append(f'inputs.{key}.file="{tmp_path / name}"')
+    renamed = adjusted(flight, tmp_path / "out", *overrides)
+    keys = ["parameter", "entity"]
+    before, after = (
+        pd.read_parquet(folder / "parameters.parquet").set_index(keys) for folder in (results, renamed)
+    )
+    known = before["sigma"].notna()
+    difference = (after["value"] - before["value"]).loc[known[known].index]
+    assert np.all(np.abs(difference / before["sigma"][known]) < 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "value", "message"),
+    [
+        ("time", 3, None, "have no time of exposure"),
+        ("roll", 3, 0.01, "different readings of GNSS and INS"),
+        ("x", 3, 0.5, "different readings of GNSS and INS"),
+        ("time", 6, "time of row 1", "took two images at one moment"),
+    ],
+)
+def test_images_that_make_no_event_are_refused(
+    flight: Path, tmp_path: Path, column: str, row: int, value: object, message: str
+) -> None:
+    exposures = pd.read_csv(flight.parent / "exposures.csv")
+    place = exposures.columns.get_loc(column)
+    changed = exposures.iloc[row, place] + value if isinstance(value, float) else None
+    if value == "time of row 1":
+        changed = exposures.iloc[1, place]
+    exposures.iloc[row, place] = changed  # type: ignore[call-overload]
+    override = delivered(tmp_path, exposures)
+    found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(override,)))
+    assert found.error is not None
+    assert message in str(found.error)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ('cameras.left.head.reference="right"', "no reference head"),
+        ('cameras.left.head.reference="below"', "no camera"),
+        ("cameras.left.boresight_deg=[45.0, 0.0, 0.0]", "is a head of a rig and has boresight_deg"),
+        ("trust_map={ cell_m = 10.0 }", "does not know rigs"),
+        ('cameras.left.calibration="registry"', "does not keep the relative rotations"),
+    ],
+)
+def test_heads_that_contradict_the_project_are_refused(flight: Path, override: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_project(flight, (override,))
+
+
+def test_relative_parameters_without_a_rig_are_refused(tmp_path: Path) -> None:
+    simulation = load_simulation("dmc-20cm", ("points.count=300",), 4)
+    project = simulate_project(simulation, tmp_path / "flight").project_file
+    request = RunRequest(project, tmp_path / "out", overrides=('adjustment.free=["relative_rotation"]',))
+    found = carry_out(aerial_triangulation, request)
+    assert "no camera is one" in str(found.error)
