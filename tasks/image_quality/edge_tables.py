@@ -12,6 +12,7 @@ from adjust.image_quality.edge_measurement import MeasuredEdge
 from adjust.image_quality.edge_profile import EdgeProfile, edge_profile, normalized
 from adjust.image_quality.edge_statistics import EdgeStatistics, edge_statistics
 from adjust.image_quality.iso_12233 import FrequencyResponse, frequency_response
+from adjust.image_quality.smear import Smear, smear
 from tasks.image_quality.scenes import SceneQuality
 from tasks.tables.schemas.image_quality import (
     DIRECTIONS,
@@ -19,6 +20,7 @@ from tasks.tables.schemas.image_quality import (
     EDGE_RESPONSES,
     EDGES,
     NOISE_LEVELS,
+    SMEARS,
     ZONES,
 )
 
@@ -130,6 +132,30 @@ def _mean(found: EdgeStatistics, gsd_m: float | None) -> Row:
         "effective_gsd_m": None if gsd_m is None else factor * gsd_m,
         "sigma_effective_gsd_m": None if gsd_m is None else sigma * gsd_m,
         **_response(found.profile, found.response),
+    }
+
+
+def smear_table(scenes: Sequence[SceneQuality]) -> pd.DataFrame:
+    """A row for each band of each image whose edges determine a smear."""
+    rows: list[Row] = []
+    for scene in scenes:
+        for band in scene.bands:
+            fits = [edge.fit for edge in band.edges.edges]
+            found = smear(np.array([fit.angle for fit in fits]), np.array([fit.blur for fit in fits]))
+            if found is not None:
+                rows.append({"image": scene.image, "band": band.band, **_smear(found)})
+    return pd.DataFrame(rows, columns=[column.name for column in SMEARS.columns])
+
+
+def _smear(found: Smear) -> Row:
+    return {
+        "edges": found.edges,
+        "length_px": found.length,
+        "sigma_length_px": found.sigma_length,
+        "direction_deg": float(np.rad2deg(found.direction)),
+        "sigma_direction_deg": float(np.rad2deg(found.sigma_direction)),
+        "probability": found.probability,
+        "significant": found.significant,
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,16 @@ from adjust.image_quality.edge_search import GivenEdges
 from adjust.image_quality.edge_statistics import ENOUGH
 from tasks.errors import InputError
 from tasks.files.json_text import JSON
-from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table
+from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table, smear_table
 from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, TableSchema
+from tasks.tables.schemas import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS, TableSchema
 
 
 def examine(folder: Path, settings: ImageQualitySettings) -> None:
-    """Write edges, edge_means, edge_responses and noise_levels.parquet, and the remarks.
+    """Write edges, edge_means, edge_responses, noise_levels and smears.parquet, and the remarks.
 
     Raises
     ------
@@ -33,15 +33,20 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
     scenes = [examined_scene(path, given) for path in settings.images]
     _require_alike(scenes, settings.images)
     means, responses = mean_tables(scenes, settings.gsd_m)
+    smears = smear_table(scenes)
     tables = (
         (EDGES, edge_table(scenes)),
         (EDGE_MEANS, means),
         (EDGE_RESPONSES, responses),
         (NOISE_LEVELS, noise_table(scenes)),
+        (SMEARS, smears),
     )
     for schema, table in tables:
         _write(folder, schema, table)
-    write_notes(folder, Notes(_remarks(scenes, means), {"image_quality": _figures(scenes, means)}))
+    write_notes(
+        folder,
+        Notes((*_remarks(scenes, means), *_smears(smears)), {"image_quality": _figures(scenes, means)}),
+    )
 
 
 def _given(settings: ImageQualitySettings) -> GivenEdges | None:
@@ -93,6 +98,16 @@ def _remarks(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> tuple[str, 
                 "Its factor says nothing about the camera."
             )
     return tuple(remarks)
+
+
+def _smears(smears: pd.DataFrame) -> Iterator[str]:
+    """A sentence about every smear that chance does not explain."""
+    for _, row in smears[smears["significant"]].iterrows():
+        yield (
+            f"{row['image']}, band {row['band']}: edges are blurred differently by their direction, as by a "
+            f"smear of {row['length_px']:.2f} ± {row['sigma_length_px']:.2f} px along "
+            f"{row['direction_deg']:.0f} ± {row['sigma_direction_deg']:.0f}° (from columns to rows)."
+        )
 
 
 def _figures(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> JSON:

@@ -70,6 +70,7 @@ OF_IMAGE_QUALITY = (
     "edges",
     "edge_means",
     "edge_drift",
+    "smears",
     "edge_responses",
     "noise_levels",
     "sensor_sheets",

@@ -13,7 +13,7 @@ from tasks.tables.parquet import read_table
 
 @stored("image_quality")
 def examine_images(folder: Path, *, settings: ImageQualitySettings) -> None:
-    """Write edges, edge_means, edge_responses and noise_levels.parquet.
+    """Write edges, edge_means, edge_responses, noise_levels and smears.parquet.
 
     Raises
     ------

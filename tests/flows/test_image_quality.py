@@ -76,7 +76,7 @@ def test_page_summary_and_tables_say_the_same(results: Path) -> None:
     page = (results / "image_quality.html").read_text()
     assert all(f'data-value="{factor!r}"' in page for factor in means["factor"].tolist())
     assert set(json.loads((results / "manifest.json").read_text())["artifacts"]) == {
-        "edges", "edge_means", "edge_responses", "noise_levels", "image_quality",
+        "edges", "edge_means", "edge_responses", "noise_levels", "smears", "image_quality",
     }  # fmt: skip
 
 

@@ -21,7 +21,7 @@ class SceneMaterial:
 
     Attributes
     ----------
-    edges, means, responses, noise : tables of these contents.
+    edges, means, responses, noise, smears : tables of these contents.
     figures : of the notes.
     """
 
@@ -29,6 +29,7 @@ class SceneMaterial:
     means: pd.DataFrame
     responses: pd.DataFrame
     noise: pd.DataFrame
+    smears: pd.DataFrame
     figures: Mapping[str, JSON]
 
     @property
@@ -93,6 +94,7 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 tables["edge_means"],
                 tables["edge_responses"],
                 tables["noise_levels"],
+                tables["smears"],
                 figures,
             )
         elif "edge_drift" in outputs:

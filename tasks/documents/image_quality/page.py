@@ -12,7 +12,13 @@ from markupsafe import Markup
 from tasks.document_kit.table import Table
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
-from tasks.documents.image_quality.quality_tables import drift_table, mean_table, noise_table, refused_table
+from tasks.documents.image_quality.quality_tables import (
+    drift_table,
+    mean_table,
+    noise_table,
+    refused_table,
+    smear_table,
+)
 from tasks.documents.image_quality.sensor_tables import (
     column_table,
     pixel_table,
@@ -34,7 +40,7 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
         versions_table(software),
     ]
     if scenes is not None:
-        tables += [mean_table(scenes), refused_table(scenes), noise_table(scenes)]
+        tables += [mean_table(scenes), smear_table(scenes), refused_table(scenes), noise_table(scenes)]
     if material.drift is not None:
         tables.append(drift_table(material.drift))
     if sensor is not None:

@@ -91,6 +91,35 @@ def drift_table(drift: pd.DataFrame) -> Table:
     return Table("drift", "Change since the earlier date", columns, rows)
 
 
+def smear_table(material: SceneMaterial) -> Table:
+    """Blur of different directions as a smear."""
+    columns = (
+        text_column("image", "image"),
+        Column("band", "band"),
+        Column("edges", "edges"),
+        Column("length_px", "length", "px"),
+        Column("sigma_length_px", "σ"),
+        Column("direction_deg", "direction", "°"),
+        Column("sigma_direction_deg", "σ"),
+        text_column("significant", "significant"),
+    )
+    decimals = {"length_px": 2, "sigma_length_px": 2, "direction_deg": 0, "sigma_direction_deg": 0}
+    rows = tuple(
+        Row(
+            f"{row['image']}:{row['band']}",
+            (
+                str(row["image"]),
+                Number(row["band"]),
+                Number(row["edges"]),
+                *(Number(row[name], digits) for name, digits in decimals.items()),
+                "yes" if row["significant"] else "no",
+            ),
+        )
+        for _, row in material.smears.iterrows()
+    )
+    return Table("smears", "Blur of different directions, as a smear", columns, rows)
+
+
 def refused_table(material: SceneMaterial) -> Table:
     """Why candidates were not taken."""
     columns = (text_column("reason", "reason"), Column("count", "candidates"))

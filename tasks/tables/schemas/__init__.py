@@ -46,6 +46,7 @@ from tasks.tables.schemas.image_quality import (
     NOISE_LEVELS,
     PHOTON_TRANSFER,
     SENSOR_SHEETS,
+    SMEARS,
 )
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
 from tasks.tables.schemas.parameters import (
@@ -104,6 +105,7 @@ SCHEMAS: dict[str, TableSchema] = {
         EDGES,
         EDGE_MEANS,
         EDGE_DRIFT,
+        SMEARS,
         EDGE_RESPONSES,
         NOISE_LEVELS,
         SENSOR_SHEETS,
@@ -154,6 +156,7 @@ __all__ = [
     "SCHEMAS",
     "SELF_CALIBRATION",
     "SENSOR_SHEETS",
+    "SMEARS",
     "STEREO_MODELS",
     "STRIP_ERRORS",
     "SWEEP",

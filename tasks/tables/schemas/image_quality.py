@@ -78,6 +78,22 @@ EDGE_MEANS = TableSchema(
     ),
     ("band", "direction", "zone"),
 )
+SMEARS = TableSchema(
+    "smears",
+    "Difference of the blur between directions in a band of an image, as a smear.",
+    (
+        IMAGE,
+        BAND,
+        count("edges", "number of edges used"),
+        number("length_px", "px", "length of the smear"),
+        number("sigma_length_px", "px", "its standard deviation"),
+        number("direction_deg", "deg", "its direction, from increasing columns to increasing rows"),
+        number("sigma_direction_deg", "deg", "its standard deviation"),
+        number("probability", "", "of such a difference by chance"),
+        flag("significant", "whether chance does not explain it"),
+    ),
+    ("image", "band"),
+)
 EDGE_DRIFT = TableSchema(
     "edge_drift",
     "Change of a mean of edge_means since an earlier date.",

@@ -1,0 +1,59 @@
+"""A smear is found with its length and direction from edges that were blurred by it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.image_quality.edge_fit import fit_edge
+from adjust.image_quality.edge_model import edge_values
+from adjust.image_quality.edge_samples import EdgeLine, samples_of
+from adjust.image_quality.smear import Smear, smear
+
+BLUR, NOISE = 0.5, 1.0
+
+
+def smeared_edge(angle: float, length: float, direction: float, rng: np.random.Generator) -> Floats:
+    """An edge, averaged over places along the way the image took during the exposure."""
+    row, column = np.mgrid[:48, :48] - 24.0
+    distance = column * np.cos(angle) + row * np.sin(angle)
+    way = (np.arange(25) + 0.5) / 25 - 0.5
+    shifts = length * way * np.cos(angle - direction)
+    image = np.mean([edge_values((distance + s).ravel(), BLUR**2, angle).value for s in shifts], axis=0)
+    return 80.0 + 120.0 * image.reshape(distance.shape) + rng.normal(0.0, NOISE, distance.shape)
+
+
+def found_with(length: float, direction: float, seed: int) -> Smear:
+    rng = np.random.default_rng(seed)
+    slants = np.deg2rad(rng.choice([-1.0, 1.0], 40) * rng.uniform(3.0, 42.0, 40))
+    angles = np.angle(np.exp(1j * (slants + rng.integers(4, size=40) * 0.5 * np.pi)))
+    fits = [
+        fit_edge(
+            samples_of(smeared_edge(angle, length, direction, rng), EdgeLine(24.0, 24.0, float(angle), 32.0))
+        )
+        for angle in angles
+    ]
+    found = smear(np.array([fit.angle for fit in fits]), np.array([fit.blur for fit in fits]))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("direction", [0.0, 35.0, 90.0, -60.0])
+@pytest.mark.parametrize("length", [0.7, 1.0, 1.5])
+def test_length_and_direction_are_those_of_the_movement(length: float, direction: float) -> None:
+    found = found_with(length, float(np.deg2rad(direction)), seed=3)
+    assert found.significant
+    assert found.length == pytest.approx(length, abs=0.05 * length + 3.3 * found.sigma_length)
+    turned = np.rad2deg(found.direction) - direction
+    assert abs((turned + 90.0) % 180.0 - 90.0) < max(3.0, 3.3 * np.rad2deg(found.sigma_direction))
+
+
+def test_an_image_without_smear_shows_none() -> None:
+    assert not any(found_with(0.0, 0.0, seed).significant for seed in range(20))
+
+
+def test_edges_of_two_directions_alone_determine_no_smear() -> None:
+    angle = np.tile([0.1, 0.1 + 0.5 * np.pi], 10)
+    assert smear(angle, np.full(20, 0.5)) is None
+    assert smear(np.array([0.1, 0.5]), np.array([0.5, 0.6])) is None
