@@ -7,17 +7,21 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from tasks.quantities import COMPONENTS, additional_set, named, quantity_words, shown, with_unit
+from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """One kind of alternative: its words, what to check, and its axes where it is no kind of parameters."""
+    """One kind of alternative: its words, what to check, and its axes where it is no kind of parameters.
+
+    ``place``: its axes are east, north and up, and its size is said as "too far west" or "too high".
+    """
 
     words: str
     remedy: str
     axes: tuple[str, ...] = ()
+    place: bool = False
 
 
 _KINDS: Mapping[str, _Kind] = {
@@ -43,26 +47,26 @@ _KINDS: Mapping[str, _Kind] = {
         "Check pixel_origin and the image axes of this delivery, and the timing of the exposures.",
     ),
     "gnss_shift": _Kind(
-        "The GNSS positions{where} are shifted against the others or the control by {size} (east x, north y, "
-        "up z)",
+        "The GNSS positions{where} are {size}, compared with the other positions and the control",
         "Check their datum, base station and antenna height, or free the shift.",
+        place=True,
     ),
     "gnss_position": _Kind(
-        "The GNSS position of image {entity} contradicts the rest by {size} (observed − adjusted; east x, "
-        "north y, up z)",
+        "The GNSS position of image {entity} is {size}",
         "Check its time and its solution, or reject gross errors (adjustment.rejection).",
         ("x", "y", "z"),
+        place=True,
     ),
     "ins_attitude": _Kind(
-        "The INS attitude of image {entity} contradicts the rest by {size} (observed − adjusted)",
+        "The INS attitude of image {entity} is wrong by {size} (observed − adjusted)",
         "Check its time, or reject gross errors (adjustment.rejection).",
         ("roll", "pitch", "yaw"),
     ),
     "control_point": _Kind(
-        "Control point {entity} contradicts the rest by {size} (given − adjusted; east x, north y, up z)",
-        "Check its coordinates and its measurement in the images, or reject gross errors "
-        "(adjustment.rejection).",
+        "The given coordinates of control point {entity} are {size}",
+        "Check them and its measurement in the images, or reject gross errors (adjustment.rejection).",
         ("x", "y", "z"),
+        place=True,
     ),
     "gnss_height_scale": _Kind(
         "The heights of the GNSS positions have another scale than the rest: {size}",
@@ -157,12 +161,12 @@ def _finding(
         entity=entity,
         of_entity=f" of flight {entity}" if entity else "",
         where=_where(scope, part),
-        size=", ".join(map(_size, rows)),
+        size=", ".join(map(_displacement if words.place else _size, rows)),
     )
     t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
     moved_by = float(str(moving["moved_by_estimate"]))
-    moves = named(quantity_words(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
-    effect = f" It moves {moves} by {moved_by:.1f} σ." if moves else ""
+    moves = entity_words(str(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
+    effect = f" The result contains it: {moves} is off by {moved_by:.1f} of its σ." if moves else ""
     # Components of the same thing are no other cause.
     own = {quantity_words(str(row["quantity"])) for row in rows}
     others = dict.fromkeys(
@@ -202,4 +206,15 @@ def _size(row: Mapping[Hashable, object]) -> str:
     _, axis = _kind_and_axis(str(row["quantity"]))
     unit, factor, _ = shown(str(row["unit"]))
     value, sigma = (float(str(row[name])) * factor for name in ("explained", "explained_sigma"))
-    return with_unit(f"{f'{axis} ' if axis else ''}{value:+.3g} ± {sigma:.2g}", unit)
+    sign = "−" if value < 0.0 else "+"
+    return with_unit(f"{f'{axis} ' if axis else ''}{sign}{abs(value):.3g} ± {sigma:.2g}", unit)
+
+
+_TOO = {"x": ("far east", "far west"), "y": ("far north", "far south"), "z": ("high", "low")}
+
+
+def _displacement(row: Mapping[Hashable, object]) -> str:
+    """``0.375 ± 0.021 m too far west``."""
+    _, axis = _kind_and_axis(str(row["quantity"]))
+    value, sigma = (float(str(row[name])) for name in ("explained", "explained_sigma"))
+    return f"{with_unit(f'{abs(value):.3g} ± {sigma:.2g}', 'm')} too {_TOO[axis][value < 0.0]}"

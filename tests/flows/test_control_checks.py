@@ -127,7 +127,7 @@ def test_a_control_point_a_metre_off_is_named_whether_it_is_rejected_or_not(
 ) -> None:
     # A sound block names none.
     sound = json.loads((run(block, f"adjustment.rejection={rejection}") / "summary.json").read_text())
-    said = re.compile(r"(?:Control point|Rejected control points:) (\S+?)(?:,|\.| contradicts)")
+    said = re.compile(r"(?:The given coordinates of control point|Rejected control points:) ([^\s,.]+)")
     assert not [sentence for sentence in sound["problems"] if said.match(sentence)]
     table = pd.read_csv(block.with_name("control.csv"))
     wrong = table.index[table["role"] == "control"][1]

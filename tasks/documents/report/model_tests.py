@@ -51,12 +51,12 @@ def _strongest_row(row: Mapping[Hashable, Any]) -> Row:
     return Row(
         _key(row),
         (
-            alternative_words(row),
+            _what(row),
             Number(value, decimals, plus=True),
             Number(sigma, decimals),
             unit,
             Number(value / sigma, 1, plus=True),
-            f"yes, number {row['rank']}" if row["rank"] > 0 else "no",
+            _significance(row),
             _moved(row),
             Number(float(row["moved_by_estimate"]), 1),
         ),
@@ -97,13 +97,23 @@ def _unnoticed_row(row: Mapping[Hashable, Any]) -> Row:
     return Row(
         _key(row),
         (
-            alternative_words(row),
+            _what(row),
             Number(detectable, decimals_for(detectable)),
             unit if known else "",
             _moved(row),
             Number(float(row["moved"]) if known else None, 1),
         ),
     )
+
+
+def _what(row: Mapping[Hashable, Any]) -> str:
+    return " of ".join(filter(None, (alternative_words(row), str(row["entity"]))))
+
+
+def _significance(row: Mapping[Hashable, Any]) -> str:
+    if row["rank"] > 0:
+        return f"yes, number {row['rank']}"
+    return "explained by the others" if abs(row["estimate"]) > row["detectable"] else "no"
 
 
 def _moved(row: Mapping[Hashable, Any]) -> str:

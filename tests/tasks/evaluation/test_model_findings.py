@@ -49,9 +49,22 @@ def test_axes_of_one_thing_are_one_cause_and_the_likeliest_comes_first() -> None
     )
     assert [item.quantity for item in found] == ["lever_arm", "time_offset"]
     assert [item.rank for item in found] == [1, 2]
-    assert "x +0.7 ± 0.01 m, z -2.4 ± 0.01 m" in found[0].sentence
-    assert "moves GNSS shift z of 1 by 24.0 σ" in found[0].sentence
+    assert "x +0.7 ± 0.01 m, z −2.4 ± 0.01 m" in found[0].sentence
+    assert "The result contains it: GNSS shift z of flight 1 is off by 24.0 of its σ." in found[0].sentence
     assert "+10 ± 0.1 ms" in found[1].sentence
+
+
+def test_a_wrong_place_is_said_in_directions() -> None:
+    rows = [
+        row("control_point_x", 1, -0.375, entity="C051"),
+        row("control_point_z", 2, 0.25, entity="C051"),
+        row("gnss_shift_y", 3, -0.1, entity="1", scope="strip", part="E03"),
+    ]
+    point, strip = model_findings(pd.DataFrame(rows))
+    assert point.sentence.startswith(
+        "The given coordinates of control point C051 are 0.375 ± 0.01 m too far west, 0.25 ± 0.01 m too high "
+    )
+    assert strip.sentence.startswith("The GNSS positions in strip E03 are 0.1 ± 0.01 m too far south, ")
 
 
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:
