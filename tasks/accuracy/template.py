@@ -154,9 +154,8 @@ def read_template(path: Path) -> Template:
         place = ".".join(map(str, first["loc"]))
         what = str(first["msg"]).removeprefix("Value error, ")
         where = f" ({place})" if place else ""
-        raise InputError(
-            f"The template cannot be used{where}: {what.rstrip('.')}.", _REMEDY, file=path
-        ) from error
+        end = "" if what.endswith((".", "?")) else "."
+        raise InputError(f"The template cannot be used{where}: {what}{end}", _REMEDY, file=path) from error
 
 
 def _content(path: Path) -> Mapping[str, object]:
