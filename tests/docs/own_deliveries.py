@@ -103,7 +103,8 @@ def open_source(block: Block, folder: Path) -> None:
     assert outcome.error is None, outcome.error
     angles = Angles("omega-phi-kappa", "deg")
     export_results(block.folder / "results", "opensfm", folder, None, angles, force=False)
-    (folder / "HANDOVER.txt").unlink()
+    for of_ours in ("HANDOVER.txt", "geo.txt"):
+        (folder / of_ours).unlink()
     tracks = (folder / "tracks.csv").read_text().splitlines(keepends=True)
     surveyed = set(block.control["point"])
     (folder / "tracks.csv").write_text(

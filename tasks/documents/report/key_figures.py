@@ -47,14 +47,12 @@ def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
         test, good = f"{test}, {'but' if good else 'and'} {things} the rest", False
     if failed:
         named = "; ".join(failed)
-        of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit set"
-        verb = "are" if len(failed) > 1 else "is"
-        return Verdict("failed", f"{what} is adjusted, but {of} {verb} not kept ({named}); {test}.")
+        of = f"{len(failed)} of {len(gates)} limits" if len(gates) > 1 else "the only limit"
+        return Verdict("failed", f"{what} is adjusted, but {of} failed ({named}); {test}.")
+    passed = ""
     if gates:
-        kept = f"all {len(gates)} limits are kept" if len(gates) > 1 else "the only limit set is kept"
-    else:
-        kept = "no limits are set in the project"
-    return Verdict("good" if good else "attention", f"{what} is adjusted, {kept}, {link} {test}.")
+        passed = f"all {len(gates)} limits passed, " if len(gates) > 1 else "the only limit passed, "
+    return Verdict("good" if good else "attention", f"{what} is adjusted, {passed}{link} {test}.")
 
 
 def _test_words(material: Material) -> tuple[str, bool]:

@@ -36,26 +36,26 @@ CHECK = {"rmse_check_m": {"max": [0.05, 0.05, 0.05]}}
 @pytest.mark.parametrize(
     ("sigma0", "limits", "gates", "tone", "words"),
     [
-        (1.0, LIMITS, {}, "good", "no limits are set in the project, and the residuals agree"),
+        (1.0, LIMITS, {}, "good", "The block is adjusted, and the residuals agree"),
         (
             1.0,
             LIMITS,
             {"sigma0": {"max": 1.2}},
             "good",
-            "the only limit set is kept, and the residuals agree",
+            "the only limit passed, and the residuals agree",
         ),
         (
             1.1,
             LIMITS,
             {"sigma0": {"min": 0.8, "max": 1.2}},
             "attention",
-            "all 2 limits are kept, but the residuals are larger",
+            "all 2 limits passed, but the residuals are larger",
         ),
         (0.9, LIMITS, {}, "attention", "but the residuals are smaller than the stated σ allow (σ0 = 0.900"),
         (None, None, {}, "attention", "but nothing could be tested because the block has no redundancy"),
-        (1.3, LIMITS, {"sigma0": {"max": 1.2}}, "failed", "but the only limit set is not kept (σ0)"),
-        (1.0, LIMITS, CHECK, "failed", "but 1 of 3 limits is not kept (RMS at check points, z)"),
-        (1.0, LIMITS, {"max_check_m": {"max": 1.0}}, "failed", "but 3 of 3 limits are not kept"),
+        (1.3, LIMITS, {"sigma0": {"max": 1.2}}, "failed", "but the only limit failed (σ0)"),
+        (1.0, LIMITS, CHECK, "failed", "but 1 of 3 limits failed (RMS at check points, z)"),
+        (1.0, LIMITS, {"max_check_m": {"max": 1.0}}, "failed", "but 3 of 3 limits failed"),
     ],
 )
 def test_the_verdict_names_limits_and_global_test(
