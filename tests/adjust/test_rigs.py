@@ -25,7 +25,7 @@ from adjust.parameters import (
     SystemParameters,
 )
 from adjust.quality.cofactor import cofactor
-from adjust.quality.picture_cofactor import picture_cofactors
+from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from adjust.result import AdjustmentResult
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
 from adjust.solve.design_matrix import design_matrix, full_cofactor
@@ -354,20 +354,31 @@ def test_cofactors_of_pictures_are_those_of_the_full_inverse() -> None:
     scene = two_strips(heads=3, free=free, priors={RELATIVE_POSITION: 1e-3}, noise_seed=21)
     system, state = System.of(scene.block, scene.observations), scene.block.approximate_state()
     solution = solution_at(system, state)
-    found = picture_cofactors(state, system.layout, cofactor(system, solution).reduced)
+    reduced = cofactor(system, solution).reduced
+    found = picture_cofactors(state, system.layout, reduced)
     design = design_matrix(system, state)
-    full = np.pad(full_cofactor(design), (0, 1))
+    full = full_cofactor(design)
     rig, (of_event, of_head) = scene.block.rig, state.pictures.jacobians()
     assert rig is not None
     own = np.concatenate([system.layout.columns[family] for family in OF_HEADS], axis=1)
-    for image in range(len(scene.block.images)):
-        columns = own[rig.camera_of_image[image]]
-        border = np.where(columns >= 0, design.border_columns[columns], -1)
-        place = np.concatenate([design.exposure_columns[rig.event_of_image[image]], border])
-        both = np.concatenate([of_event[image], of_head[image]], axis=1)
-        expected = both @ full[np.ix_(place, place)] @ both.T
-        scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
-        assert np.all(np.abs(found[image] - expected) < 1e-9 * scale)
+    rows = []
+    for event, camera, e, h in zip(rig.event_of_image, rig.camera_of_image, of_event, of_head, strict=True):
+        row = np.zeros((6, len(full)))
+        row[:, design.exposure_columns[event]] = e
+        free_columns = own[camera] >= 0
+        row[:, design.border_columns[own[camera][free_columns]]] = h[:, free_columns]
+        rows.append(row)
+    expected = np.concatenate(rows) @ full @ np.concatenate(rows).T
+    root = np.sqrt(np.diagonal(expected))
+    scaled = (expected / np.outer(root, root)).reshape(len(rows), 6, len(rows), 6)
+    root = root.reshape(-1, 6)
+    every = np.arange(len(rows))
+    ours = found / (root[:, :, None] * root[:, None, :])
+    np.testing.assert_allclose(ours, scaled[every, :, every], atol=1e-9)
+    one, other = np.array([0, 1, 4, 7, 3]), np.array([1, 0, 2, 3, 8])
+    between = cofactors_between_pictures(state, system.layout, reduced, one, other)
+    ours = between / (root[one][:, :, None] * root[other][:, None, :])
+    np.testing.assert_allclose(ours, scaled[one, :, other], atol=1e-9)
 
 
 @pytest.mark.parametrize(("free", "defect"), [({}, 6), ({RELATIVE_POSITION: True}, 7)])
