@@ -60,7 +60,7 @@ class Mountings:
         )
         boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
         names = pd.Index([camera.name for camera in cameras])
-        of_itself = table["head_of"].fillna(table["camera"])
+        of_itself = np.where(table["head_of"].notna(), table["head_of"], table["camera"])
         return cls(
             cameras,
             lever_arm,

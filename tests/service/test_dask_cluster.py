@@ -137,7 +137,7 @@ def test_workers_that_do_not_see_the_same_files_are_refused(
 def test_a_scheduler_that_is_not_there_is_said_so(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_CONNECT_S", 1.0)
     for address in (f"tcp://127.0.0.1:{free_port('127.0.0.1')}", "nowhere", "carrier-pigeon://loft:1"):
-        with pytest.raises(InstallationError, match=f"scheduler {address} is not reached") as caught:
+        with pytest.raises(InstallationError, match=f"scheduler {address} cannot be reached") as caught:
             attempted(address, store, "a")
         assert "dask scheduler" in caught.value.remedy
 
