@@ -196,7 +196,7 @@ def _broken(name: str) -> str:
 
 
 def test_a_worker_that_is_ended_from_outside_is_said_so() -> None:
-    with pytest.raises(InstallationError, match="ended from outside"), processes(2) as executor:
+    with pytest.raises(InstallationError, match="terminated from outside"), processes(2) as executor:
         stage(_ended).attempt([{"sent": int(signal.SIGKILL)}], executor=executor)
 
 

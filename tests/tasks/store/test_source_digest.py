@@ -117,4 +117,6 @@ def test_the_store_itself_reaches_the_digest_and_the_key() -> None:
         "tasks/store/source_digest.py",
         "tasks/store/artifact.py",
     } <= set(reached)
-    assert not any(name.startswith(("flows/", "adjust/")) for name in reached)
+    # Of what computes only the list of extensions, whose sources are part of every key.
+    computing = {name for name in reached if name.startswith(("flows/", "adjust/"))}
+    assert computing == {"adjust/__init__.py", "adjust/errors.py", "adjust/extensions.py"}
