@@ -39,6 +39,8 @@ from tasks.formats.text_table import read_bytes
 _MAGIC = b"SQLite format 3\0"
 _PAIR = 2147483647
 _WGS84, _CARTESIAN = 0, 1
+# COLMAP has one for each image at the most.
+_MOST_CAMERAS = 100_000
 
 
 def read_colmap_database_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -47,13 +49,19 @@ def read_colmap_database_cameras(path: Path) -> Mapping[str, PixelCamera]:
     Raises
     ------
     InputError
-        If the database is damaged, or a model is none that is read.
+        If the database is damaged or has more than 100,000 cameras, or a model is none that is read.
     """
     found = {}
     with _opened(path) as database:
         for entry, row in enumerate(
             _rows(path, database, "cameras", "camera_id, model, width, height, params"), 1
         ):
+            if entry > _MOST_CAMERAS:
+                raise InputError(
+                    f"The database has more than {_MOST_CAMERAS:,} cameras.",
+                    "Let the images of a camera share it (COLMAP: ImageReader.single_camera).",
+                    path,
+                )
             number, model, columns, rows = (_whole(path, value, entry) for value in row[:4])
             values = _array(path, row[4], "<f8", entry).tolist()
             found[str(number)] = camera_of_colmap(

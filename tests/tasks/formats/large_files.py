@@ -242,6 +242,17 @@ def _database_of(statement: str, values: Callable[[int], tuple[object, ...]], ro
     return make
 
 
+def _database_of_cameras(path: Path, size: int) -> None:
+    """As many cameras as there may be, and images in the rest of the file."""
+    _database(path, size)
+    values = struct.pack("<8d", 200, 201, 50, 40, 0.1, 0, 0.001, 0)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executemany(
+            "INSERT INTO cameras VALUES (?, 4, 100, 80, ?, 1)", ((k, values) for k in range(100, 100_000))
+        )
+        connection.commit()
+
+
 def _rtklib(k: int) -> str:
     day, second = 1 + k // 86_400 % 28, k % 86_400
     time = f"2020/{1 + k // 2_419_200:02d}/{day:02d} {second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}.000"
@@ -453,11 +464,7 @@ LARGE: dict[tuple[str, str], Maker] = {
     ("camera", "micmac"): passage(
         small.CALIBRATION, "<P2>0</P2>", "</P2>", lambda one, k: one if k == 0 else f"<other>{k}</other>\n"
     ),
-    ("camera", "colmap-database"): _database_of(
-        "INSERT INTO cameras VALUES (?, 4, 100, 80, ?, 1)",
-        lambda k: (k, struct.pack("<8d", 200, 201, 50, 40, 0.1, 0, 0.001, 0)),
-        78,
-    ),
+    ("camera", "colmap-database"): _database_of_cameras,
 }
 #: Read as a whole: not larger than a document may be.
 DOCUMENTS = {
@@ -473,5 +480,3 @@ DOCUMENTS = {
         ("control", "micmac"),
     }
 }
-#: Not within the limit yet: half a million cameras.
-BEYOND = {("camera", "colmap-database")}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tasks.formats.large_files import BEYOND, DOCUMENTS, LARGE
+from tests.tasks.formats.large_files import DOCUMENTS, LARGE
 from tests.tasks.formats.sound_files import SOUND
 
 _MB = 1_000_000
@@ -32,11 +32,7 @@ def test_every_reader_of_the_registers_has_a_large_file():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "key",
-    [pytest.param(key, marks=pytest.mark.xfail(strict=True)) if key in BEYOND else key for key in LARGE],
-    ids="-".join,
-)
+@pytest.mark.parametrize("key", LARGE, ids="-".join)
 def test_memory_of_a_large_file(key: tuple[str, str], tmp_path: Path):
     file = tmp_path / "file"
     LARGE[key](file, _DOCUMENT if key in DOCUMENTS else _SIZE)

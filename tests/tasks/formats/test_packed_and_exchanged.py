@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import struct
 import zipfile
 from contextlib import closing
 
@@ -38,6 +39,17 @@ from tests.tasks.handover.flown_block import NAMES, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import pixels, seen
 
 ORDER = "omega-phi-kappa"
+
+
+def test_a_database_with_more_cameras_than_any_block_is_refused(tmp_path):
+    path = saved(tmp_path, small.colmap_database())
+    values = struct.pack("<8d", 200, 201, 50, 40, 0.1, 0, 0.001, 0)
+    with closing(sqlite3.connect(path)) as connection:
+        rows = ((number, values) for number in range(100, 100_100))
+        connection.executemany("INSERT INTO cameras VALUES (?, 4, 100, 80, ?, 1)", rows)
+        connection.commit()
+    with pytest.raises(InputError, match="more than 100,000 cameras"):
+        read_colmap_database_cameras(path)
 
 
 def saved(folder, content, name="file"):
