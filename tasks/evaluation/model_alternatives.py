@@ -67,7 +67,7 @@ class Alternative:
     Attributes
     ----------
     quantity : what differs: a parameter's name, or one of this page.
-    entity : the camera or flight it belongs to; empty for the whole block.
+    entity : the camera, flight, image or control point it belongs to; empty for the whole block.
     scope, part : in which exposures: of which flight, height, direction or strip; all of them.
     unit, factor : of its size in the tables, and the factor from SI and radians.
     model : what is tested.

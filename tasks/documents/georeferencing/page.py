@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.coordinates.crs import MapFrame
+from tasks.document_kit.templates import templates
 from tasks.documents.georeferencing import check_tables, parallax_plots
 from tasks.documents.georeferencing.difference_map import difference_map
 from tasks.documents.georeferencing.material import CheckMaterial
@@ -38,7 +37,7 @@ def render(material: CheckMaterial, name: str, files: Sequence[str], software: M
         versions_table(software),
     )
     page: str = (
-        _environment()
+        templates(_TEMPLATES, REPORT_TEMPLATES)
         .get_template("georeferencing_check.html.j2")
         .render(
             name=name,
@@ -62,16 +61,3 @@ def _plots(material: CheckMaterial) -> dict[str, Markup]:
         plots["parallaxes"] = parallax_plots.parallax_map(material)
         plots["histogram"] = parallax_plots.parallax_histogram(material)
     return plots
-
-
-@cache
-def _environment() -> Environment:
-    """Templates with escaping on for everything; macros and style are those of the report."""
-    return Environment(
-        loader=FileSystemLoader([_TEMPLATES, REPORT_TEMPLATES]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.document_kit.table import Table
+from tasks.document_kit.templates import templates
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
 from tasks.documents.image_quality.quality_tables import (
@@ -46,7 +45,7 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
     if sensor is not None:
         tables += [sheet_table(sensor), pixel_table(sensor), column_table(sensor), transfer_table(sensor)]
     page: str = (
-        _environment()
+        templates(_TEMPLATES, REPORT_TEMPLATES)
         .get_template("image_quality.html.j2")
         .render(
             name=name,
@@ -94,16 +93,3 @@ def _plots(material: QualityMaterial) -> dict[str, Markup]:
     if sensor is not None and len(sensor.transfer):
         drawn["transfer"] = plots.transfer_plot(sensor)
     return drawn
-
-
-@cache
-def _environment() -> Environment:
-    """Templates with escaping on for everything; macros and style are those of the report."""
-    return Environment(
-        loader=FileSystemLoader([_TEMPLATES, REPORT_TEMPLATES]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )

@@ -5,14 +5,13 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.document_kit.table import Table
+from tasks.document_kit.templates import templates
 from tasks.documents.report import (
     block_map,
     calibration,
@@ -78,7 +77,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
     first, more_causes = causes.shown(found)
     page: str = (
-        environment()
+        templates(TEMPLATES)
         .get_template("page.html.j2")
         .render(
             name=name,
@@ -179,16 +178,3 @@ def _plots(material: Material, found: Sequence[causes.Cause]) -> list[Plot]:
         "strip-differences": strip_differences.strip_plot(material.strip_means),
     }
     return [Plot(name, drawing) for name, drawing in made.items() if drawing is not None]
-
-
-@cache
-def environment() -> Environment:
-    """Templates with escaping on for everything: names come from files."""
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )

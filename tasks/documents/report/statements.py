@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import pandas as pd
 
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.document_kit.templates import templates
 from tasks.results.figures import StatementFigure
 
 _POINTS = {
@@ -57,11 +59,9 @@ def figures_table(statements: Sequence[StatementFigure]) -> Table:
 
 def render(statements: Sequence[StatementFigure], check_points: pd.DataFrame, name: str) -> str:
     """The page of its own, with every check point."""
-    from tasks.documents.report.page import environment
-
     tables = {table.name: table for table in (figures_table(statements), _points(check_points))}
     page: str = (
-        environment()
+        templates(Path(__file__).parent / "templates")
         .get_template("statements_page.html.j2")
         .render(name=name, statements=statements, tables=tables)
     )

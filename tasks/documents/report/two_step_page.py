@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import pandas as pd
 
 from tasks.coordinates.crs import MapFrame
+from tasks.document_kit.templates import templates
 from tasks.documents.report.key_figures import Verdict, gate_table
-from tasks.documents.report.page import environment
+from tasks.documents.report.page import TEMPLATES
 from tasks.documents.report.provenance import files_table, settings_table, versions_table
 from tasks.documents.report.strip_differences import strip_plot
 from tasks.documents.report.two_step import parameter_table, two_step_tables
@@ -47,7 +48,7 @@ def render(
     )
     plot = strip_plot(means)
     page: str = (
-        environment()
+        templates(TEMPLATES)
         .get_template("two_step_page.html.j2")
         .render(
             name=name,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.document_kit.table import Table
+from tasks.document_kit.templates import templates
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.sweep.image_maps import error_maps, image_maps, residual_maps
 from tasks.documents.sweep.rmse_bars import rmse_bars
@@ -47,7 +46,7 @@ def render(results: SweepResults, computed: Sequence[Computed], name: str, versi
     """The page as text."""
     failures = failure_table(results)
     page: str = (
-        _environment()
+        templates(_TEMPLATES, REPORT_TEMPLATES)
         .get_template("sweep.html.j2")
         .render(
             name=name,
@@ -97,16 +96,3 @@ def _counted(number: int, words: str) -> str:
     """A number with its noun in the right form."""
     first, *others = words.split()
     return " ".join([str(number), first if number == 1 else f"{first}s", *others])
-
-
-@cache
-def _environment() -> Environment:
-    """Templates with escaping on for everything; macros and style are those of the report."""
-    return Environment(
-        loader=FileSystemLoader([_TEMPLATES, REPORT_TEMPLATES]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
+from tasks.document_kit.templates import templates
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
 from tasks.errors import InputError
@@ -55,7 +54,7 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
     x = time_scale(series)
     panels = [Panel(quantity_words(one.parameter), _reference(one), series_plot(one, x)) for one in series]
     camera = items[-1].camera
-    page: str = _environment().get_template("time_series.html.j2").render(
+    page: str = templates(_TEMPLATES, REPORT_TEMPLATES).get_template("time_series.html.j2").render(
         camera=camera,
         items=items,
         panels=panels,
@@ -123,16 +122,3 @@ def _values(series: Sequence[ParameterSeries]) -> Table:
                 )
             )
     return Table("values", "Values, and their change from the calibration before", columns, tuple(rows))
-
-
-@cache
-def _environment() -> Environment:
-    """Templates with escaping on for everything; macros and style are those of the report."""
-    return Environment(
-        loader=FileSystemLoader([_TEMPLATES, REPORT_TEMPLATES]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
