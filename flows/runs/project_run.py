@@ -38,7 +38,7 @@ StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "di
 
 
 def story_named(name: StoryName) -> Story:
-    """The story of this name; loaded when it is asked for."""
+    """The story of this name; loaded when it is required."""
     story: Story = getattr(import_module(f"flows.stories.{name}"), name)
     return story
 

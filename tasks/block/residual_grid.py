@@ -95,7 +95,7 @@ def block_grids(
     options: AdjustmentOptions,
     progress: Progress,
 ) -> BlockGrids:
-    """Mean residuals of an adjusted block, after their iteration where that is asked for.
+    """Mean residuals of an adjusted block, after their iteration where that is required.
 
     Parameters
     ----------

@@ -102,10 +102,10 @@ def _of_model(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator
         unit, factor, _ = shown(item.unit)
         yield (
             item.moved_by > limits.moved_sigmas,
-            f"The {quantity_words(item.quantity)} differs from strip to strip by {item.scatter * factor:.2g} "
-            f"{unit} (RMS) more than its σ let expect (χ² {item.statistic:.0f} of {item.freedom}): together "
-            f"that moves the calibration by {item.moved_by:.1f} σ. State errors that last as "
-            "long as a strip (adjustment.ins_correlation_s, gnss_correlation_s, priors.gnss_strip_bias_m).",
+            f"The {quantity_words(item.quantity)} varies between strips by {item.scatter * factor:.2g} "
+            f"{unit} (RMS), more than expected from its σ (χ² {item.statistic:.0f} of {item.freedom}). In "
+            f"total this changes the calibration by {item.moved_by:.1f} σ. Declare errors that are constant "
+            "over a strip (adjustment.ins_correlation_s, gnss_correlation_s, priors.gnss_strip_bias_m).",
         )
 
 
@@ -135,7 +135,7 @@ def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Ite
             yield (
                 True,
                 f"The differences {way} at the independent check points have a root mean square of "
-                f"{rms:.3f} m; more than {limit:.3f} m is no chance.",
+                f"{rms:.3f} m; more than {limit:.3f} m cannot be due to chance.",
             )
 
 
@@ -205,7 +205,7 @@ def _of_entities(group: str, own: pd.DataFrame) -> Iterator[Objection]:
 def _rejected(group: str, count: int, of: int, where: str) -> str:
     return (
         f"{count:,} of {of:,} {group_words(group)}{where} ({100.0 * count / of:.0f} %) were rejected as "
-        "gross errors: that many have one cause."
+        "gross errors. So many must have a common cause."
     )
 
 
@@ -222,8 +222,8 @@ def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Ob
         yield (
             is_calibrated(str(component)),
             f"Given values of {quantity_words(str(component))} contradict the flight{several}: they differ "
-            f"by up to {abs(worst['residual']):.3g} {worst['unit']}, {worst['size']:.1f} of what their σ "
-            f"({worst['sigma']:.3g} {worst['unit']}) allows. Check adjustment.priors.",
+            f"by up to {abs(worst['residual']):.3g} {worst['unit']}, {worst['size']:.1f} times their σ "
+            f"({worst['sigma']:.3g} {worst['unit']}). Check adjustment.priors.",
         )
 
 
@@ -233,4 +233,4 @@ def _of_gates(gates: tuple[GateResult, ...]) -> Iterator[Objection]:
             value = "no such figure" if gate.value is None else f"{gate.value:.4g}"
             unit = "" if gate.unit == "1" else f" {gate.unit}"
             sign = "≤" if gate.bound == "max" else "≥"
-            yield True, f"The gate {gate.name} failed: {value}, {sign} {gate.limit:g}{unit} is asked for."
+            yield True, f"The gate {gate.name} failed: {value}, {sign} {gate.limit:g}{unit} is required."

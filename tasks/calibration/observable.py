@@ -28,14 +28,14 @@ def observable(project: Project) -> tuple[Project, tuple[str, ...]]:
         if group not in project.adjustment.observe and dropped:
             free = tuple(name for name in free if name not in dropped)
             remarks.append(
-                f"No {words} are observed (adjustment.observe), so there is nothing to calibrate "
+                f"No {words} are observed (adjustment.observe), so there is nothing from which to calibrate "
                 f"{' and '.join(dropped)} with."
             )
     if not free and project.adjustment.self_calibration.parameters == NOTHING:
         raise InputError(
-            f"Nothing that calibration.free names is observed: {', '.join(calibration.free)}.",
-            "Observe GNSS and INS (adjustment.observe), or free what control determines: focal_length, "
-            "principal_point.",
+            f"No observation determines what calibration.free lists: {', '.join(calibration.free)}.",
+            "Observe GNSS and INS (adjustment.observe), or free only what control points determine: "
+            "focal_length, principal_point.",
             entity="calibration.free",
         )
     return project.model_copy(update={"calibration": calibration.model_copy(update={"free": free})}), tuple(

@@ -15,31 +15,31 @@ def offset_sentence(camera: str, result: TwoStep) -> str:
     rms = f"RMS in plan {result.rms_body:.3f} m in body axes, {result.rms_map:.3f} m in the map"
     if offset.verdict == "body":
         return (
-            f"The offset of camera {camera} is fixed in the aircraft: the strips call for a lever arm "
-            f"({_of_lever_arm(offset)} m forward, right, more than given; {lever_arm}), not for a GNSS shift "
-            f"beside it ({shift}); {rms}."
+            f"The offset of camera {camera} is fixed in the aircraft: the strips indicate a lever-arm error "
+            f"({_of_lever_arm(offset)} m forward, right, to be added to the given one; {lever_arm}), and no "
+            f"additional GNSS shift ({shift}); {rms}."
         )
     if offset.verdict == "map":
         return (
-            f"The offset of camera {camera} is fixed in the map, not in the aircraft: the strips call for a "
-            f"GNSS shift or a datum ({shift}), not for another lever arm beside it ({lever_arm}); {rms}."
+            f"The offset of camera {camera} is fixed in the map, not in the aircraft: the strips indicate a "
+            f"GNSS shift or a datum error ({shift}), and no additional lever-arm error ({lever_arm}); {rms}."
         )
     if offset.verdict == "both":
         return (
             f"The strips of camera {camera} call for both a lever arm ({_of_lever_arm(offset)} m forward, "
-            f"right, more than given; {lever_arm}) and a GNSS shift "
-            f"({_with_sigma(offset.shift, offset.shift_sigma)} m east, north; {shift}): a mean of the "
-            "offsets is neither of them."
+            f"right, to be added to the given one; {lever_arm}) and a GNSS shift "
+            f"({_with_sigma(offset.shift, offset.shift_sigma)} m east, north; {shift}). The mean of the "
+            "offsets is neither of the two."
         )
     if offset.verdict == "neither":
         return (
-            f"The given lever arm of camera {camera} leaves no offset in plan "
-            f"({test_words(offset.tests['offset'])}): neither another one nor a GNSS shift is called for."
+            f"The given lever arm of camera {camera} leaves no significant horizontal offset "
+            f"({test_words(offset.tests['offset'])}): neither another lever arm nor a GNSS shift is needed."
         )
     return (
-        f"Camera {camera}: lever arm and GNSS shift cannot be told apart with {result.directions} "
-        f"direction(s) of flight and these strips (lever arm {lever_arm}; shift {shift}): fly lines in "
-        "opposite or crossing directions."
+        f"Camera {camera}: lever arm and GNSS shift cannot be separated with {result.directions} flight "
+        f"direction(s) and these strips (lever arm {lever_arm}; shift {shift}). Fly lines in opposite or "
+        "crossing directions."
     )
 
 

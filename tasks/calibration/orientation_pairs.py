@@ -91,7 +91,8 @@ def paired_orientations(
     if observed.empty:
         raise InputError(
             "No image has both an adjusted and a complete observed orientation.",
-            "Check that both files name the images alike, and that the observed ones have three angles.",
+            "Check that both files use the same image names, and that the observed orientations have three "
+            "angles.",
         )
     observed = observed.sort_values("image").reset_index(drop=True)
     result = adjusted.set_index("image").loc[observed["image"]].reset_index()
@@ -110,8 +111,8 @@ def _require_projection_centres(adjusted: pd.DataFrame) -> None:
     ]
     if len(wrong):
         raise InputError(
-            f"{len(wrong):,} adjusted orientations are not projection centres with ω, φ, κ.",
-            'An adjustment gives those: declare position = "projection_centre" and the angles it states.',
+            f"{len(wrong):,} adjusted orientations are not given as projection centres with ω, φ, κ.",
+            'If they come from an adjustment, declare position = "projection_centre" and the angles.',
             entity=f"image {wrong['image'].iloc[0]}",
         )
 

@@ -41,7 +41,7 @@ def flights_by_height(images: pd.DataFrame, pattern: FlightPattern) -> str | Non
         return None
     names = listed([f"'{name}'" for name in sorted(images["flight"].unique())])
     return (
-        f"The flights {names} have one height each, and each has a GNSS shift of its own, which the focal "
-        "length cannot be told from. If they are parts of one flight with one GNSS solution, declare it: "
-        "inputs.exposures.flights.NAME.part_of."
+        f"The flights {names} were each flown at one height, and each has its own GNSS shift, which cannot "
+        "be separated from the focal length. If they are parts of one flight with one GNSS solution, "
+        "declare it: inputs.exposures.flights.NAME.part_of."
     )

@@ -187,7 +187,7 @@ class CalibrationRecord(RecordModel):
     def _consistent(self) -> CalibrationRecord:
         count = len(self.estimated)
         if len({item.key for item in self.parameters}) != len(self.parameters):
-            raise ValueError("a parameter stands there twice")
+            raise ValueError("a parameter is listed twice")
         matrix = np.array(self.covariance, dtype=np.float64).reshape(-1, count) if count else np.zeros((0, 0))
         if matrix.shape != (count, count):
             raise ValueError(f"the covariance matrix must be {count} by {count}")

@@ -128,7 +128,7 @@ class Undetermined:
         ]
         if not spoilt:
             return inseparable
-        why = f"Free, it leaves other parameters undetermined: {' '.join(spoilt)}"
+        why = f"If it is estimated, other parameters become undetermined: {' '.join(spoilt)}"
         return dict.fromkeys(release.newly_released, why) or inseparable
 
 

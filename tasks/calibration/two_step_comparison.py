@@ -115,8 +115,8 @@ def _of_own_mounting(means: pd.DataFrame, mountings: Mapping[str, Mapping[int, i
 def _not_one(camera: str, images: Mapping[int, int]) -> str:
     number = max(images, key=lambda one: images[one])
     return (
-        f"Camera {camera} was not flown with one mounting, and the one-step calibration has one for all: it "
-        f"is compared with mounting {number} ({images[number]:,} of {sum(images.values()):,} images)."
+        f"Camera {camera} was not flown with one mounting throughout, but the one-step calibration assumes "
+        f"one. It is compared with mounting {number} ({images[number]:,} of {sum(images.values()):,} images)."
     )
 
 

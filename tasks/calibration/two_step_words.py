@@ -33,13 +33,13 @@ def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: 
     remarks += [_of_mounting(item, result, group, error_probability) for group in result.others]
     if not result.mountings.tested:
         remarks.append(
-            f"Camera {item.camera}: {len(result.strips.strip)} strips are too few to tell one of another "
-            "mounting from their scatter."
+            f"Camera {item.camera}: {len(result.strips.strip)} strips are too few to identify one with "
+            "another mounting from their scatter."
         )
     elif not result.mountings.lever_arms_comparable:
         remarks.append(
-            f"Camera {item.camera}: the lever arms of its flights cannot be compared: a flight in one "
-            "direction does not tell a lever arm from its GNSS shift."
+            f"Camera {item.camera}: the lever arms of its flights cannot be compared: in a flight in one "
+            "direction, the lever arm cannot be separated from the GNSS shift."
         )
     if result.offset.verdict != "neither":
         remarks.append(offset_sentence(item.camera, result))
@@ -64,10 +64,10 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
         moved = f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m; "
     return (
-        f"Strips {shown}{more} ({group.images:,} images) have another mounting of camera {item.camera}: "
-        f"{moved}boresight roll, pitch, yaw differ by {angles}. They are left out of the result (probability "
-        f"of finding any other mounting by chance {100 * error_probability:g} %): give them a camera of "
-        "their own."
+        f"Strips {shown}{more} ({group.images:,} images) were flown with another mounting of camera "
+        f"{item.camera}: {moved}boresight roll, pitch, yaw differ by {angles}. They are excluded from the "
+        f"result (probability of finding another mounting by chance {100 * error_probability:g} %): give "
+        "them a camera of their own."
     )
 
 

@@ -165,7 +165,7 @@ def _of_parameter(
     name, entity, unit, status = (str(row[key]) for key in ("parameter", "entity", "unit", "status"))
     sigma, ratio = _number(row["sigma"]), _number(row["sigma_over_prior"])
     if sigma is None:
-        because = "It was offered and eliminated as not significant." if status == "eliminated" else ""
+        because = "A candidate, eliminated as not significant." if status == "eliminated" else ""
         return ParameterVerdict(name, entity, "held", because)
     limit = sigma_limit(name, limits)
     said = _Said(name, sigma, unit, limit, ratio, strongest, pattern, limits)
@@ -175,17 +175,18 @@ def _of_parameter(
 
 def _of_strip(said: _Said) -> tuple[ParameterVerdictWord, str]:
     """Of a bias or drift of a strip: it is random about its prior, and nothing that a calibration keeps."""
-    return "determined", f"{said.numbers}; random in every strip, and no part of the calibration"
+    return "determined", f"{said.numbers}; random from strip to strip, and not part of the calibration"
 
 
 def _judged(status: str, said: _Said) -> tuple[ParameterVerdictWord, str]:
     """Verdict and reason of a quantity of the calibration."""
     if status == "not_determinable":
-        return "not_determinable", f"not to be told from other parameters ({said.numbers}); {said.advice}"
+        because = f"cannot be separated from other parameters ({said.numbers}); {said.advice}"
+        return "not_determinable", because
     if status == "prior_only" or (said.ratio is not None and said.ratio > MOSTLY_PRIOR):
         return (
             "not_determinable",
-            f"most of what is known of it was known before ({said.numbers}); {said.advice}",
+            f"most of the information on it comes from its prior ({said.numbers}); {said.advice}",
         )
     excess = 0.0 if said.limit is None else said.sigma / said.limit
     if excess > said.limits.weak_up_to:
@@ -262,7 +263,7 @@ def flight_verdict(
         item for item in verdicts.values() if item.sigma is not None and is_calibrated(item.parameter)
     ]
     if not calibrated:
-        return FlightVerdict(("No quantity of a calibration was estimated; free some of them.",))
+        return FlightVerdict(("No calibration parameter was estimated; free at least one.",))
     names = {item.parameter for item in calibrated}
     reasons = pattern_reasons(names, pattern, limits) if by_gnss else []
     free_strips, about_strips = _about_strips(parameters, calibrated) if by_gnss else ([], [])
@@ -285,15 +286,15 @@ def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceL
         those = listed([quantity_words(name) for name in turning])
         what = "one direction" if directions == 1 else f"{directions} directions"
         reasons.append(
-            f"Flown in {what} only ({direction_words(pattern)}), but {those} need {limits.headings}: fly the "
-            "lines in the opposite direction, too, or lines across."
+            f"Flown in {what} only ({direction_words(pattern)}), but {those} need {limits.headings}: also "
+            "fly the lines in the opposite direction, or cross lines."
         )
     both = {"principal_point", "lever_arm"} <= kinds
     if ("focal_length" in names or both) and pattern.height_ratio < limits.height_ratio:
         what = "the focal length" if "focal_length" in names else "principal point and lever arm"
         reasons.append(
-            f"Flown at {height_words(pattern)}: {what} from GNSS positions needs heights in a ratio of "
-            f"{limits.height_ratio:g} at least. Fly some of the lines at "
+            f"Flown at {height_words(pattern)}: {what} from GNSS positions requires flying heights in a "
+            f"ratio of at least {limits.height_ratio:g}. Fly some of the lines at "
             f"{limits.height_ratio * pattern.heights[0]:.0f} m or more, or at "
             f"{pattern.heights[-1] / limits.height_ratio:.0f} m or less."
         )
@@ -312,8 +313,8 @@ def _about_strips(
     of_strips = parameters[is_bias & parameters["sigma"].notna()]
     if of_strips.empty:
         remark = (
-            "No GNSS error common to a strip was allowed for (`gnss_strip_bias`): if there is one, the "
-            "standard deviations are too small."
+            "The model contains no GNSS error common to a strip (`gnss_strip_bias`). If such errors exist, "
+            "the standard deviations are too small."
         )
         return [], [remark] if by_gnss else []
     prior = of_strips["sigma_prior"].to_numpy(np.float64)
@@ -323,9 +324,9 @@ def _about_strips(
     widest = "without a prior" if np.isnan(prior).any() else f"with a prior of {prior.max():.3g} m"
     numbers = listed([f"{item.parameter} {written_sigma(item.sigma or 0.0, 'mm')}" for item in interior])
     sentence = (
-        f"The GNSS shifts of the strips are free ({widest}) together with the interior orientation, of which "
-        f"they take most: σ of {numbers}. Give `adjustment.priors.gnss_strip_bias_m` the size such errors "
-        "really have (0.03 m)."
+        f"The GNSS shifts of the strips are free ({widest}) together with the interior orientation and "
+        f"absorb most of it: σ of {numbers}. Set `adjustment.priors.gnss_strip_bias_m` to the actual size of "
+        "such errors (0.03 m)."
     )
     bad = any(item.verdict != "determined" for item in interior)
     return ([sentence], []) if bad else ([], [sentence])
@@ -343,8 +344,8 @@ def _about_correlations(calibrated: list[ParameterVerdict], limits: AcceptanceLi
         if pair not in seen:
             seen.add(pair)
             remarks.append(
-                f"{item} and {other} are {percent(other.correlation)} correlated, though determined: their "
-                "values belong together."
+                f"{item} and {other} are {percent(other.correlation)} correlated, although both are "
+                "determined: use their values together only."
             )
     return remarks
 

@@ -152,7 +152,7 @@ def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -
     problems = free_network_sentences(result)
     test = result.test
     if test.redundancy <= 0:
-        problems.append("The block has no redundancy: nothing controls the observations.")
+        problems.append("The block has no redundancy: no observation is checked by others.")
     elif not test.passed:
         problems.append(global_test_words(test.sigma0, _global_test(test)))
     problems += _mostly_rejected(result)
@@ -178,8 +178,8 @@ def _mostly_rejected(result: AdjustmentResult) -> list[str]:
         if count and part >= _SEVERAL and part > 0.5 * count:
             words = group_words(group.group.name)
             sentences.append(
-                f"{part:,} of {count:,} {words} were rejected, and the result is as if there were none: so "
-                "many have one cause, such as their datum, height system, lever arm or σ."
+                f"{part:,} of {count:,} {words} were rejected, so they hardly contribute to the result. So "
+                "many must have a common cause, such as their datum, height system, lever arm or σ."
             )
     return sentences
 
@@ -193,7 +193,7 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
     ]
     if not counts:
         return []
-    back = f"; {result.taken_back:,} that had looked wrong fit in the end" if result.taken_back else ""
+    back = f"; {result.taken_back:,} that had been rejected were accepted again" if result.taken_back else ""
     sentences = [
         f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
         f"{settings.rejection.critical_value:g}){back}."
@@ -203,8 +203,8 @@ def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str
     if len(result.given_up):
         names = [adjusted.block.points[point] for point in result.given_up]
         sentences.append(
-            f"{len(names):,} object points were given up, because it cannot be told which of their "
-            f"image points is wrong: {some_names(names)}."
+            f"{len(names):,} object points were removed, because the wrong one of their image points cannot "
+            f"be identified: {some_names(names)}."
         )
     return sentences
 
@@ -215,6 +215,6 @@ def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:
         return []
     return [
         f"{count:,} image coordinates are uncontrolled (redundancy number below {UNCONTROLLED:g}, such as "
-        "points with two rays along the base): a gross error in them would not be found; they were not "
+        "points with two rays along the base): a gross error in them would not be detected. They were not "
         "tested."
     ]

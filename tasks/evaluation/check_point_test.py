@@ -128,13 +128,13 @@ def check_point_sentences(test: CheckPointTest | None) -> list[str]:
     if beyond:
         sentences.append(
             f"The check points are beyond their limits: {'; '.join(beyond)} ({with_probability}, from the σ "
-            "of the adjusted points and of the survey). Something is wrong that no σ covers: check datum, "
-            "height system and survey of the check points against those of control and GNSS, and the "
-            "interior orientation."
+            "of the adjusted points and of the survey). The cause is an error that the stated σ do not "
+            "include: check datum, height system and survey of the check points against those of control "
+            "and GNSS, and the interior orientation."
         )
     if small:
         sentences.append(
-            "The differences at the check points are smaller than their σ let expect: RMS "
+            "The differences at the check points are smaller than expected from their σ: RMS "
             f"{'; '.join(small)} ({with_probability}). The σ of the survey or of the observations are stated "
             "too large, or the check points are not independent of the control."
         )

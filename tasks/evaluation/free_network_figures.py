@@ -30,14 +30,14 @@ def free_network_sentences(result: AdjustmentResult) -> list[str]:
         return []
     if free.defect == 0:
         return [
-            "A free network was asked for (adjustment.datum), but the observations determine the whole "
+            "A free network was requested (adjustment.datum), but the observations determine the whole "
             "datum: the result is an ordinary adjustment."
         ]
     listed = ", ".join(str(direction) for direction in free.directions)
     number = "1 direction" if free.defect == 1 else f"{free.defect} directions"
     return [
-        f"Free network: the observations leave {number} of the datum open ({listed}). The approximate values "
-        f"of the {_WORDS[free.constrained]} fix them, by corrections of the least norm. In these directions "
-        "coordinates, differences at check points and their standard deviations mean nothing outside the "
-        "block; residuals and redundancy numbers do not depend on them."
+        f"Free network: the observations do not determine {number} of the datum ({listed}). The approximate "
+        f"values of the {_WORDS[free.constrained]} fix them (minimum norm of the corrections). In these "
+        "directions, coordinates, differences at check points and their standard deviations have no meaning "
+        "outside the block; residuals and redundancy numbers do not depend on them."
     ]

@@ -151,8 +151,8 @@ def map_cells(adjusted: AdjustedBlock, cell: float | None, area: Floats | None =
     known = np.isfinite(z)
     if area is not None and not known.any():
         raise InputError(
-            f"The area of the trust map, {_extent(area)}, holds nothing of the block: its object points "
-            f"lie in {_extent(x_in_map)}.",
+            f"The area of the trust map, {_extent(area)}, does not overlap the block, whose object points "
+            f"extend over {_extent(x_in_map)}.",
             "Check trust_map.area_m: east and north in the CRS of the project, m.",
         )
     return MapCells(

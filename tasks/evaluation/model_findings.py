@@ -34,8 +34,8 @@ _KINDS: Mapping[str, _Kind] = {
         "Check the event times and the interpolation of the trajectory, or free time_offset.",
     ),
     "boresight": _Kind(
-        "Camera {entity} and INS sit otherwise to each other{where}: {size}",
-        "Was one of them remounted, or the INS aligned anew? Then give that flight a camera of its own "
+        "Camera {entity} and INS have a different relative orientation{where}: {size}",
+        "Was one of them remounted, or the INS realigned? Then declare a separate camera for that flight "
         "(inputs.exposures.flights).",
     ),
     "focal_length": _Kind(
@@ -47,7 +47,7 @@ _KINDS: Mapping[str, _Kind] = {
         "Check pixel_origin and the image axes of this delivery, and the timing of the exposures.",
     ),
     "gnss_shift": _Kind(
-        "The GNSS positions{where} are {size}, compared with the other positions and the control",
+        "The GNSS positions{where} are {size} relative to the other positions and the control",
         "Check their datum, base station and antenna height, or free the shift.",
         place=True,
     ),
@@ -69,13 +69,13 @@ _KINDS: Mapping[str, _Kind] = {
         place=True,
     ),
     "gnss_height_scale": _Kind(
-        "The heights of the GNSS positions have another scale than the rest: {size}",
+        "The heights of the GNSS positions have a different scale from the other observations: {size}",
         "Check whether these heights are ellipsoidal and in metres.",
     ),
     "convergence": _Kind(
-        "The attitudes look as if they were counted from the other north: {size} of the angle between grid "
-        "and true north is in them",
-        "Check angles.reference; 100 % is true for grid north, −100 % grid for true north.",
+        "The attitudes appear to refer to the other north: {size} of the angle between grid and true north "
+        "is contained in them",
+        "Check angles.reference; 100 %: true instead of grid north; −100 %: grid instead of true north.",
     ),
     "control_shift": _Kind(
         "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
@@ -91,30 +91,30 @@ _KINDS: Mapping[str, _Kind] = {
         "The control points are turned about the vertical by {size}", "Check the CRS of both deliveries."
     ),
     "control_scale": _Kind(
-        "The control points have another scale in plan: {size}",
-        "Check whether coordinates were reduced to the ground (project CRS, not a local scale).",
+        "The control points have a different horizontal scale: {size}",
+        "Check whether the coordinates have a local ground scale instead of that of the project CRS.",
     ),
     "control_height_scale": _Kind(
-        "The heights of the control points have another scale: {size}", "Check their unit."
+        "The heights of the control points have a different scale: {size}", "Check their unit."
     ),
     "refraction": _Kind(
-        "Refraction differs from what was corrected by {size} of it",
-        "Near −1 it was corrected twice: set adjustment.refraction to what was delivered.",
+        "The refraction differs from the applied correction by {size} of it",
+        "Near −1 it was corrected twice: set adjustment.refraction to match the delivered image coordinates.",
     ),
     "distortion_direction": _Kind(
-        "The distortion given for camera {entity} looks as if it were meant in the other direction: {size} "
-        "of the difference is in the images",
-        "100 % is true for the other direction: values of OpenCV, COLMAP and Metashape belong to "
+        "The distortion given for camera {entity} appears to be defined in the other direction: {size} "
+        "of the difference is found in the images",
+        "100 % confirms the other direction: values of OpenCV, COLMAP and Metashape belong to "
         "brown-forward, those of laboratories and Australis to brown; aerocal convert-distortion converts.",
     ),
     "distortion_sign": _Kind(
-        "The additional parameters given for camera {entity} look as if their sign were wrong: {size} of the "
-        "difference is in the images",
-        "100 % is true for the other sign: check whether corrections or errors were published.",
+        "The additional parameters given for camera {entity} appear to have the wrong sign: {size} of the "
+        "difference is found in the images",
+        "100 % confirms the other sign: check whether corrections or errors were published.",
     ),
 }
 _IMAGE_ERRORS = _Kind(
-    "The images of camera {entity} have systematic errors that no parameter describes: {size}",
+    "The images of camera {entity} have systematic errors that no estimated parameter describes: {size}",
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
 )
 # Quantity → its kind and axis, of what is no parameter.
@@ -166,7 +166,7 @@ def _finding(
     t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
     moved_by = float(str(moving["moved_by_estimate"]))
     moves = entity_words(str(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
-    effect = f" The result contains it: {moves} is off by {moved_by:.1f} of its σ." if moves else ""
+    effect = f" The result is affected: {moves} is off by {moved_by:.1f} times its σ." if moves else ""
     # Components of the same thing are no other cause.
     own = {quantity_words(str(row["quantity"])) for row in rows}
     others = dict.fromkeys(
@@ -176,7 +176,7 @@ def _finding(
         for other in row["alike"].split(", ")
         if other not in own
     )
-    alike = f" Nearly the same would be: {', '.join(others)}." if others else ""
+    alike = f" Nearly indistinguishable from it: {', '.join(others)}." if others else ""
     sentence = f"{text} (t = {abs(t):.1f}).{alike}{effect} {words.remedy}"
     return ModelFinding(
         rank=number,

@@ -16,7 +16,7 @@ _MOST_NAMES = 5
 def global_test_words(sigma0: float, test: GlobalTestFigure) -> str:
     """That the global test fails."""
     return (
-        f"The global test fails: σ0 is {sigma0:.3f}, the stated σ allow {test.lower:.3f} to "
+        f"The global test fails: σ0 is {sigma0:.3f}, expected from the stated σ: {test.lower:.3f} to "
         f"{test.upper:.3f} ({100 * test.confidence:g} %)."
     )
 
@@ -28,7 +28,7 @@ def misfit_words(group: GroupFigure) -> str | None:
         return None
     verdict = "worse" if sigma0 > 1.0 else "better"
     return (
-        f"The {group_words(group.group)} fit {verdict} than their σ say: σ0 of the group is {sigma0:.2f} "
+        f"The {group_words(group.group)} fit {verdict} than their σ predict: σ0 of the group is {sigma0:.2f} "
         f"(redundancy {redundancy:,.0f})."
     )
 
@@ -36,8 +36,8 @@ def misfit_words(group: GroupFigure) -> str | None:
 def rejected_control_words(names: Sequence[str]) -> str:
     """Which control points were rejected."""
     return (
-        f"Rejected control points: {some_names(names)}. They count as no control; check their coordinates "
-        "and their measurement in the images."
+        f"Rejected control points: {some_names(names)}. They were not used as control; check their "
+        "coordinates and their measurement in the images."
     )
 
 

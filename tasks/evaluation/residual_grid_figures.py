@@ -35,9 +35,9 @@ _NEIGHBOURS_M = 4e-3
 _LEAST_CORRELATION = 0.05
 _REASONS = {
     "nothing_to_model": "chance alone explains the mean residuals",
-    "cross_validation": "the next one made the mean residuals of images larger that took no part in it",
-    "settled": "the next one would have changed nothing",
-    "limit": "the number allowed was reached",
+    "cross_validation": "another correction would have increased the mean residuals of the images left out",
+    "settled": "another correction would have changed nothing",
+    "limit": "the maximum number of corrections was reached",
 }
 
 
@@ -151,7 +151,7 @@ def _corrected(iteration: GridIteration | None) -> list[str]:
     first, last = iteration.steps[0], iteration.steps[-1]
     times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
     return [
-        f"The image coordinates were corrected {times} by their mean residuals, which took σ0 from "
+        f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
         f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
     ]
 
@@ -177,6 +177,6 @@ def _correlated(camera: str, own: Autocorrelation) -> list[str]:
     reach = own.upper[np.argmax(found.max(axis=1))] / _MM
     return [
         f"Residuals of neighbouring image points of camera {camera} are correlated (up to {strongest:.2f} "
-        f"below {reach:g} mm): what they have in common is not modelled, and standard deviations are too "
+        f"below {reach:g} mm). Their common errors are not modelled, and the standard deviations are too "
         "small."
     ]

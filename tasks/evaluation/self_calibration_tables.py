@@ -75,7 +75,7 @@ def self_calibration_table(
                 "effect_rms_um": abs(change) * calibration.rms_effect[entity, component] * 1e6,
                 "decision": _verdict(selection, column),
                 "step": step,
-                "reason": "no parameter is taken out" if decision is None else decision.reason,
+                "reason": "no parameter is removed" if decision is None else decision.reason,
             }
         )
     return pd.DataFrame(rows)
@@ -220,6 +220,6 @@ def self_calibration_sentences(selection: SelectedAdjustment) -> list[str]:
         return []
     names = ", ".join(dict.fromkeys(lost[:_MOST_NAMES])) + (" …" if len(lost) > _MOST_NAMES else "")
     return [
-        f"{len(lost)} additional parameters are not determinable in this block and were taken out: {names} "
-        "(self_calibration.parquet says which each cannot be told from)."
+        f"{len(lost)} additional parameters are not determinable in this block and were removed: {names} "
+        "(self_calibration.parquet lists the parameters from which each cannot be separated)."
     ]

@@ -16,7 +16,7 @@ TILTS = "strong tilts alone"
 CONTROL = "observed GNSS positions or well distributed control points"
 SURVEYED = "well distributed control points"
 ATTITUDES = "observed attitudes together with GNSS positions or control points"
-PRIOR = "a prior of the one that varies from strip to strip"
+PRIOR = "a prior for the one that varies from strip to strip"
 #: Of these it is observations that are missing, not a way to fly.
 OBSERVATIONS = (CONTROL, SURVEYED, ATTITUDES)
 

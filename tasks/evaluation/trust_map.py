@@ -81,13 +81,13 @@ def trust_map_problems(grid: TrustMapGrid | None) -> tuple[str, ...]:
         return (
             f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map are not "
             "mapped: fewer than two images see them, or there are no object points around. They count as "
-            "beyond every limit.",
+            "exceeding every limit.",
         )
     if grid is not None:
         return ()
     return (
-        "There is no trust map: the object points span no area that two images see, or a free network leaves "
-        "the datum open.",
+        "There is no trust map: the object points span no area that is covered by two images, or a free "
+        "network leaves the datum undetermined.",
     )
 
 

@@ -86,9 +86,12 @@ def _about_correlation(item: CorrelationTime, stated_s: float | None) -> str | N
     """One sentence about a correlation time; None where it is as stated."""
     whose = f"the errors of {item.name.replace('_', ' ')}"
     if item.verdict == "stated":
-        return f"Too little redundancy to estimate how long {whose} last: it stays at {item.seconds:.3g} s."
+        return (
+            f"There is too little redundancy to estimate the correlation time of {whose}; it stays at "
+            f"{item.seconds:.3g} s."
+        )
     if item.verdict == "undetermined":
-        return f"The residuals do not tell whether {whose} are correlated over time."
+        return f"The residuals do not show whether {whose} are correlated over time."
     if item.verdict == "none":
         return (
             f"The residuals show no correlation over time in {whose} (correlation time below "
@@ -96,8 +99,8 @@ def _about_correlation(item: CorrelationTime, stated_s: float | None) -> str | N
         )
     if item.verdict == "longer":
         return (
-            f"How long {whose} last cannot be told: longer than {item.lower:.3g} s, as a bias of every strip "
-            f"would; the adjustment uses {item.seconds:.3g} s."
+            f"The correlation time of {whose} cannot be determined. It is longer than {item.lower:.3g} s, as "
+            f"a bias of each strip would be; the adjustment uses {item.seconds:.3g} s."
         )
     if stated_s is not None and item.lower <= stated_s <= item.upper:
         return None
@@ -123,7 +126,7 @@ def variance_sentences(result: AdjustmentResult) -> list[str]:
     kept = [part_words(item.part.name) for item in result.variance_components if not item.estimated]
     if kept:
         sentences.append(
-            f"Too little redundancy to estimate the σ of {', '.join(kept)}: they stay as stated."
+            f"There is too little redundancy to estimate the σ of {', '.join(kept)}; they remain as stated."
         )
     return sentences
 

@@ -28,7 +28,7 @@ def weak_mode_sentences(parameters: tuple[Quantity, ...], correlation: Floats) -
     sentences = [
         f"{parameters[a]} and {parameters[b]} are {percent(correlation[a, b])} correlated: "
         f"{_remedy((parameters[a].name, parameters[b].name), plural=False)}; "
-        "their values must not be used apart."
+        "their values must not be used separately."
         for a, b in pairs
     ]
     explained = {frozenset(pair) for pair in pairs}
@@ -38,8 +38,8 @@ def weak_mode_sentences(parameters: tuple[Quantity, ...], correlation: Floats) -
         named = [str(parameters[k]) for k in members]
         names = tuple(parameters[k].name for k in members)
         sentences.append(
-            f"{', '.join(named[:-1])} and {named[-1]} together are hardly determined, each only through the "
-            f"others: {_remedy(names, plural=True)}; their values must not be used apart."
+            f"{', '.join(named[:-1])} and {named[-1]} are hardly determined individually, only in "
+            f"combination: {_remedy(names, plural=True)}; their values must not be used separately."
         )
     return sentences
 
@@ -63,8 +63,8 @@ def _remedy(names: tuple[str, ...], plural: bool) -> str:
     """What would separate the parameters of these names."""
     found = separating(names)
     if not found:
-        return "this block hardly separates them; hold one of them or give it a prior"
+        return "this block can hardly separate them; hold one of them fixed or give it a prior"
     remedies = listed(found)
     verb = "separate" if len(found) > 1 or remedies[-1] == "s" or remedies.endswith("alone") else "separates"
-    hold = ", otherwise hold all but one of them" if plural else ", otherwise hold one of them"
+    hold = ", otherwise hold all but one of them fixed" if plural else ", otherwise hold one of them fixed"
     return f"{remedies} {verb} them{hold}"

@@ -13,7 +13,7 @@ from tasks.georeferencing.shared_observations import SharedExposures
 
 _WAYS = ("east", "north", "up")
 _SHOWN = 5
-# A mean beyond this many of its standard deviations is no chance.
+# A mean beyond this many of its standard deviations cannot be due to chance.
 _SYSTEMATIC = 3.3
 _POOR = {
     "not_determinable": "could not be determined by the calibration (inseparable from others)",

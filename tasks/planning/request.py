@@ -63,7 +63,7 @@ class PlanRequest:
         additional: str | None = None,
         strip_bias_m: float | None = None,
     ) -> PlanRequest:
-        """What `aerocal calibrate` would estimate with these settings, unless something else is asked for."""
+        """What `aerocal calibrate` would estimate with these settings, unless something else is required."""
         chosen, own = free or calibration.free, adjustment.self_calibration
         if strip_bias_m is None:
             stated = max(adjustment.priors.gnss_strip_bias_m)

@@ -15,7 +15,7 @@ from tasks.plain_text import visible
 
 #: What a notice is about: a failed gate, a run without result, a calibration that is due, a run that is done.
 NoticeKind: TypeAlias = Literal["gate", "failure", "recalibration", "success"]
-#: What is told unless something else is asked for.
+#: What is told unless something else is required.
 USUAL: tuple[NoticeKind, ...] = ("gate", "failure", "recalibration")
 
 _KINDS: Mapping[str, NoticeKind] = {

@@ -160,7 +160,7 @@ def fate_of(outcome: RunOutcome, project: Path) -> Fate:
     first = " ".join(str(causes[0][key]) for key in ("quantity", "scope", "part")).strip() if causes else ""
     worst = float(np.abs(errors).max()) if errors else float("nan")
     alike = (
-        str(causes[0]["sentence"]).partition("Nearly the same would be: ")[2].partition(".")[0]
+        str(causes[0]["sentence"]).partition("Nearly indistinguishable from it: ")[2].partition(".")[0]
         if causes
         else ""
     )

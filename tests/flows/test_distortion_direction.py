@@ -140,7 +140,7 @@ def test_a_copy_in_the_other_direction_is_found(run: Run) -> None:
         for item in summary(results)["model_findings"]  # type: ignore[attr-defined]
         if item["quantity"] == "distortion_direction"
     )
-    assert "looks as if it were meant in the other direction" in sentence
+    assert "appears to be defined in the other direction" in sentence
     assert "brown-forward" in sentence
 
 

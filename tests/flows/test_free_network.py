@@ -78,7 +78,9 @@ def test_image_points_alone_give_a_network_that_is_true_up_to_a_similarity(deliv
     free = {"inner_constraints": "object_points", "defect": 7, "open": SEVEN}
     assert figure(outcome, "free_network") == free
     assert outcome.summary.sigma0 == pytest.approx(1.0, abs=0.05)
-    assert outcome.summary.problems[0].startswith("Free network: the observations leave 7 directions")
+    assert outcome.summary.problems[0].startswith(
+        "Free network: the observations do not determine 7 directions"
+    )
     error = normalized_after_similarity(delivered, outcome, "xyz")
     # Errors of one block are correlated; 600 points pin the mean to some per cent.
     assert np.mean(error**2) == pytest.approx(1.0, abs=0.15)

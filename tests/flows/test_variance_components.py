@@ -49,7 +49,7 @@ def test_sigmas_stated_wrongly_are_estimated_reported_and_used(block: Path) -> N
         text.startswith("The stated σ of image points do not agree") for text in outcome.summary.problems
     )
     assert any(
-        "control points in height" in text and "stay as stated" in text for text in outcome.summary.problems
+        "control points in height" in text and "remain as stated" in text for text in outcome.summary.problems
     )
     residuals = pq.read_table(outcome.directory / "residuals.parquet").to_pandas()
     used = residuals[(residuals["group"] == "image_points") & (residuals["status"] == "used")]

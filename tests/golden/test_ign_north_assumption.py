@@ -52,7 +52,7 @@ def test_the_wrong_north_is_named_first_where_the_convergence_differs(delivery: 
     assert not any("other north" in reason for reason in right.reasons)
     assert delivery.assumptions("grid", 0.003) == []
     wrong = delivery.calibrated("true-north", 0.003)
-    assert wrong.reasons[0].startswith("The attitudes look as if they were counted from the other north: −9")
+    assert wrong.reasons[0].startswith("The attitudes appear to refer to the other north: −9")
 
 
 def test_where_nothing_tells_the_norths_apart_the_effect_is_stated(delivery: Delivery) -> None:

@@ -64,7 +64,8 @@ def _test_words(material: Material) -> tuple[str, bool]:
     if test.passed:
         return f"the residuals agree with the stated σ (σ0 = {sigma0:.3f}, allowed {limits})", True
     side = "larger" if sigma0 > test.upper else "smaller"
-    return f"the residuals are {side} than the stated σ allow (σ0 = {sigma0:.3f}, allowed {limits})", False
+    words = f"the residuals are {side} than expected from the stated σ (σ0 = {sigma0:.3f}, allowed {limits})"
+    return words, False
 
 
 def key_table(material: Material) -> Table:

@@ -101,7 +101,7 @@ def test_w_and_detectable_bias_are_those_of_the_full_matrices(rejected: tuple[in
         ):
             expected = full.spread(number, theirs, shape)
             np.testing.assert_allclose(ours, expected, rtol=1e-9, atol=1e-9)
-        # Misclosures are differences of coordinates: v itself is known to some 1e-9 of its σ.
+        # Misclosures are differences of coordinates: v itself is known to some 1e-9 times its σ.
         np.testing.assert_allclose(found[number].standardized, full.spread(number, w, shape), atol=1e-8)
     squares = full.residual @ full.weight @ full.residual
     assert sum(item.weighted_squares for item in found) == pytest.approx(squares, rel=1e-9)

@@ -156,7 +156,7 @@ def test_without_anything_against_it_a_flight_is_accepted() -> None:
         (replace(GOOD, suspicions=("The heights look orthometric.",)), "orthometric"),
         (adjusted(model_findings=[FINDING], moved_by_findings=5.0), "lever arm"),
         (adjusted(model_findings=[{**FINDING, "moved_by": 0.6}] * 3, moved_by_findings=1.8), "lever arm"),
-        (adjusted(strip_scatter=[SCATTER]), "boresight pitch differs from strip to strip by 0.003 °"),
+        (adjusted(strip_scatter=[SCATTER]), "boresight pitch varies between strips by 0.003 °"),
         (adjusted(restored_groups=[{"group": "control_points", "sigma0": 4.0}]), "σ of the control points"),
         (sigma0("image_points", 0.21), "σ of the image points are too large"),
         (sigma0("ins_attitudes", 1.8), "σ of the INS attitudes are too small"),

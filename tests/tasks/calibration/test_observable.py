@@ -30,5 +30,5 @@ def test_what_nothing_observes_is_not_calibrated(write_project, tmp_path: Path) 
 
 def test_a_calibration_of_nothing_is_refused(write_project, tmp_path: Path) -> None:
     change = ('adjustment.observe=["control"]', 'calibration.free=["boresight", "gnss_shift"]')
-    with pytest.raises(InputError, match=r"Nothing that calibration\.free names is observed"):
+    with pytest.raises(InputError, match=r"No observation determines what calibration\.free lists"):
         observable(load_project(write_project(tmp_path), change))

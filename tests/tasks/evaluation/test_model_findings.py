@@ -50,7 +50,7 @@ def test_axes_of_one_thing_are_one_cause_and_the_likeliest_comes_first() -> None
     assert [item.quantity for item in found] == ["lever_arm", "time_offset"]
     assert [item.rank for item in found] == [1, 2]
     assert "x +0.7 ± 0.01 m, z −2.4 ± 0.01 m" in found[0].sentence
-    assert "The result contains it: GNSS shift z of flight 1 is off by 24.0 of its σ." in found[0].sentence
+    assert "The result is affected: GNSS shift z of flight 1 is off by 24.0 times its σ." in found[0].sentence
     assert "+10 ± 0.1 ms" in found[1].sentence
 
 
@@ -64,7 +64,7 @@ def test_a_wrong_place_is_said_in_directions() -> None:
     assert point.sentence.startswith(
         "The given coordinates of control point C051 are 0.375 ± 0.01 m too far west, 0.25 ± 0.01 m too high "
     )
-    assert strip.sentence.startswith("The GNSS positions in strip E03 are 0.1 ± 0.01 m too far south, ")
+    assert strip.sentence.startswith("The GNSS positions in strip E03 are 0.1 ± 0.01 m too far south ")
 
 
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:
@@ -85,8 +85,8 @@ def test_what_would_look_the_same_is_named_beside_it() -> None:
         row("lever_arm_y", 3, 0.1, alike=None),
     ]
     time, arm = model_findings(pd.DataFrame(rows))
-    assert "Nearly the same would be: lever arm x, principal point x." in time.sentence
-    assert "Nearly the same" not in arm.sentence
+    assert "Nearly indistinguishable from it: lever arm x, principal point x." in time.sentence
+    assert "Nearly indistinguishable" not in arm.sentence
 
 
 def test_nothing_significant_is_no_finding() -> None:
@@ -123,7 +123,7 @@ def test_every_alternative_has_words_a_unit_and_a_remedy_of_its_own(tested: pd.D
     for quantity, own in tested[tested["t"].notna()].groupby("quantity"):
         chosen = own.head(1).assign(rank=1, explained=own["estimate"], explained_sigma=own["sigma"])
         (finding,) = model_findings(chosen)
-        image_error = "systematic errors that no parameter describes" in finding.sentence
+        image_error = "systematic errors that no estimated parameter describes" in finding.sentence
         assert image_error == str(quantity).startswith("brown")
         assert "{" not in finding.sentence
         assert finding.sentence.endswith((".", ")"))

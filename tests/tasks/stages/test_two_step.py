@@ -95,12 +95,12 @@ def test_no_common_image_is_refused(delivery, tmp_path: Path) -> None:
     names = np.array(["X1", "X2", "X3"], dtype=object)
     with pytest.raises(InputError, match="No image has both") as caught:
         calibrate(delivery, orientations(delivery, tmp_path, image=names))
-    assert "name the images alike" in str(caught.value)
+    assert "use the same image names" in str(caught.value)
 
 
 def test_external_orientations_of_antennas_are_refused(delivery) -> None:
     """The small delivery declares antenna positions: no adjustment gives those."""
-    with pytest.raises(InputError, match="3 adjusted orientations are not projection centres"):
+    with pytest.raises(InputError, match="3 adjusted orientations are not given as projection centres"):
         calibrate(delivery, delivery.exposures()["exposures"])
 
 
