@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,11 +30,23 @@ class Kind:
     length: float = 32.0
 
 
+def unit_edge(
+    distance: Floats, blur: float, values: Callable[[Floats], Floats], spread: float = 0.0
+) -> Floats:
+    """Values near the edge; further than 8 σ, half a diagonal and half a spread from it, 0 or 1 to 1e-15."""
+    image = (distance > 0.0).astype(np.float64)
+    near = np.abs(distance) < 8.0 * blur + 0.75 + 0.5 * spread
+    image[near] = values(distance[near])
+    return image
+
+
 def blurred_step(distance: Floats, kind: Kind, angle: float) -> Floats:
     """Grey values by sampling every pixel 16 × 16 times: not the formulas that are tested."""
     at = (np.arange(_SUB) + 0.5) / _SUB - 0.5
     shifts = (at[:, None] * np.cos(angle) + at[None, :] * np.sin(angle)).ravel()
-    return np.mean([ndtr((distance + shift) / kind.blur) for shift in shifts], axis=0)
+    return unit_edge(
+        distance, kind.blur, lambda near: np.mean([ndtr((near + s) / kind.blur) for s in shifts], axis=0)
+    )
 
 
 def edge_image(kind: Kind, rng: np.random.Generator) -> tuple[Floats, EdgeLine]:
@@ -70,7 +83,9 @@ def scene(blur: float, noise: float, rng: np.random.Generator, size: int = 480) 
             for quarter in range(4):
                 angle = turn + quarter * 0.5 * np.pi
                 distance = 30.0 - (column - across) * np.cos(angle) - (row - down) * np.sin(angle)
-                square *= edge_values(distance.ravel(), blur**2, angle).value.reshape(row.shape)
+                square *= unit_edge(
+                    distance, blur, lambda near, at=angle: edge_values(near, blur**2, at).value
+                )
             image[top : top + 160, left : left + 160] += 100.0 * square
     return image + rng.normal(0.0, noise, image.shape)
 

@@ -10,6 +10,7 @@ from adjust.image_quality.edge_fit import fit_edge
 from adjust.image_quality.edge_model import edge_values
 from adjust.image_quality.edge_samples import EdgeLine, samples_of
 from adjust.image_quality.smear import Smear, smear
+from tests.adjust.image_quality.synthetic_edges import unit_edge
 
 BLUR, NOISE = 0.5, 1.0
 
@@ -18,10 +19,16 @@ def smeared_edge(angle: float, length: float, direction: float, rng: np.random.G
     """An edge, averaged over places along the way the image took during the exposure."""
     row, column = np.mgrid[:48, :48] - 24.0
     distance = column * np.cos(angle) + row * np.sin(angle)
-    way = (np.arange(25) + 0.5) / 25 - 0.5
+    places = 25 if length else 1
+    way = (np.arange(places) + 0.5) / places - 0.5
     shifts = length * way * np.cos(angle - direction)
-    image = np.mean([edge_values((distance + s).ravel(), BLUR**2, angle).value for s in shifts], axis=0)
-    return 80.0 + 120.0 * image.reshape(distance.shape) + rng.normal(0.0, NOISE, distance.shape)
+    image = unit_edge(
+        distance,
+        BLUR,
+        lambda near: np.mean([edge_values(near + s, BLUR**2, angle).value for s in shifts], axis=0),
+        spread=length,
+    )
+    return 80.0 + 120.0 * image + rng.normal(0.0, NOISE, distance.shape)
 
 
 def found_with(length: float, direction: float, seed: int) -> Smear:
