@@ -19,7 +19,7 @@ from adjust.parameters import (
     State,
     SystemParameters,
 )
-from adjust.rig import OF_HEADS, Rig
+from adjust.rig import OF_HEADS, SYNCHRONISATION_OFFSET, Rig
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,7 +101,7 @@ class Block:
         given = {parameters.family.name: parameters for parameters in self.system}
         if not all(family in given for family in OF_HEADS):
             raise InconsistentBlockError(
-                "The block of a rig needs relative positions and rotations of heads."
+                "The block of a rig needs relative positions, rotations and synchronisation offsets of heads."
             )
         for parameters in (given[family] for family in OF_HEADS):
             held = rig.is_reference
@@ -109,6 +109,9 @@ class Block:
                 raise InconsistentBlockError(
                     f"The {parameters.family.name} of a reference head is its own zero, and held."
                 )
+        offset = given[SYNCHRONISATION_OFFSET]
+        if rig.motion is None and (offset.free.any() or offset.values.any()):
+            raise InconsistentBlockError("Synchronisation offsets of heads need the motion of the events.")
 
     def _held(self) -> Iterator[SystemParameters]:
         """The families that are always there and were not given."""

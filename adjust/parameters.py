@@ -20,7 +20,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
-from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, Pictures, Rig
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Pictures, Rig
 from adjust.unknown_names import NamedValues
 
 EXTERIOR_ORIENTATION = "exterior_orientation"
@@ -104,6 +104,7 @@ FAMILIES: Mapping[str, Family] = {
             "rad",
             always_there=False,
         ),
+        Family(SYNCHRONISATION_OFFSET, (SYNCHRONISATION_OFFSET,), "camera", "s", always_there=False),
     )
 }
 

@@ -3,15 +3,20 @@
 The unknowns of an event are one pose, that of the camera frame of its reference head: (X_e, R_e). Head h
 stands at t_h and is turned by M_h, both in the camera frame of the reference head,
 
-    R_c = R_e M_h,    X0 = X_e + R_e t_h,    M_h = T_rᵀ R(ρ_h) T_h,    t_h = T_rᵀ p_h
+    R_c = R_e D M_h,    X0 = X_e + R_e (v τ_h + D t_h),    M_h = T_rᵀ R(ρ_h) T_h,    t_h = T_rᵀ p_h
 
 with the nominal mountings T (body from camera) of the reference head r and of head h, the relative rotation
 ρ_h = roll, pitch, yaw and the relative position p_h in the axes forward, right, down in which the reference
-head is mounted nominally. Derivatives J by (X0, δ_c) of a picture become those by its event and its head:
+head is mounted nominally. A head that is exposed τ_h after the moment of the event has its pose as the body
+moved meanwhile: D = exp(ω τ_h), with its velocity v and its rates ω in the camera frame of the reference
+head. They are those along and about the axes of the body, so they know nothing of the datum. Derivatives J by
+(X0, δ_c) of a picture become those by its event and its head:
 
-    J_event = J · [[I, −R_e [t_h]×], [0, M_hᵀ]],    J_(p, ρ) = J · [[R_e T_rᵀ, 0], [0, M_hᵀ T_rᵀ E(ρ)]].
+    J_event = J · [[I, −R_e [v τ_h + D t_h]×], [0, M_hᵀ Dᵀ]],    J_τ = J · [R_e (v + D [ω]× t_h); M_hᵀ ω],
+    J_(p, ρ) = J · [[R_e D T_rᵀ, 0], [0, M_hᵀ T_rᵀ E(ρ)]].
 
-No image point notices (R_e G, X_e + R_e g; Gᵀ M_h, Gᵀ (t_h − g)): the reference head is held at zero.
+No image point notices (R_e G, X_e + R_e g; Gᵀ M_h, Gᵀ (t_h − g)), nor a time that is common to all heads: the
+reference head is held at zero.
 """
 
 from __future__ import annotations
@@ -26,8 +31,9 @@ from adjust.geometry import rotation
 
 RELATIVE_POSITION = "relative_position"
 RELATIVE_ROTATION = "relative_rotation"
-#: System parameters of heads, in the order of the columns that pictures have for them.
-OF_HEADS = (RELATIVE_POSITION, RELATIVE_ROTATION)
+SYNCHRONISATION_OFFSET = "synchronisation_offset"
+#: System parameters of heads, in the order of the seven columns that pictures have for them.
+OF_HEADS = (RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +43,8 @@ class Pictures:
     Attributes
     ----------
     projection_centre, local_from_camera : (n, 3) metres and (n, 3, 3).
-    of_event : (n, 3, 12) −R_e [t]×, Mᵀ, R_e T_rᵀ and Mᵀ T_rᵀ E beside each other; None where every picture
-        is an event.
+    of_event : (n, 3, 14) −R_e [v τ + D t]×, Mᵀ Dᵀ, R_e D T_rᵀ, Mᵀ T_rᵀ E, R_e (v + D [ω]× t) and Mᵀ ω beside
+        each other; None where every picture is an event.
     """
 
     projection_centre: Floats
@@ -46,14 +52,29 @@ class Pictures:
     of_event: Floats | None
 
     def jacobians(self) -> tuple[Floats, Floats]:
-        """Derivatives (n, 6, 6) of the poses (X0, δ_c) by those of the events, and by (p, ρ) of the heads."""
+        """Derivatives of the poses (X0, δ_c): by those of the events (n, 6, 6), by (p, ρ, τ) (n, 6, 7)."""
         n = len(self.projection_centre)
-        of_event, of_head = np.zeros((n, 6, 6)), np.zeros((n, 6, 6))
+        of_event, of_head = np.zeros((n, 6, 6)), np.zeros((n, 6, 7))
         of_event[:, :3, :3] = of_event[:, 3:, 3:] = np.eye(3)
         if self.of_event is not None:
             of_event[:, :3, 3:], of_event[:, 3:, 3:] = self.of_event[:, :, :3], self.of_event[:, :, 3:6]
-            of_head[:, :3, :3], of_head[:, 3:, 3:] = self.of_event[:, :, 6:9], self.of_event[:, :, 9:]
+            of_head[:, :3, :3], of_head[:, 3:, 3:6] = self.of_event[:, :, 6:9], self.of_event[:, :, 9:12]
+            of_head[:, :3, 6], of_head[:, 3:, 6] = self.of_event[:, :, 12], self.of_event[:, :, 13]
         return of_event, of_head
+
+
+@dataclass(frozen=True, eq=False)
+class EventMotion:
+    """How the body moved at the moments of the events, along and about its axes forward, right, down.
+
+    Attributes
+    ----------
+    velocity : (e, 3) metres per second.
+    rate : (e, 3) radians per second; zero where not known.
+    """
+
+    velocity: Floats
+    rate: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +87,7 @@ class Rig:
     event_of_image, camera_of_image : (n,) event and head (index of the camera) of every picture.
     reference : (c,) reference head of the body on which each camera is; a camera alone is its own.
     body_from_camera : (c, 3, 3) nominal mountings T.
+    motion : velocities and rates at the events; None: synchronisation offsets move nothing.
     """
 
     events: tuple[str, ...]
@@ -73,6 +95,7 @@ class Rig:
     camera_of_image: Ints
     reference: Ints
     body_from_camera: Floats
+    motion: EventMotion | None = None
 
     @property
     def camera_of_event(self) -> Ints:
@@ -94,12 +117,24 @@ class Rig:
         r_e = local_from_camera[event]
         position, turn, axes, of_rotation = (part[camera] for part in heads)
         turned = np.swapaxes(turn, 1, 2)
+        later, of_turn, arm, of_offset = r_e, turned, position, np.zeros((len(event), 3, 2))
+        if self.motion is not None:
+            offset = system[SYNCHRONISATION_OFFSET][camera]
+            velocity = np.einsum("nij,nj->ni", axes, self.motion.velocity[event])
+            rate = np.einsum("nij,nj->ni", axes, self.motion.rate[event])
+            meanwhile = rotation.exp(rate * offset)
+            later, of_turn = r_e @ meanwhile, turned @ np.swapaxes(meanwhile, 1, 2)
+            arm = velocity * offset + np.einsum("nij,nj->ni", meanwhile, position)
+            faster = velocity + np.einsum("nij,nj->ni", meanwhile, np.cross(rate, position))
+            of_offset[:, :, 0] = np.einsum("nij,nj->ni", r_e, faster)
+            of_offset[:, :, 1] = np.einsum("nij,nj->ni", turned, rate)
         of_event = np.concatenate(
-            [-r_e @ rotation.cross_matrix(position), turned, r_e @ axes, turned @ of_rotation], axis=2
+            [-r_e @ rotation.cross_matrix(arm), of_turn, later @ axes, turned @ of_rotation, of_offset],
+            axis=2,
         )
         return Pictures(
-            projection_centre[event] + np.einsum("nij,nj->ni", r_e, position),
-            np.ascontiguousarray(r_e @ turn),
+            projection_centre[event] + np.einsum("nij,nj->ni", r_e, arm),
+            np.ascontiguousarray(later @ turn),
             np.ascontiguousarray(of_event),
         )
 

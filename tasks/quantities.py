@@ -24,7 +24,7 @@ from adjust.parameters import (
     EntityKind,
     Family,
 )
-from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 
 
 class Shown(NamedTuple):
@@ -185,6 +185,12 @@ KINDS: Mapping[str, Kind] = {
             caption="Rotation of the heads against the reference head, body axes",
             axes=("roll", "pitch", "yaw"), symbols=("about forward", "about right", "about down"),
             is_large=True, more="more object points that several heads see",
+        ),
+        Kind(
+            "synchronisation_offset", SYNCHRONISATION_OFFSET, "s",
+            "synchronisation offset of each head of a rig",
+            caption="Synchronisation offset of the heads after the reference head", symbols=("τ",), short="",
+            more="a flight in which the body turns more, with its rates delivered",
         ),
     )
 }  # fmt: skip

@@ -238,7 +238,7 @@ class ImagePoints:
         ideal = self.ideal(state, np.arange(len(names)), with_slope=True)
         misclosure, of_exterior = np.empty((n, 2)), np.empty((n, 2, 6))
         last = 3 + len(names)
-        of_system = np.empty((n, 2, last if state.rig is None else last + 6))
+        of_system = np.empty((n, 2, last if state.rig is None else last + 7))
         of_point = np.empty((n, 2, 3))
         image_point_kernel.linearize_all(
             self.image,
@@ -268,8 +268,8 @@ class ImagePoints:
             terms.append(Term(ADDITIONAL_PARAMETERS, entity, of_system[:, :, 3:last]))
         if state.rig is not None:
             head = self.camera_of_image[self.image]
-            for k, family in enumerate(OF_HEADS):
-                terms.append(Term(family, head, of_system[:, :, last + 3 * k : last + 3 * k + 3]))
+            of_heads = np.split(of_system[:, :, last:], (3, 6), axis=2)
+            terms += [Term(family, head, part) for family, part in zip(OF_HEADS, of_heads, strict=True)]
         return Linearization(misclosure, tuple(terms))
 
     def seen_from(self, chosen: Bools, points: int) -> Floats:

@@ -34,8 +34,9 @@ def in_camera(exposure, point, centres, rotations, points):
 def turn_to_event(row, exposure, first, heads, of_exterior, of_system):
     """Derivatives by the pose of a picture become those by the pose of its event.
 
-    heads (n, 3, 12) is ``of_event`` of :class:`adjust.rig.Pictures`. The derivatives by position and rotation
-    of the head go to the six columns of of_system from the first one on, if it has them.
+    heads (n, 3, 14) is ``of_event`` of :class:`adjust.rig.Pictures`. The derivatives by position, rotation
+    and synchronisation offset of the head go to the seven columns of of_system from the first one on, if it
+    has them.
     """
     for c in range(2):
         x1, x2, x3 = of_exterior[row, c, 0], of_exterior[row, c, 1], of_exterior[row, c, 2]
@@ -60,6 +61,9 @@ def turn_to_event(row, exposure, first, heads, of_exterior, of_system):
                     + d2 * heads[exposure, 1, 9 + k]
                     + d3 * heads[exposure, 2, 9 + k]
                 )
+            of_system[row, c, first + 6] = (
+                x1 * heads[exposure, 0, 12] + x2 * heads[exposure, 1, 12] + x3 * heads[exposure, 2, 12]
+            ) + (d1 * heads[exposure, 0, 13] + d2 * heads[exposure, 1, 13] + d3 * heads[exposure, 2, 13])
 
 
 @small_kernel
@@ -71,7 +75,7 @@ def linearize_ray(
 
     Fills one row of misclosure (·, 2) = (observed − computed)/σ, of_exterior (·, 2, 6), of_system
     (·, 2, 3 + t) for c, x0, y0 and t additional parameters, and of_point (·, 2, 3), each multiplied by its
-    1/σ. With heads (n, 3, 12) of a rig of_exterior is by the pose of the event, and of_system may have six
+    1/σ. With heads (n, 3, 14) of a rig of_exterior is by the pose of the event, and of_system may have seven
     more columns for the head; None without a rig. ideal, slope and basis count from the image point ``base``;
     one slope alone holds for all.
 

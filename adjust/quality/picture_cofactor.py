@@ -2,7 +2,7 @@
 
     Q_ij = [E_i H_i] Q [E_j H_j]ᵀ
 
-with the derivatives E by the pose of the event and H by position and rotation of the head, see
+with the derivatives E by the pose of the event and H by what belongs to the head, see
 :mod:`adjust.rig`. What is held of a head has no error.
 """
 
@@ -39,8 +39,8 @@ def cofactors_between_pictures(
     own = np.pad(reduced.corner, (0, 1))[place[one][:, :, None], place[other][:, None, :]]
 
     def mixed(exposure: Ints, head: Ints) -> Floats:
-        """(k, 6, 6) of the events of pictures with the heads of others."""
-        return np.stack([border[event[exposure], :, place[head, k]] for k in range(6)], axis=2)
+        """(k, 6, 7) of the events of pictures with the heads of others."""
+        return np.stack([border[event[exposure], :, place[head, k]] for k in range(place.shape[1])], axis=2)
 
     events = reduced.between(event[one], event[other])
     of_one = np.concatenate([of_event[one], of_head[one]], axis=2)

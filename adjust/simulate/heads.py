@@ -10,8 +10,9 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
-from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, Rig
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, EventMotion, Rig
 from adjust.simulate.flight_plan import FlightPlan
+from adjust.simulate.trajectory import Trajectory
 
 Triple = tuple[float, float, float]
 _ZERO: Triple = (0.0, 0.0, 0.0)
@@ -19,14 +20,15 @@ _ZERO: Triple = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class HeadSpecification:
-    """One head of a rig beside its reference head; metres and radians, body axes.
+    """One head of a rig beside its reference head; metres, radians and seconds, body axes.
 
     Attributes
     ----------
     camera, reference : indices of its camera and of that of the reference head.
     rotation : roll, pitch, yaw against the reference head, as stated.
     position : against the projection centre of the reference head, as stated.
-    rotation_change, position_change : true minus stated.
+    synchronisation : how much later than the reference head it is exposed, as stated.
+    rotation_change, position_change, synchronisation_change : true minus stated.
     of_platform : the reference head takes no pictures: it stands for the platform of all the heads.
     """
 
@@ -34,13 +36,15 @@ class HeadSpecification:
     reference: int
     rotation: Triple = _ZERO
     position: Triple = _ZERO
+    synchronisation: float = 0.0
     rotation_change: Triple = _ZERO
     position_change: Triple = _ZERO
+    synchronisation_change: float = 0.0
     of_platform: bool = False
 
 
 def stated_heads(heads: tuple[HeadSpecification, ...], cameras: int) -> Mapping[str, Floats]:
-    """Relative positions and rotations (cameras, 3) as they are stated; nothing without heads."""
+    """System parameters (cameras, components) of heads as they are stated; nothing without heads."""
     return _of_heads(heads, cameras, 0.0)
 
 
@@ -52,15 +56,19 @@ def true_heads(heads: tuple[HeadSpecification, ...], cameras: int) -> Mapping[st
 def _of_heads(heads: tuple[HeadSpecification, ...], cameras: int, part: float) -> Mapping[str, Floats]:
     if not heads:
         return {}
-    position, rotation = np.zeros((cameras, 3)), np.zeros((cameras, 3))
+    position, rotation, offset = np.zeros((cameras, 3)), np.zeros((cameras, 3)), np.zeros((cameras, 1))
     for head in heads:
         position[head.camera] = np.array(head.position) + part * np.array(head.position_change)
         rotation[head.camera] = np.array(head.rotation) + part * np.array(head.rotation_change)
-    return {RELATIVE_POSITION: position, RELATIVE_ROTATION: rotation}
+        offset[head.camera] = head.synchronisation + part * head.synchronisation_change
+    return {RELATIVE_POSITION: position, RELATIVE_ROTATION: rotation, SYNCHRONISATION_OFFSET: offset}
 
 
 def rig_of(
-    heads: tuple[HeadSpecification, ...], cameras: tuple[FrameCamera, ...], plan: FlightPlan
+    heads: tuple[HeadSpecification, ...],
+    cameras: tuple[FrameCamera, ...],
+    plan: FlightPlan,
+    flown: Trajectory,
 ) -> Rig | None:
     """All heads take a picture at each exposure of their reference head; None without heads.
 
@@ -91,6 +99,7 @@ def rig_of(
         np.concatenate(taken).astype(np.int64),
         reference,
         np.stack([camera.body_from_camera for camera in cameras]),
+        EventMotion(np.einsum("nji,nj->ni", flown.local_from_body, flown.velocity), flown.rate),
     )
 
 

@@ -129,7 +129,7 @@ def block_truth(specification: BlockSpecification) -> BlockTruth:
         **true_heads(specification.heads, len(cameras)),
     }
     local_from_camera = _local_from_camera(flown, plan, cameras, system)
-    rig = rig_of(specification.heads, cameras, plan)
+    rig = rig_of(specification.heads, cameras, plan, flown)
     flight = State(flown.projection_centre, local_from_camera, np.zeros((0, 3)), system, rig)
     camera_of_image = plan.camera if rig is None else rig.camera_of_image
     geometry = _geometry(flight, camera_of_image, specification)

@@ -19,7 +19,7 @@ class RayColumns:
     Attributes
     ----------
     of_image : (n, 3 + t) column of c, x0, y0 and t additional parameters of each image; −1 where held. Where
-        parameters of heads are free six more: relative position and relative rotation.
+        parameters of heads are free seven more: relative position, relative rotation, synchronisation.
     components : (t,) which components of the additional parameters these are: those free anywhere.
     border : (k,) all columns that occur: those of the cameras ascending, then those of the heads.
     compact : the same as ``of_image`` counted among those in ``border`` alone; ascending in every image.

@@ -188,7 +188,7 @@ def reduce_points(
     point_normal (m, 3, 3) and point_rhs (m, 3) hold on entry what other groups add to the object
     points, on return the lower Cholesky factors of N_pp and the full right-hand sides b_p.
     ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone; event
-    (r,) is the exposure whose pose each ray touches; columns (n, 3 + t, or 3 + t + 6 with heads) says where
+    (r,) is the exposure whose pose each ray touches; columns (n, 3 + t, or 3 + t + 7 with heads) says where
     the system parameters of each image stand; coupled_vector (c, 3) are the
     elements of N in the rows of other columns of the border, those of each object point beside each other.
     blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border

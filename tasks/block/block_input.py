@@ -27,7 +27,7 @@ from adjust.parameters import (
     LEVER_ARM,
     SystemParameters,
 )
-from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
+from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Rig
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.block.shared_readings import heads_of_reading
@@ -164,12 +164,22 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         LEVER_ARM: mountings.lever_arm,
         RELATIVE_POSITION: mountings.relative_position,
         RELATIVE_ROTATION: mountings.relative_rotation,
+        SYNCHRONISATION_OFFSET: mountings.synchronisation_offset,
     }
     chosen = [KINDS[name] for name in settings.free]
     if any(kind.family in OF_HEADS for kind in chosen) and not mountings.has_heads:
         raise InputError(
-            "Relative positions and rotations are of the heads of a rig, and no camera is one.",
-            "Take relative_position and relative_rotation out of `free`.",
+            "Relative positions, rotations and synchronisation offsets are of the heads of a rig, and no "
+            "camera is one.",
+            "Take relative_position, relative_rotation and synchronisation_offset out of `free`.",
+        )
+    known = settings.priors.relative_position_m or settings.priors.synchronisation_offset_s
+    if {"relative_position", "synchronisation_offset"} <= set(settings.free) and known is None:
+        raise InputError(
+            "The relative position along the flight and the synchronisation offset of a head are the same at "
+            "one speed.",
+            "Give adjustment.priors.relative_position_m or adjustment.priors.synchronisation_offset_s, or "
+            "take one of the two out of `free`.",
         )
     values = {
         name: stated.get(name, np.zeros((len(entities[family.entity_kind]), len(family.components))))

@@ -8,8 +8,9 @@ import numpy as np
 
 from adjust.arrays import Bools, Ints
 from adjust.geometry import rotation
-from adjust.rig import Rig
+from adjust.rig import EventMotion, Rig
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.strip_motion import strip_motion
 from tasks.errors import InputError
 
 # Heads of one event are exposed within this time, s.
@@ -67,14 +68,16 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
     number = np.argsort(np.argsort(first))
     event = number[event]
     first = np.sort(first)
+    events = replace(given.only(chosen), camera=reference[first])
     rig = Rig(
         tuple(given.image[row] for row in first),
         event,
         given.camera,
         mountings.reference,
         mountings.body_from_camera,
+        _motion(events),
     )
-    return ExposureEvents(rig, replace(given.only(chosen), camera=reference[first]))
+    return ExposureEvents(rig, events)
 
 
 def about_events(rig: Rig) -> tuple[str, ...]:
@@ -87,6 +90,12 @@ def about_events(rig: Rig) -> tuple[str, ...]:
         f"{int(joined.sum()):,} images of {len(np.unique(rig.camera_of_image))} heads were exposed at "
         f"{len(joined):,} events, joined by their times: each has one pose and one reading of GNSS and INS.",
     )
+
+
+def _motion(events: GivenOrientations) -> EventMotion:
+    """Velocities and rates of the body in its axes, from the readings of the events."""
+    velocity = np.einsum("nji,nj->ni", events.local_from_body(), strip_motion(events).velocity)
+    return EventMotion(velocity, np.nan_to_num(events.rates))
 
 
 def _joined(given: GivenOrientations, reference: Ints, in_rig: Bools) -> Ints:

@@ -40,6 +40,7 @@ class Mountings:
     boresight : (c, 3) roll, pitch, yaw, radians.
     reference : (c,) reference head of the rig of each camera; a camera alone is its own.
     relative_position, relative_rotation : (c, 3) against it: metres, and roll, pitch, yaw in radians.
+    synchronisation_offset : (c, 1) seconds after the moment of the event.
     """
 
     cameras: tuple[FrameCamera, ...]
@@ -49,6 +50,7 @@ class Mountings:
     reference: Ints
     relative_position: Floats
     relative_rotation: Floats
+    synchronisation_offset: Floats
 
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> Self:
@@ -71,6 +73,7 @@ class Mountings:
             np.deg2rad(
                 np.nan_to_num(table[[f"relative_rotation_{name}_deg" for name in _BODY]].to_numpy(np.float64))
             ),
+            np.nan_to_num(table[["synchronisation_offset_s"]].to_numpy(np.float64)),
         )
 
     @property

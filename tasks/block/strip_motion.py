@@ -13,7 +13,12 @@ from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
 # What has velocities needs neither strips nor times for a time offset.
-_OR_TRAJECTORY = {"gnss_strip_bias": "", "gnss_drift": "", "time_offset": ", or deliver a trajectory"}
+_OR_TRAJECTORY = {
+    "gnss_strip_bias": "",
+    "gnss_drift": "",
+    "time_offset": ", or deliver a trajectory",
+    "synchronisation_offset": ", or deliver a trajectory",
+}
 
 
 def strip_motion(given: GivenOrientations) -> StripMotion:
@@ -64,14 +69,15 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     Raises
     ------
     InputError
-        If a strip bias, drift or time offset is free without strips, or one of the last two without times;
-        if a correlation time is given without either, or with two exposures of a strip at the same time. A
-        time offset needs neither where velocities were delivered.
+        If a strip bias, drift, time offset or synchronisation offset is free without strips, or one of the
+        last three without times; if a correlation time is given without either, or with two exposures of a
+        strip at the same time. Offsets in time need neither where velocities were delivered.
     """
     given = given.only(given.position_observed) if given.position_observed.any() else given
     require_successive_times(given, settings)
     still = given.only(~_moves(given))
-    for parameter, needs in (("gnss_strip_bias", given), ("gnss_drift", given), ("time_offset", still)):
+    in_time = tuple((parameter, still) for parameter in ("time_offset", "synchronisation_offset"))
+    for parameter, needs in (("gnss_strip_bias", given), ("gnss_drift", given), *in_time):
         if parameter in settings.free and not all(needs.strip):
             raise InputError(
                 "The exposures name no strips.",
@@ -79,7 +85,7 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
                 "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
-    for parameter, needs in (("gnss_drift", given), ("time_offset", still)):
+    for parameter, needs in (("gnss_drift", given), *in_time):
         if parameter in settings.free and not np.isfinite(needs.time_s).all():
             raise InputError(
                 "The exposures have no times.",

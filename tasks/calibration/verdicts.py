@@ -8,7 +8,7 @@ both are unknown; and where a prior has taken over, correlations are small and n
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -249,6 +249,7 @@ def flight_verdict(
     limits: AcceptanceLimits,
     *,
     by_gnss: bool = True,
+    heads: Collection[str] = (),
 ) -> FlightVerdict:
     """Whether the flight is accepted as a calibration flight, with the reasons why not.
 
@@ -258,6 +259,7 @@ def flight_verdict(
     Parameters
     ----------
     by_gnss : whether GNSS positions were observed; control alone needs neither directions nor heights.
+    heads : cameras that take pictures together with other heads of a rig.
     """
     calibrated = [
         item for item in verdicts.values() if item.sigma is not None and is_calibrated(item.parameter)
@@ -265,7 +267,11 @@ def flight_verdict(
     if not calibrated:
         return FlightVerdict(("No calibration parameter was estimated; free at least one.",))
     names = {item.parameter for item in calibrated}
-    reasons = pattern_reasons(names, pattern, limits) if by_gnss else []
+    reasons, of_heads = pattern_reasons(names, pattern, limits) if by_gnss else [], []
+    if by_gnss and "focal_length" in names and pattern.height_ratio < limits.height_ratio:
+        of_heads = about_converging_heads(calibrated, pattern, heads)
+        if of_heads:
+            reasons = pattern_reasons(names - {"focal_length"}, pattern, limits)
     free_strips, about_strips = _about_strips(parameters, calibrated) if by_gnss else ([], [])
     reasons += free_strips
     reasons += [
@@ -273,7 +279,7 @@ def flight_verdict(
         for item in calibrated
         if item.verdict != "determined"
     ]
-    remarks = about_strips + _about_correlations(calibrated, limits)
+    remarks = of_heads + about_strips + _about_correlations(calibrated, limits)
     return FlightVerdict(tuple(reasons), remarks=tuple(remarks))
 
 
@@ -299,6 +305,29 @@ def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceL
             f"{pattern.heights[-1] / limits.height_ratio:.0f} m or less."
         )
     return reasons
+
+
+def about_converging_heads(
+    calibrated: Sequence[ParameterVerdict], pattern: FlightPattern, heads: Collection[str]
+) -> list[str]:
+    """A remark where focal lengths are determined by heads of a rig and need no second height; else nothing.
+
+    What a second height does for one camera is to tell its focal length from errors of the GNSS heights.
+    Where these are an unknown of their own, nothing is taken from them, and σ says all there is to say: heads
+    that look in different directions see one point at different scales, which no error in height can imitate.
+    """
+    lengths = [item for item in calibrated if item.parameter == "focal_length"]
+    shifts = [item for item in calibrated if item.parameter == "gnss_shift_z"]
+    free = [item for item in shifts if item.sigma_over_prior is None or item.sigma_over_prior < MOSTLY_PRIOR]
+    determined = all(item.entity in heads and item.verdict == "determined" for item in lengths)
+    if not (determined and shifts and len(free) == len(shifts)):
+        return []
+    sigmas = [item.sigma or 0.0 for item in lengths]
+    return [
+        f"Flown at {height_words(pattern)}, with the GNSS shift in height unknown: the focal lengths of "
+        f"{listed([item.entity for item in lengths])} follow from heads that look in different directions "
+        f"(σ up to {written_sigma(max(sigmas), 'mm')}), not from the flying height."
+    ]
 
 
 def _about_strips(

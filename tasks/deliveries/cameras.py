@@ -160,6 +160,7 @@ def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int |
         row[f"relative_position_{axis}_m"] = None if head is None else head.position_m[place]
     for place, axis in enumerate(_BODY):
         row[f"relative_rotation_{axis}_deg"] = None if head is None else head.rotation_deg[place]
+    row["synchronisation_offset_s"] = None if head is None else head.synchronisation_offset_s
     return row
 
 

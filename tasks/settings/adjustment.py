@@ -101,6 +101,10 @@ class Priors(Settings):
         description="Relative rotation of the heads of a rig about `rotation_deg`, degrees; one number or "
         "three.",
     )
+    synchronisation_offset_s: Positive | None = Field(
+        default=None,
+        description="Synchronisation offset of the heads of a rig about the stated one, s.",
+    )
 
 
 class AdjustmentSettings(Settings):

@@ -99,6 +99,11 @@ class HeadSettings(Settings):
         description="Projection centre against that of the reference head, body axes (forward, right, down), "
         "m: likewise.",
     )
+    synchronisation_offset_s: Finite = Field(
+        default=0.0,
+        description="How much later than the moment of its event the head is exposed, s (the reference head "
+        "at this moment): likewise. Its pose is then that of the body so much later, by velocity and rates.",
+    )
 
 
 class CameraInput(Settings):

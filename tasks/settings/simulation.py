@@ -116,6 +116,12 @@ class SimulatedHead(SimulatedCamera):
         default=(0.0, 0.0, 0.0), description="True minus stated rotation, degrees."
     )
     position_change_m: Triple = Field(default=(0.0, 0.0, 0.0), description="True minus stated position, m.")
+    synchronisation_offset_s: Finite = Field(
+        default=0.0, description="How much later than the camera it is exposed, as the project states, s."
+    )
+    synchronisation_offset_change_s: Finite = Field(
+        default=0.0, description="True minus stated synchronisation offset, s."
+    )
 
 
 class FlightLines(Settings):

@@ -59,6 +59,7 @@ def _head(simulation: Simulation, head: SimulatedHead) -> dict[str, TomlValue]:
             "reference": simulation.camera.name,
             "rotation_deg": head.rotation_deg,
             "position_m": head.position_m,
+            **({"synchronisation_offset_s": offset} if (offset := head.synchronisation_offset_s) else {}),
         }
     }
 
@@ -174,5 +175,6 @@ def free_parameters(simulation: Simulation) -> tuple[FreeParameter, ...]:
         "principal_point": any(truth.principal_point_change_mm),
         "relative_position": any(any(head.position_change_m) for head in simulation.head),
         "relative_rotation": any(any(head.rotation_change_deg) for head in simulation.head),
+        "synchronisation_offset": any(head.synchronisation_offset_change_s for head in simulation.head),
     }
     return tuple(name for name, is_different in differs.items() if is_different)

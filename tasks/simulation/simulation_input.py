@@ -121,8 +121,10 @@ def _head(number: int, head: SimulatedHead) -> HeadSpecification:
         0,
         _radians(head.rotation_deg),
         head.position_m,
+        head.synchronisation_offset_s,
         _radians(head.rotation_change_deg),
         head.position_change_m,
+        head.synchronisation_offset_change_s,
     )
 
 

@@ -109,7 +109,8 @@ def describe_calibration(
     figures = figures_of(summary)
     evidence = _evidence(stages, outputs, figures, gates, steps)
     by_gnss = any(item.group == "gnss_positions" for item in figures.groups)
-    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss)
+    heads = heads_of_rigs(read_table(outputs["cameras"]), images)
+    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss, heads=heads)
     of_flight = _with_held(of_flight, held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
     by_height = flights_by_height(images, pattern)
@@ -191,6 +192,13 @@ class _Material:
     images: pd.DataFrame
     cameras: pd.DataFrame
     held: tuple[RecordedHeld, ...]
+
+
+def heads_of_rigs(cameras: pd.DataFrame, images: pd.DataFrame) -> frozenset[str]:
+    """Cameras that took images of the block together with others of their rig."""
+    taken = cameras[cameras["camera"].isin(images["camera"])]
+    rig = taken["head_of"].where(taken["head_of"].notna(), taken["camera"])
+    return frozenset(taken["camera"][rig.duplicated(keep=False)])
 
 
 def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:

@@ -22,6 +22,7 @@ from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.system import SystemSpecification
 from adjust.simulate.terrain import TerrainShape
+from adjust.simulate.trajectory import FlightVariation
 from adjust.simulate.truth import BlockSpecification
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import iterate
@@ -57,9 +58,13 @@ def penta(
     points: int = 1500,
     aside_deg: float = 45.0,
     seed: int = 7,
+    late: float = 0.0,
     **changes: object,
 ) -> BlockSpecification:
-    """A nadir head and four that look forward, back, left and right; 1,000 m, overlaps 76 % and 50 %."""
+    """A nadir head and four that look forward, back, left and right; 1,000 m, overlaps 76 % and 50 %.
+
+    The body turns by 1° per second; the heads to the left and ahead are exposed some seconds ``late``.
+    """
     generator = np.random.default_rng(71)
     aside = float(np.deg2rad(aside_deg))
     views = {
@@ -69,8 +74,15 @@ def penta(
         "backward": ((0.0, -aside, 0.0), (-0.2, 0.0, 0.05)),
     }
     heads = tuple(
-        HeadSpecification(number, 0, angles, place, _turned(generator))
-        for number, (angles, place) in enumerate(views.values(), start=1)
+        HeadSpecification(
+            number,
+            0,
+            angles,
+            place,
+            rotation_change=_turned(generator),
+            synchronisation_change=late if name in ("left", "forward") else 0.0,
+        )
+        for number, (name, (angles, place)) in enumerate(views.items(), start=1)
     )
     cameras = (_UCE, *(replace(_UCE, name=name, focal_length=0.120) for name in views))
     specification = BlockSpecification(
@@ -81,6 +93,7 @@ def penta(
         CONTROL,
         terrain=TerrainShape(mean=0.0, relief=15.0),
         system=SystemSpecification(boresight=(4e-4, -3e-4, 5e-4)),
+        variation=FlightVariation(rate=(np.deg2rad(1.0),) * 3),
         seed=seed,
         heads=heads,
     )
@@ -99,7 +112,9 @@ def dmc(points: int = 2000, seed: int = 8, **changes: object) -> BlockSpecificat
         yaw, pitch, roll = rotation.to_heading_pitch_roll(turn)
         place = (0.064 * side_x, -0.079 * side_y, 0.0)
         stated = (float(roll), float(pitch), float(yaw))
-        heads.append(HeadSpecification(number, 0, stated, place, _turned(generator), of_platform=True))
+        heads.append(
+            HeadSpecification(number, 0, stated, place, rotation_change=_turned(generator), of_platform=True)
+        )
     platform = replace(_PAN, name="platform", mount_deg=0)
     specification = BlockSpecification(
         (platform, *(replace(_PAN, name=f"PAN{number}") for number in range(1, 5))),

@@ -44,7 +44,14 @@ from adjust.parameters import (
     SystemParameters,
     additional_family,
 )
-from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, Rig
+from adjust.rig import (
+    OF_HEADS,
+    RELATIVE_POSITION,
+    RELATIVE_ROTATION,
+    SYNCHRONISATION_OFFSET,
+    EventMotion,
+    Rig,
+)
 from adjust.solve.system import Observations
 
 MICROMETRE = 1e-6
@@ -94,7 +101,8 @@ class Plan:
     distortion of the ideal point, some millimetres in the corners. ``turning``: the body turns at the
     exposures, and the rates are delivered. ``distances``: number of measured distances between object points;
     the first point is an end of two of them. ``heads``: with every camera so many take a picture at each
-    exposure; the further heads look aside, and have no additional parameters.
+    exposure; the further heads look aside, and have no additional parameters. ``synchronised``: they are
+    exposed at one moment, not some milliseconds off, while the body turns.
     ``noise_seed`` and ``start_seed`` None: no noise, no disturbance. Correlation times are
     those of the errors of positions and attitudes along a strip (exposures are 4 s apart); None: white.
     """
@@ -106,6 +114,7 @@ class Plan:
     frame: Literal["cartesian", "topocentric"] = "topocentric"
     cameras: Literal[1, 2] = 1
     heads: Literal[1, 2, 3] = 1
+    synchronised: bool = True
     flights: Literal[1, 2] = 1
     headings_deg: tuple[float, ...] = (90.0, 270.0)
     tilt_deg: float = 2.0
@@ -153,7 +162,10 @@ def two_strips(**switches: object) -> Scene:
     centre, attitude = _exposures(plan, frame)
     mounting = np.stack([camera.body_from_camera for camera in cameras])[camera_of_event]
     boresight = rotation.from_roll_pitch_yaw(system[BORESIGHT])[camera_of_event]
-    rig = _rig(plan, cameras, camera_of_event)
+    rates = np.random.default_rng(12).normal(0.0, DEGREE, (len(centre), 3))
+    velocity = np.einsum("nji,nj->ni", attitude, _motion(plan, frame, centre).velocity)
+    body = EventMotion(velocity, rates)
+    rig = _rig(plan, cameras, camera_of_event, body)
     truth = State(centre, attitude @ boresight @ mounting, _terrain(plan), system, rig)
     camera_of_image = camera_of_event if rig is None else rig.camera_of_image
     flight_of_image = flight_of_event if rig is None else flight_of_event[rig.event_of_image]
@@ -173,7 +185,7 @@ def two_strips(**switches: object) -> Scene:
         weights = _over_time(
             StochasticModel.from_sigma(np.full((n, 3), plan.sigma_ins_rad)), motion, plan.ins_correlation_s
         )
-        rates = np.random.default_rng(12).normal(0.0, DEGREE, (n, 3)) if plan.turning else np.zeros((n, 3))
+        rates = rates if plan.turning else np.zeros((n, 3))
         # log(R_INSᵀ R_b exp(ω Δt)) = v for the true R_b: R_INS = R_b exp(ω Δt) exp(−v).
         later = rotation.exp(rates * system[TIME_OFFSET][flight_of_event])
         observed = attitude @ later @ rotation.exp(-drawn)
@@ -226,7 +238,9 @@ _HEAD_ANGLES = np.array([[24.0, -3.0, 2.0], [-19.0, 12.0, -5.0]])
 _HEAD_PLACES = np.array([[0.30, -0.20, 0.10], [-0.25, 0.35, 0.05]])
 
 
-def _rig(plan: Plan, cameras: tuple[FrameCamera, ...], camera_of_event: Ints) -> Rig | None:
+def _rig(
+    plan: Plan, cameras: tuple[FrameCamera, ...], camera_of_event: Ints, motion: EventMotion
+) -> Rig | None:
     """The heads of the first camera follow those of both cameras, then come those of the second."""
     if plan.heads == 1:
         return None
@@ -240,6 +254,7 @@ def _rig(plan: Plan, cameras: tuple[FrameCamera, ...], camera_of_event: Ints) ->
         np.column_stack([camera_of_event, further]).ravel(),
         reference,
         np.stack([camera.body_from_camera for camera in cameras]),
+        motion,
     )
 
 
@@ -281,7 +296,7 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
 
 
 def _of_heads(plan: Plan) -> dict[str, Floats]:
-    """True relative positions and rotations of all cameras, of both rigs a little different."""
+    """True positions, rotations and delays of all cameras, of both rigs a little different."""
     held, more = np.zeros((plan.cameras, 3)), plan.heads - 1
     drawn = np.random.default_rng(15).normal(0.0, 0.02, (plan.cameras * more, 3))
     angles = np.tile(_HEAD_ANGLES[:more] * DEGREE, (plan.cameras, 1)) + 0.1 * drawn
@@ -289,6 +304,9 @@ def _of_heads(plan: Plan) -> dict[str, Floats]:
     return {
         RELATIVE_POSITION: np.concatenate([held, places]),
         RELATIVE_ROTATION: np.concatenate([held, angles]),
+        SYNCHRONISATION_OFFSET: np.concatenate(
+            [held[:, :1], np.where(plan.synchronised, 0.0, 2e-3 + 0.1 * drawn[:, :1])]
+        ),
     }
 
 
@@ -647,7 +665,7 @@ def variants() -> dict[str, Scene]:
             priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
             **seeds,
         ),
-        "heads_held": two_strips(heads=2, **seeds),
+        "heads_held": two_strips(heads=2, synchronised=False, **seeds),
         "heads_free_two_cameras": two_strips(
             **{
                 **everything,
@@ -656,10 +674,12 @@ def variants() -> dict[str, Scene]:
                     ADDITIONAL_PARAMETERS: True,
                     RELATIVE_ROTATION: True,
                     RELATIVE_POSITION: [[True, True, False]],
+                    SYNCHRONISATION_OFFSET: True,
                 },
                 "priors": {INTERIOR_ORIENTATION: 2e-5, RELATIVE_POSITION: 5e-4},
             },
             heads=3,
+            synchronised=False,
             additional=True,
             **seeds,
         ),

@@ -11,6 +11,7 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from flows.stories.system_calibration import system_calibration
 from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
@@ -57,6 +58,11 @@ def test_mountings_of_the_heads_are_found_within_their_standard_deviations(
     assert len(mountings) == 15
     error = mountings["value"] - truth.loc[mountings.index, "value"]
     assert np.all(np.abs(error / mountings["sigma"]) < 3.5)
+    late = estimated.loc["synchronisation_offset"]
+    expected = truth.loc["synchronisation_offset"]["value"].loc[late.index]
+    assert sorted(expected) == [0.0, 0.0, 0.002, 0.002]
+    assert np.all(np.abs((late["value"] - expected) / late["sigma"]) < 3.5)
+    assert np.all(late["sigma"] < 2e-4)
     relative = mountings[mountings.index.get_level_values(0).str.startswith("relative")]
     assert np.all(relative["sigma"] < 5e-4)
 
@@ -117,8 +123,8 @@ def test_images_that_make_no_event_are_refused(
     if value == "time of row 1":
         changed = exposures.iloc[1, place]
     exposures.iloc[row, place] = changed  # type: ignore[call-overload]
-    override = delivered(tmp_path, exposures)
-    found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(override,)))
+    overrides = (delivered(tmp_path, exposures), 'adjustment.free=["relative_rotation"]')
+    found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=overrides))
     assert found.error is not None
     assert message in str(found.error)
 
@@ -144,3 +150,37 @@ def test_relative_parameters_without_a_rig_are_refused(tmp_path: Path) -> None:
     request = RunRequest(project, tmp_path / "out", overrides=('adjustment.free=["relative_rotation"]',))
     found = carry_out(aerial_triangulation, request)
     assert "no camera is one" in str(found.error)
+
+
+def test_synchronisation_without_times_along_strips_is_refused(flight: Path, tmp_path: Path) -> None:
+    exposures = pd.read_csv(flight.parent / "exposures.csv").assign(strip="")
+    override = delivered(tmp_path, exposures)
+    found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(override,)))
+    assert "name no strips" in str(found.error)
+    assert "synchronisation_offset" in str(found.error)
+
+
+def test_offsets_in_place_and_in_time_need_a_prior(flight: Path, tmp_path: Path) -> None:
+    free = 'adjustment.free=["relative_position", "synchronisation_offset"]'
+    found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(free,)))
+    assert "are the same at one speed" in str(found.error)
+
+
+@pytest.mark.slow
+def test_the_preset_is_accepted_as_a_calibration_flight_at_one_height(tmp_path: Path) -> None:
+    """Five focal lengths at one height, two heads 2 ms late."""
+    simulation = load_simulation("penta", (), 1)
+    project = simulate_project(simulation, tmp_path / "flight").project_file
+    found = carry_out(system_calibration, RunRequest(project, tmp_path / "out"))
+    assert found.error is None, found.error
+    figures = json.loads((found.directory / "summary.json").read_text())["calibration"]
+    assert figures["verdict"] == "accepted"
+    assert any("follow from heads that look in different directions" in one for one in figures["remarks"])
+    keys = ["parameter", "entity"]
+    truth = pd.read_parquet(project.parent / "truth" / "parameters.parquet").set_index(keys)["value"]
+    estimated = pd.read_parquet(found.directory / "parameters.parquet").set_index(keys)
+    estimated = estimated[estimated["sigma"].notna()]
+    ratio = (estimated["value"] - truth.loc[estimated.index]) / estimated["sigma"]
+    assert len(ratio) == 3 + 12 + 4 + 3 + 5 + 10
+    assert ratio.abs().max() < 3.5
+    assert 0.5 < (ratio**2).mean() < 1.6

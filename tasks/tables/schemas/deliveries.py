@@ -70,6 +70,7 @@ CAMERAS = TableSchema(
             )
             for name in ("roll", "pitch", "yaw")
         ),
+        number("synchronisation_offset_s", "s", "given delay after the moment of the event", nullable=True),
         *(
             text(name, f"what it is a calibration of: {words}; null: not declared", nullable=True)
             for name, words in (

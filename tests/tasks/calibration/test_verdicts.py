@@ -76,12 +76,13 @@ def judged(
     parameters: pd.DataFrame,
     flown: FlightPattern | None = None,
     limits: AcceptanceLimits | None = None,
+    heads: tuple[str, ...] = (),
     **pairs: float,
 ) -> tuple[dict[str, ParameterVerdict], FlightVerdict]:
     flown, limits = flown or pattern(), limits or AcceptanceLimits()
     verdicts = parameter_verdicts(parameters, correlated(parameters, **pairs), flown, limits)
     found = {key[0]: verdict for key, verdict in verdicts.items()}
-    return found, flight_verdict(parameters, verdicts, flown, limits)
+    return found, flight_verdict(parameters, verdicts, flown, limits, heads=heads)
 
 
 def test_a_flight_within_all_limits_is_accepted_whatever_the_correlation() -> None:
@@ -131,6 +132,35 @@ def test_directions_are_asked_for_even_if_the_standard_deviations_are_reached() 
     _, flight = judged(table(GOOD), pattern(headings=(90.0,)))
     assert flight.verdict == "refused"
     assert len(flight.reasons) == 1
+
+
+def test_heads_that_converge_determine_focal_lengths_at_one_height() -> None:
+    verdicts, flight = judged(table(GOOD), pattern(heights=(780.0,)), heads=("UCE", "left"))
+    assert flight.verdict == "accepted"
+    assert verdicts["focal_length"].verdict == "determined"
+    assert "one height (780 m above ground), with the GNSS shift in height unknown" in flight.remarks[0]
+    assert "σ up to 1 µm" in flight.remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "heads"),
+    [
+        # The height of the flight is taken from GNSS.
+        (table({name: sigma for name, sigma in GOOD.items() if name != "gnss_shift_z"}), ("UCE",)),
+        (table(GOOD, gnss_shift_z=0.016), ("UCE",)),
+        # σ says that the heads do not determine it.
+        (table(GOOD | {"focal_length": 2.1e-3}), ("UCE",)),
+        # One camera alone.
+        (table(GOOD), ()),
+        (table(GOOD), ("another",)),
+    ],
+)
+def test_a_second_height_is_asked_for_where_heads_do_not_replace_it(
+    parameters: pd.DataFrame, heads: tuple[str, ...]
+) -> None:
+    _, flight = judged(parameters, pattern(heights=(780.0,)), heads=heads)
+    assert flight.verdict == "refused"
+    assert any("the focal length from GNSS positions needs heights" in reason for reason in flight.reasons)
 
 
 def test_what_was_flown_already_is_not_asked_for() -> None:
