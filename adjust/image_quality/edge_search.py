@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats, Ints
-from adjust.image_quality.edge_finder import WINDOW, candidates, to_bright_side
+from adjust.image_quality.edge_finder import WINDOW, candidates, line_at, to_bright_side
 from adjust.image_quality.edge_measurement import MeasuredEdge, measured_edge
 from adjust.image_quality.edge_samples import REACH, EdgeLine
 
@@ -68,18 +68,18 @@ class EdgeSearch:
         ----------
         noise : standard deviation of the noise in the strip, grey values.
         """
-        for candidate in candidates(grey, noise):
-            line = candidate.line
-            cell = self._cell(line, first_row)
-            if self._taken[cell] >= _ENOUGH or self._tried[cell] >= _TRIED:
+        places = candidates(grey, noise)
+        for place, cell in zip(places, self._cells(places, first_row).tolist(), strict=True):
+            if self._taken.flat[cell] >= _ENOUGH or self._tried.flat[cell] >= _TRIED:
                 continue
-            if self._is_near(self._place(line, first_row)):
+            if self._is_near(place[:2] + np.array([0.0, first_row])):
                 continue
+            line = line_at(grey, place)
             found = measured_edge(grey, line)
             if self._take(found, line, first_row):
-                self._taken[cell] += 1
+                self._taken.flat[cell] += 1
             else:
-                self._tried[cell] += found != "beside the image"
+                self._tried.flat[cell] += found != "beside the image"
 
     def search_given(self, grey: NDArray[Any], noise: float, first_row: int, given: GivenEdges) -> None:
         """Measure the edges of a strip that are given, and the nearest one to each point that is given.
@@ -95,15 +95,16 @@ class EdgeSearch:
                 self._take(measured_edge(grey, line), line, first_row)
         if not len(given.points):
             return
-        lines = [candidate.line for candidate in candidates(grey, noise)]
-        places = np.array([self._place(line, first_row) for line in lines]).reshape(-1, 2)
+        found = candidates(grey, noise)
+        places = found[:, :2] + np.array([0.0, first_row])
         for point in given.points:
             distance = np.hypot(places[:, 0] - point[0], places[:, 1] - point[1])
             for index in np.argsort(distance, kind="stable"):
                 taken = [np.hypot(*(place - point)) <= NEAR for place in self._places]
                 if distance[index] > NEAR or any(taken):
                     break
-                self._take(measured_edge(grey, lines[index]), lines[index], first_row)
+                line = line_at(grey, found[index])
+                self._take(measured_edge(grey, line), line, first_row)
 
     def _take(self, found: MeasuredEdge | str, line: EdgeLine, first_row: int) -> bool:
         """Keep an edge, or count why it is none."""
@@ -118,10 +119,12 @@ class EdgeSearch:
     def _place(line: EdgeLine, first_row: int) -> Floats:
         return np.array([line.column, line.row + first_row])
 
-    def _cell(self, line: EdgeLine, first_row: int) -> tuple[int, int, int]:
-        down = int((line.row + first_row) * _CELLS / self.rows)
-        across = int(line.column * _CELLS / self.columns)
-        return min(down, _CELLS - 1), min(across, _CELLS - 1), int(line.crosses_columns)
+    def _cells(self, places: Floats, first_row: int) -> Ints:
+        """Numbers (n,) of the cells of candidates, those across columns and rows apart."""
+        parts = (places[:, 1] + first_row) / self.rows, places[:, 0] / self.columns
+        down, across = (np.clip((_CELLS * part).astype(np.int64), 0, _CELLS - 1) for part in parts)
+        along_columns = np.abs(np.cos(places[:, 2])) >= np.abs(np.sin(places[:, 2]))
+        return np.asarray((down * _CELLS + across) * 2 + along_columns)
 
     def _is_near(self, place: Floats) -> bool:
         """Whether it may share pixels with an edge that was taken."""

@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import OF_STATUS
+from flows.command.living_line import living_line
 from flows.command.progress import show_progress
-from flows.stories.image_quality import image_quality
+from flows.stories.image_quality import image_quality, stages_of
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.files.json_text import JSON, json_text
@@ -27,14 +28,15 @@ def execute_image_quality(
     source: Path, out: Path | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
 ) -> int:
     """Run, and show the result; returns the exit code. Wrong input leaves as an InputError."""
-    show_progress()
+    console = show_progress()
     settings = load_image_quality(source, overrides, data)
     directory = source.parent / "image-quality" if out is None else out
     store = Store.of(directory)
     with run_lock(directory):
         store.begin_run()
         try:
-            summary = image_quality(settings, store)
+            with living_line(console, directory, stages_of(settings)):
+                summary = image_quality(settings, store)
         except InputError as error:
             with writing_into(directory):
                 write_summary(directory, failed_summary("input_error", str(error), {}))

@@ -2,7 +2,8 @@
 
 It stands below the messages on a terminal once a run has taken some seconds, and nowhere else. How long
 stages take is known from the last time they were computed for the same output folder; the first time from how
-long they usually take in proportion to each other. What has been done so far says how fast this machine is.
+long they usually take in proportion to each other. What has been done so far says how fast this machine is. A
+stage that tells itself how far it is (`stage_fraction` of its messages) is believed.
 """
 
 from __future__ import annotations
@@ -10,16 +11,15 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from flows.runs.project_run import RunRequest, StoryName
-from tasks.production.stage_states import STAGES_OF
 from tasks.store.store import Store
 
 # Of the operational block (2,448 images, 545,000 image points), s; only their proportions matter.
@@ -55,8 +55,9 @@ class LivingLine(logging.Handler):
         self._done = self._took = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note where a stage begins or ends."""
+        """Note where a stage begins or ends, and how far it says it is."""
         began, ended = (getattr(record, name, None) for name in ("stage_began", "stage_ended"))
+        fraction: float | None = getattr(record, "stage_fraction", None)
         if began is not None:
             self._stage, self._stage_start = began, self._clock()
         elif ended is not None:
@@ -66,6 +67,10 @@ class LivingLine(logging.Handler):
                 self._done += expected
                 self._took += self._clock() - self._stage_start
             self._stage = None
+        elif fraction and self._stage is not None:
+            took = self._clock() - self._stage_start
+            # A little less than all: what comes after the last part is never told.
+            self._left[self._stage] = took / min(fraction, _MOST) / self._pace()
 
     @property
     def fraction(self) -> float:
@@ -107,12 +112,12 @@ def _expected_s(store: Store, stage: str) -> float:
 
 
 @contextmanager
-def living_line(console: Console, request: RunRequest, story: StoryName) -> Iterator[None]:
-    """Show the line while a story is carried out here."""
+def living_line(console: Console, directory: Path, stages: Sequence[str]) -> Iterator[None]:
+    """Show the line while the stages of a story are carried out here for an output folder."""
     if not (sys.stderr.isatty() and console.is_interactive):
         yield
         return
-    stages, store = STAGES_OF[story.replace("_", "-")], Store.of(request.directory)
+    store = Store.of(directory)
     line = LivingLine({stage: _expected_s(store, stage) for stage in stages})
     log = logging.getLogger("aerocal")
     log.addHandler(line)

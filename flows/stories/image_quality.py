@@ -18,6 +18,18 @@ write_page = stage(image_quality_page.write_image_quality_page)
 publish = stage(publication.publish_image_quality)
 
 
+def stages_of(settings: ImageQualitySettings) -> tuple[str, ...]:
+    """Names of the stages that the settings need, in their order."""
+    wanted = {
+        "image_quality": bool(settings.images),
+        "edge_drift": bool(settings.images) and settings.earlier is not None,
+        "sensor_quality": settings.sensor is not None,
+        "image_quality_page": True,
+        "radiometric_certificate": settings.sensor is not None,
+    }
+    return tuple(name for name, is_wanted in wanted.items() if is_wanted)
+
+
 def image_quality(settings: ImageQualitySettings, store: Store) -> Summary:
     """Examine scenes and sensor, draw the page, certify what has been examined of a sensor, publish."""
     examined: tuple[Outputs, ...] = ()

@@ -14,6 +14,7 @@ from adjust.image_quality.edge_statistics import ENOUGH
 from tasks.errors import InputError
 from tasks.files.json_text import JSON
 from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table, smear_table
+from tasks.image_quality.progress import Progress
 from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
@@ -30,7 +31,10 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
         If an image cannot be read, or the images are not alike.
     """
     given = _given(settings)
-    scenes = [examined_scene(path, given) for path in settings.images]
+    scenes = []
+    for number, path in enumerate(settings.images):
+        progress = Progress(path.name, number / len(settings.images), 1.0 / len(settings.images))
+        scenes.append(examined_scene(path, given, progress.tell))
     _require_alike(scenes, settings.images)
     means, responses = mean_tables(scenes, settings.gsd_m)
     smears = smear_table(scenes)

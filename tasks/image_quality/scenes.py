@@ -6,8 +6,7 @@ clipped has another shape. Of an image of a gigabyte only some strips are in mem
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +17,13 @@ from numpy.typing import NDArray
 
 from adjust.image_quality.edge_search import OVERLAP, EdgeSearch, GivenEdges
 from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noise_of, tile_noise
+from adjust.options import available_threads
 from tasks.errors import InputError
 from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
 
 _STRIP = 256
 #: Rows of a strip whose noise stands for that of the strip.
 _OF_STRIP = 128
-_THREADS = 2
-_log = logging.getLogger("aerocal")
 
 Strip = NDArray[np.float32]
 
@@ -62,12 +60,19 @@ class SceneQuality:
     bands: tuple[BandQuality, ...]
 
 
-def examined_scene(path: Path, given: GivenEdges | None = None) -> SceneQuality:
+def examined_scene(
+    path: Path,
+    given: GivenEdges | None = None,
+    tell: Callable[[float], None] = lambda _done: None,
+    threads: int | None = None,
+) -> SceneQuality:
     """Examine an image.
 
     Parameters
     ----------
     given : the edges that are measured; None: those that are found over the whole format.
+    tell : called with the fraction of the image that is done, after each strip.
+    threads : bands at a time, which changes nothing about the result; None: as many as there may be.
 
     Raises
     ------
@@ -76,7 +81,8 @@ def examined_scene(path: Path, given: GivenEdges | None = None) -> SceneQuality:
     InstallationError
         If rasterio is not installed.
     """
-    with opened_image(path, _THREADS) as reader:
+    threads = available_threads() if threads is None else threads
+    with opened_image(path, threads) as reader:
         about = reader.description
         if min(about.rows, about.columns) < OVERLAP:
             raise InputError(
@@ -86,7 +92,7 @@ def examined_scene(path: Path, given: GivenEdges | None = None) -> SceneQuality:
             )
         bands = [_Band(k, EdgeSearch(about.rows, about.columns), []) for k in range(about.bands)]
         bands = [band for band in bands if band.index not in about.alpha]
-        with ThreadPoolExecutor(_THREADS) as pool:
+        with ThreadPoolExecutor(threads) as pool:
             for first, pixels in _strips(reader):
                 # Of a generator errors of the threads would be lost.
                 list(
@@ -94,8 +100,7 @@ def examined_scene(path: Path, given: GivenEdges | None = None) -> SceneQuality:
                         lambda band, at=first, grey=pixels: band.take(grey[band.index], at, given), bands
                     )
                 )
-                done = min(first + _STRIP, about.rows) / about.rows
-                _log.info("%s: %.0f %%", path.name, 100.0 * done)
+                tell(min(first + _STRIP, about.rows) / about.rows)
     found = tuple(
         BandQuality(band.index + 1, band.search, noise_levels(TileNoise.together(band.tiles)))
         for band in bands

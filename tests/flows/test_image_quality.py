@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from tasks.image_files.library import raster_environment
+from tasks.image_quality.scenes import examined_scene
 from tests.adjust.image_quality.synthetic_edges import scene
 from tests.command_line import aerocal
 
@@ -78,6 +79,16 @@ def test_page_summary_and_tables_say_the_same(results: Path) -> None:
     assert set(json.loads((results / "manifest.json").read_text())["artifacts"]) == {
         "edges", "edge_means", "edge_responses", "noise_levels", "smears", "image_quality",
     }  # fmt: skip
+
+
+def test_one_and_two_threads_find_the_same(results: Path) -> None:
+    one, two = (examined_scene(results.parent / "0.tif", threads=threads) for threads in (1, 2))
+    for here, there in zip(one.bands, two.bands, strict=True):
+        assert [edge.line for edge in here.edges.edges] == [edge.line for edge in there.edges.edges]
+        for a, b in zip(here.edges.edges, there.edges.edges, strict=True):
+            assert a.fit.values.tobytes() == b.fit.values.tobytes()
+        assert here.levels.noise.tobytes() == there.levels.noise.tobytes()
+        assert here.edges.refused == there.edges.refused
 
 
 def test_one_image_needs_no_project_file(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ class Run:
         self.clock = Clock()
         self.line = LivingLine({"read": 1.0, "compute": 4.0, "report": 5.0}, self.clock)
 
-    def note(self, **what: str) -> None:
+    def note(self, **what: str | float) -> None:
         self.line.emit(logging.makeLogRecord(what))
 
     def stage(self, name: str, seconds: float) -> None:
@@ -81,3 +81,16 @@ def test_the_line_is_there_after_five_seconds_and_says_stage_fraction_and_time_l
     shown = run.shown()
     for words in ("compute", "48 %", "about 5 s left"):
         assert words in shown
+
+
+def test_a_stage_that_says_how_far_it_is_is_believed() -> None:
+    run = Run()
+    run.stage("read", 1.0)
+    run.note(stage_began="compute")
+    run.clock.now += 5.0
+    run.note(stage_fraction=0.25)
+    # 20 s of the stage instead of the 4 that were expected: 6 of 26 s are over.
+    assert run.line.fraction == pytest.approx(6.0 / 26.0)
+    assert run.line.seconds_left == pytest.approx(20.0)
+    run.clock.now += 10.0
+    assert run.line.fraction == pytest.approx(16.0 / 26.0)

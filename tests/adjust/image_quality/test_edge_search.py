@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adjust.image_quality.edge_finder import candidates
+from adjust.image_quality.edge_finder import candidates, line_at
 from adjust.image_quality.edge_measurement import measured_edge
 from adjust.image_quality.edge_model import resolution_factor
 from adjust.image_quality.edge_search import EdgeSearch
@@ -35,7 +35,7 @@ def test_no_edge_is_found_on_texture() -> None:
     assert [
         one
         for one in candidates(image, noise_of(image))
-        if not isinstance(measured_edge(image, one.line), str)
+        if not isinstance(measured_edge(image, line_at(image, one)), str)
     ] == []
 
 
