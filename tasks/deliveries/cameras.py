@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -15,7 +16,7 @@ from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord, PixelCamera
-from tasks.formats.register import CAMERA_FORMATS
+from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
 from tasks.settings.cameras import REGISTRY, CameraInput
 from tasks.tables.parquet import write_table
@@ -62,7 +63,9 @@ def camera_record(camera: CameraInput) -> CameraRecord:
         If the camera file cannot be read.
     """
     if camera.file is not None and camera.format is not None:
-        read = _of_file(camera, camera.file, CAMERA_FORMATS[camera.format](camera.file))
+        elsewhere = () if camera.principal_point_mm is None else ("x0_mm", "y0_mm")
+        layout = replace(camera.table.layout, elsewhere=elsewhere)
+        read = _of_file(camera, camera.file, read_cameras(camera.format, camera.file, layout))
         _refuse_impossible(read, camera.file)
         return read
     # The settings have made sure that all values are there when there is no file.
@@ -107,7 +110,23 @@ def _of_file(
             "Keep one of the two, so that they cannot differ: leave pixel_um out.",
             file=file,
         )
-    return read
+    return _with_principal_point(camera, file, read)
+
+
+def _with_principal_point(camera: CameraInput, file: Path, read: CameraRecord) -> CameraRecord:
+    """The camera of a table whose principal point stands in the project file, and nowhere else."""
+    declared, known = camera.principal_point_mm, math.isfinite(sum(read.principal_point_mm))
+    if declared is None and known:
+        return read
+    if declared is None or known:
+        raise InputError(
+            "The table and the project file have a principal point."
+            if known
+            else "The table does not have the principal point of this camera.",
+            "Leave principal_point_mm out." if known else "Declare principal_point_mm of this camera.",
+            file=file,
+        )
+    return replace(read, principal_point_mm=declared)
 
 
 def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:

@@ -216,7 +216,9 @@ def _images_text(path: Path, content: bytes) -> Iterator[_Image]:
         if text.startswith("#") or (waiting is None and not text.strip()):
             continue
         if waiting is None:
-            waiting = line, text.split(maxsplit=9)
+            # COLMAP reads numbers followed by a comma, too, and programs write such files.
+            words = text.split(maxsplit=9)
+            waiting = line, [*(word.removesuffix(",") for word in words[:9]), *words[9:]]
             continue
         number, words = waiting
         pose = numbers_of(path, words[1:], 7, number, "quaternion and translation")

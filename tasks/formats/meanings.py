@@ -34,6 +34,7 @@ IMAGE_POINT_MEANINGS: Mapping[str, ImagePointMeaning] = {
     "colmap": _CORNER,
     "opensfm": ImagePointMeaning("longer-side"),
     "odm-gcp": _CENTRE,
+    "opensfm-gcp": ImagePointMeaning("longer-side"),
     "bundler": ImagePointMeaning("centred-px"),
     "opf": _CORNER,
     "openmvg": _CORNER,

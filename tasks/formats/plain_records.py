@@ -15,7 +15,13 @@ from adjust.arrays import Bools, Floats
 from adjust.geometry.rotation import to_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.files.delivered_file import file_limits
-from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.formats.records import (
+    ControlRecords,
+    DistanceRecords,
+    ExposureRecords,
+    FileStatement,
+    ImagePointRecords,
+)
 from tasks.formats.text_table import first_trouble
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
@@ -140,6 +146,30 @@ def control_of(
         line=np.asarray(line, dtype=np.int64),
         states=states or FileStatement(),
         remarks=remarks,
+    )
+
+
+def distances_of(
+    path: Path, point: Sequence[str], other_point: Sequence[str], distance: Floats, sigma: Floats
+) -> DistanceRecords:
+    """Distances (n,) between object points, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If there are none, or a name or number cannot be.
+    """
+    count = len(point)
+    _refuse_none(path, count, "distance")
+    line = np.arange(1, count + 1)
+    return DistanceRecords(
+        file=path,
+        point=_names(path, point, line),
+        other_point=_names(path, other_point, line),
+        distance=_numbers(path, distance, point, line),
+        sigma=_numbers(path, sigma, point, line),
+        role=pa.nulls(count, pa.string()),
+        line=line,
     )
 
 

@@ -50,6 +50,7 @@ from tasks.formats.micmac import (
     read_micmac_image_points,
 )
 from tasks.formats.native_csv import (
+    read_csv_cameras,
     read_csv_control,
     read_csv_distances,
     read_csv_events,
@@ -69,12 +70,15 @@ from tasks.formats.opensfm import (
     read_opensfm_exposures,
     read_opensfm_tracks,
 )
+from tasks.formats.opensfm_control import read_opensfm_control, read_opensfm_measurements
 from tasks.formats.opf import (
     read_opf_cameras,
     read_opf_control,
+    read_opf_distances,
     read_opf_exposures,
     read_opf_image_points,
 )
+from tasks.formats.ossim import read_ossim_camera
 from tasks.formats.patb import read_patb_control, read_patb_orientations
 from tasks.formats.photo_lists import read_photo_lists
 from tasks.formats.pix4d import read_pix4d_cameras, read_pix4d_exposures
@@ -91,6 +95,7 @@ from tasks.formats.records import (
 )
 from tasks.formats.rtklib import read_rtklib
 from tasks.formats.sbet import read_sbet, read_smrmsg
+from tasks.formats.stac import read_stac_cameras, read_stac_exposures
 from tasks.formats.table_layout import TableLayout
 from tasks.formats.trajectory_records import AccuracyRecords, Count, EventRecords, TrajectoryRecords
 
@@ -117,6 +122,7 @@ _IMAGE_POINT_FORMATS: dict[str, ImagePointReader] = {
     "colmap": read_colmap_image_points,
     "opensfm": read_opensfm_tracks,
     "odm-gcp": read_odm_measurements,
+    "opensfm-gcp": read_opensfm_measurements,
     "bundler": read_bundler_image_points,
     "opf": read_opf_image_points,
     "openmvg": read_openmvg_image_points,
@@ -148,6 +154,7 @@ _EXPOSURE_FORMATS: dict[str, ExposureReader] = {
     "bal": read_bal_exposures,
     "colmap-database": read_colmap_database_exposures,
     "dji-mrk": read_mrk_exposures,
+    "stac": read_stac_exposures,
 }
 EXPOSURE_FORMATS = Extended("exposures", _EXPOSURE_FORMATS, trouble_of_function)
 TRAJECTORY_FORMATS: dict[str, TrajectoryReader] = {"sbet": read_sbet, "rtklib": read_rtklib}
@@ -170,13 +177,15 @@ _CONTROL_FORMATS: dict[str, ControlReader] = {
     "metashape-markers": read_metashape_markers,
     "blocks-exchange": read_blocks_control,
     "odm-gcp": read_odm_control,
+    "opensfm-gcp": read_opensfm_control,
     "opf": read_opf_control,
     "micmac": read_micmac_control,
 }
 CONTROL_FORMATS = Extended("control_points", _CONTROL_FORMATS, trouble_of_function)
-_DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances}
+_DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances, "opf": read_opf_distances}
 DISTANCE_FORMATS = Extended("distances", _DISTANCE_FORMATS, trouble_of_function)
 _CAMERA_FORMATS: dict[str, CameraReader] = {
+    TABLE: read_csv_cameras,
     "ign-xml": lambda path: {"": read_ign_camera(path)},
     "inpho": read_inpho_cameras,
     "isat": read_isat_cameras,
@@ -190,6 +199,8 @@ _CAMERA_FORMATS: dict[str, CameraReader] = {
     "openmvg": read_openmvg_cameras,
     "micmac": read_micmac_cameras,
     "colmap-database": read_colmap_database_cameras,
+    "ossim": read_ossim_camera,
+    "stac": read_stac_cameras,
 }
 CAMERA_FORMATS = Extended("cameras", _CAMERA_FORMATS, trouble_of_function)
 
@@ -212,3 +223,8 @@ def read_events(name: str, path: Path, count: Count, layout: TableLayout) -> Eve
 def read_control(name: str, path: Path, layout: TableLayout) -> ControlRecords:
     """Read control points of a format of the register; the layout is that of a table."""
     return read_csv_control(path, layout) if name == TABLE else CONTROL_FORMATS[name](path)
+
+
+def read_cameras(name: str, path: Path, layout: TableLayout) -> Mapping[str, CameraRecord | PixelCamera]:
+    """Read cameras of a format of the register; the layout is that of a table."""
+    return read_csv_cameras(path, layout) if name == TABLE else CAMERA_FORMATS[name](path)

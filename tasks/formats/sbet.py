@@ -33,6 +33,8 @@ SHORTEST_STEP_S = 1e-6
 _ARC_MINUTE = np.pi / 10_800.0
 # Far from everything that flies: other doubles than those of a trajectory.
 _HIGHEST_M, _FASTEST_M_S, _FASTEST_RAD_S = 1e5, 1e4, 1e3
+# One record has no time before or after it.
+_FEWEST = 2
 _STATES = FileStatement(heights="ellipsoidal", order="heading-pitch-roll", reference="true-north")
 
 
@@ -82,7 +84,8 @@ def read_smrmsg(path: Path) -> AccuracyRecords:
     """
     table = _records(path, SMRMSG_FIELDS, "smrmsg")
     rms = table[:, 1:]
-    _refuse(path, np.asarray((rms < 0.0).any(axis=1)), "has a negative RMS")
+    impossible = (rms < 0.0).any(axis=1) | (rms[:, :6] > _HIGHEST_M).any(axis=1) | (len(rms) < _FEWEST)
+    _refuse(path, np.asarray(impossible), "is no accuracy, or stands alone")
     # Zero stands where nothing was computed.
     rms = np.where(rms > 0.0, rms, np.nan)
     return AccuracyRecords(

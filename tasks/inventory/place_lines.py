@@ -23,9 +23,15 @@ ON_EARTH = "the datum of longitude and latitude, e.g. 'EPSG:4258' for ETRS89"
 
 
 def place_lines(
-    states: FileStatement, position: np.ndarray, counts: str, asked: str = IN_MAP
+    states: FileStatement, position: np.ndarray, counts: str, asked: str = IN_MAP, beside: str | None = None
 ) -> Iterator[str]:
-    """CRS and heights of positions (n, 3), with their ranges above; `asked` where the file states no CRS."""
+    """CRS and heights of positions (n, 3), with their ranges above.
+
+    Parameters
+    ----------
+    asked : what a person declares where the file states no CRS.
+    beside : the CRS of a file ``.prj`` of the same name.
+    """
     yield comment(
         f"{counts}: {', '.join(f'{n} {value_range(p)}' for n, p in zip('xyz', position.T, strict=True))}"
     )
@@ -35,6 +41,8 @@ def place_lines(
         # An ellipsoid is no datum: between such systems nothing can be transformed.
         datum = f", datum {states.datum}" if states.datum else ""
         yield key_line("crs", open_value(f"its EPSG code; the file states {states.crs}{datum}"))
+    elif beside is not None:
+        yield key_line("crs", beside, "as the .prj of the same name states it")
     else:
         datum = f"; the file states the datum {quoted(states.datum)}" if states.datum else ""
         yield key_line("crs", open_value(asked + datum))

@@ -82,7 +82,7 @@ def _inputs(
 ) -> Iterator[str]:
     for kind in ("image_points", "exposures", "control", "distances"):
         of_kind = [
-            (list(_input(file, content, folder, cameras)), _images(content))
+            (list(_input(file, content, folder, cameras, _crs_beside(file, files))), _images(content))
             for file, content in inputs
             if content.kind == kind
         ]
@@ -112,7 +112,7 @@ def _one_of_each(sections: Iterable[_Section]) -> list[_Section]:
 
 
 def _input(
-    file: FoundFile, content: Content, folder: Path, cameras: Sequence[CameraSection]
+    file: FoundFile, content: Content, folder: Path, cameras: Sequence[CameraSection], beside: str | None
 ) -> Iterator[str]:
     yield f"[[inputs.{content.kind}]]"
     yield key_line("file", file.path.relative_to(folder).as_posix())
@@ -123,9 +123,10 @@ def _input(
     if isinstance(records, ImagePointRecords):
         yield from _image_points(content, records)
     elif isinstance(records, ExposureRecords):
-        yield from _exposures(content, records, cameras)
+        yield from _exposures(content, records, cameras, beside)
     elif isinstance(records, ControlRecords):
-        yield from place_lines(records.states, records.position, f"{len(records.line)} points")
+        points = f"{len(records.line)} points"
+        yield from place_lines(records.states, records.position, points, beside=beside)
     else:
         yield key_line("unit", open_value(_DISTANCE_UNIT))
         yield key_line("sigma", 0.01, "in the unit above; the files do not always say it")
@@ -141,9 +142,11 @@ def _image_points(content: Content, records: ImagePointRecords) -> Iterator[str]
         yield key_line("unit", meaning.unit, "as the format has it")
 
 
-def _exposures(content: Content, records: ExposureRecords, cameras: Sequence[CameraSection]) -> Iterator[str]:
+def _exposures(
+    content: Content, records: ExposureRecords, cameras: Sequence[CameraSection], beside: str | None
+) -> Iterator[str]:
     states = records.states
-    yield from place_lines(states, records.position, f"{len(records.line):,} exposures")
+    yield from place_lines(states, records.position, f"{len(records.line):,} exposures", beside=beside)
     adjusted = content.format in ADJUSTED
     if states.position is not None or adjusted:
         yield key_line("position", "projection_centre", "as the file has it")
@@ -199,6 +202,12 @@ def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:
     yield key_line("observe", ["control"] if control else [])
     if not control:
         yield key_line("datum", "free_network", "nothing else fixes it: there is no control")
+
+
+def _crs_beside(file: FoundFile, files: Sequence[FoundFile]) -> str | None:
+    """The CRS of a file that has the name of another one but for its extension."""
+    stem = file.path.with_suffix("")
+    return next((one.crs for one in files if one.crs and one.path.with_suffix("") == stem), None)
 
 
 def _states(content: Content) -> FileStatement:

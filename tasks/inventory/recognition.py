@@ -36,6 +36,7 @@ from tasks.formats.register import (
     IMAGE_POINT_FORMATS,
     TABLE,
     TRAJECTORY_FORMATS,
+    read_cameras,
     read_control,
     read_events,
     read_exposures,
@@ -44,6 +45,7 @@ from tasks.formats.register import (
 from tasks.formats.table_layout import TableLayout
 from tasks.formats.trajectory_records import AccuracyRecords, Count, EventRecords, TrajectoryRecords
 from tasks.inventory.foreign_tables import proposed_layouts
+from tasks.inventory.known_files import crs_of_file, known_as
 
 Kind: TypeAlias = Literal[
     "camera", "exposures", "image_points", "control", "distances", "trajectory", "accuracy", "events"
@@ -101,11 +103,13 @@ class FoundFile:
     path : where it lies.
     contents : what it holds; empty if no reader reads it.
     remark : what is known of a file that is not read.
+    crs : of a file that holds nothing but a CRS, as a project file takes it.
     """
 
     path: Path
     contents: tuple[Content, ...]
     remark: str = ""
+    crs: str | None = None
 
 
 def recognised(path: Path) -> FoundFile:
@@ -124,10 +128,20 @@ def recognised(path: Path) -> FoundFile:
         tried = _shortened(path, beginning, Path(folder))
         found = _read_as_it_stands(tried, beginning) or _read_as_foreign_table(tried, beginning)
         if tried == path or not found:
-            return FoundFile(path, tuple(found), "" if found else "no reader reads it")
+            return _found(path, tuple(found), beginning)
     again = [_again(path, content) for content in found]
     contents = tuple(content for content in again if content is not None)
     return FoundFile(path, contents, "" if contents else "no reader reads it to its end")
+
+
+def _found(path: Path, contents: tuple[Content, ...], beginning: bytes) -> FoundFile:
+    """A file that was read, or what is known of one that was not."""
+    if contents:
+        return FoundFile(path, contents)
+    crs = crs_of_file(beginning)
+    if crs is not None:
+        return FoundFile(path, (), f"a CRS: {crs}", crs)
+    return FoundFile(path, (), known_as(path, beginning) or "no reader reads it")
 
 
 def _shortened(path: Path, beginning: bytes, folder: Path) -> Path:
@@ -175,7 +189,7 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
     records: Records
     try:
         if kind == "camera":
-            records = CAMERA_FORMATS[name](path)
+            records = read_cameras(name, path, layout)
         elif kind == "exposures":
             records = read_exposures(name, path, order or "omega-phi-kappa", layout)
         elif kind == "image_points":

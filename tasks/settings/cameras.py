@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from tasks.formats.register import CAMERA_FORMATS
+from tasks.formats.register import CAMERA_FORMATS, TABLE
 from tasks.magnitude import MOST_PIXELS
 from tasks.settings.base import InputPath, Settings, one_of, trouble
 from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
+from tasks.settings.table_layout import TableSettings
 
 #: Where the calibrated values of a camera come from.
 GIVEN, REGISTRY = "given", "registry"
@@ -106,6 +107,13 @@ class HeadSettings(Settings):
     )
 
 
+class CameraTable(TableSettings):
+    """Layout of a table of cameras."""
+
+    # The table of the camera has the key.
+    format: ClassVar[str] = "csv"
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -117,6 +125,12 @@ class CameraInput(Settings):
     name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="Name (or number) of the camera in `file`, if the file contains several."
     )
+    table: CameraTable = Field(
+        default=CameraTable(),
+        description='Layout of `file` with `format = "csv"`, where it is not aerocal\'s own: keys of '
+        "[tables of others](#tables-of-others). Columns are `camera`, `columns`, `rows`, `pixel_um`, "
+        "`focal_length_mm`, `x0_mm`, `y0_mm`, and, to be compared with them, `width_mm`, `height_mm`.",
+    )
     columns: Pixels | None = Field(default=None, description="Width of the image, px.")
     rows: Pixels | None = Field(default=None, description="Height of the image, px.")
     pixel_um: Positive | None = Field(
@@ -126,7 +140,9 @@ class CameraInput(Settings):
     )
     focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
     principal_point_mm: tuple[Finite, Finite] | None = Field(
-        default=None, description="Principal point x, y in the image system (from the format centre), mm."
+        default=None,
+        description="Principal point x, y in the image system (from the format centre), mm; also "
+        "together with a table of cameras that has none.",
     )
     pixel_origin: Literal["corner", "centre"] = Field(
         description="Which point of the top-left pixel has the pixel coordinates (0, 0). The "
@@ -216,7 +232,8 @@ class CameraInput(Settings):
 
     @model_validator(mode="after")
     def _file_or_values(self) -> CameraInput:
-        given = [name for name in _INLINE if getattr(self, name) is not None and name != "pixel_um"]
+        beside = {"pixel_um"} | ({"principal_point_mm"} if self.format == TABLE else set())
+        given = [name for name in _INLINE if getattr(self, name) is not None and name not in beside]
         missing = [name for name in _INLINE if getattr(self, name) is None]
         if self.file is not None and given:
             raise trouble(
@@ -225,6 +242,11 @@ class CameraInput(Settings):
             )
         if self.file is not None and self.format is None:
             raise trouble("The format of the camera file is missing.", 'Add it, e.g. format = "ign-xml".')
+        if "table" in self.model_fields_set and self.format != TABLE:
+            raise trouble(
+                "table is the layout of a table of cameras, and this camera has none.",
+                'Leave it out, or declare format = "csv" and the file.',
+            )
         if self.file is None and self.name_in_file is not None:
             raise trouble("name_in_file is of a camera `file`, and there is none.", "Leave it out.")
         if self.calibration == GIVEN and "calibration_use" in self.model_fields_set:

@@ -206,6 +206,21 @@ def _opf(member: str, begin: str, end: str, change: Callable[[str, int], str]) -
     return make
 
 
+def _cameras(path: Path, _size: int) -> None:
+    """As many cameras as a table may have."""
+    rows = "".join(f"C{k},100,80,5,60.5,0.1,-0.2\n" for k in range(100_000))
+    path.write_text("camera,columns,rows,pixel_um,focal_length_mm,x0_mm,y0_mm\n" + rows)
+
+
+def _stac(path: Path, size: int) -> None:
+    """A packed folder of items."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for k in range(size // (len(sound._STAC) + 120)):
+            archive.writestr(
+                f"{k:06d}.json", sound._STAC.replace("a.tif", f"{k}.tif").replace('"a"', f'"{k}"')
+            )
+
+
 def _database(path: Path, size: int) -> None:
     """Images with a thousand points each, matched with the next one."""
     path.write_bytes(small.colmap_database())
@@ -408,6 +423,12 @@ LARGE: dict[tuple[str, str], Maker] = {
         "p/input-control-points.json", '{"id": "G1"', '"is_checkpoint": true}', _named("G1")
     ),
     ("control", "micmac"): passage(small.GROUND_POINTS, "<OneAppuisDAF>", "</OneAppuisDAF>", _named("G 1")),
+    ("camera", "csv"): _cameras,
+    ("camera", "ossim"): repeated(lambda k: f"// {k}\n", sound._OSSIM),
+    ("camera", "stac"): _stac,
+    ("exposures", "stac"): _stac,
+    ("control", "opensfm-gcp"): passage(sound._OPENSFM_GCP, '{"id": "g1"', "}]}", _named("g1"), ", "),
+    ("image points", "opensfm-gcp"): passage(sound._OPENSFM_GCP, '{"id": "g1"', "}]}", _named("g1"), ", "),
     ("camera", "ign-xml"): passage(
         sound._IGN_XML, "<focal>", "</focal>", lambda one, k: one if k == 0 else f"<other>{k}</other>\n"
     ),
@@ -478,5 +499,7 @@ DOCUMENTS = {
         ("exposures", "opensfm"),
         ("camera", "micmac"),
         ("control", "micmac"),
+        ("control", "opensfm-gcp"),
+        ("image points", "opensfm-gcp"),
     }
 }

@@ -168,6 +168,45 @@ SYM_DIST 0 0.0001 0 0
 #Decentering Lens Coeffs p1,p2,p3
 DEC_DIST 0 0.00001 0
 """
+_OSSIM = (
+    "// a camera\nsensor: C\nfocal_length: 60.5\nprincipal_point: -0.2 0.1\nimage_size: 100.0 80.0\n"
+    "pixel_size: 0.009\n"
+    + "".join(f"d{k}: {k + 1} {-0.02 * (k + 1) ** 3:.3f}\n" for k in range(6))
+    + "distortion_units: microns\n"
+)
+_STAC = json.dumps(
+    {
+        "type": "Feature",
+        "stac_version": "1.0.0",
+        "id": "a",
+        "properties": {
+            "pers:crs": 25832,
+            "pers:perspective_center": [500000.5, 5300000.25, 900.0],
+            "pers:omega": 0.1,
+            "pers:phi": -0.2,
+            "pers:kappa": 10.0,
+            "pers:interior_orientation": {
+                "camera_id": "C",
+                "sensor_array_dimensions": [100, 80],
+                "pixel_spacing": [0.005, 0.005],
+                "focal_length": 80.0,
+                "principal_point_offset": [0.1, 0],
+            },
+        },
+        "assets": {"image": {"href": "x/a.tif", "roles": ["data"]}},
+    }
+)
+_OPENSFM_GCP = json.dumps(
+    {
+        "points": [
+            {
+                "id": "g1",
+                "position": {"latitude": 48.0, "longitude": 11.0, "altitude": 500.5},
+                "observations": [{"shot_id": "a.jpg", "projection": [0.1, -0.2]}],
+            }
+        ]
+    }
+)
 #: (what is read, format) → content.
 SOUND: dict[tuple[str, str], str | bytes] = {
     ("image points", "csv"): "image,point,x,y\nI1,P1,1.5,2.5\n",
@@ -228,6 +267,12 @@ SOUND: dict[tuple[str, str], str | bytes] = {
     ("control", "odm-gcp"): _GCP,
     ("control", "opf"): small.packed(small.OPF),
     ("control", "micmac"): small.GROUND_POINTS,
+    ("camera", "csv"): "camera,columns,rows,pixel_um,focal_length_mm,x0_mm,y0_mm\nC,100,80,5,60.5,0.1,-0.2\n",
+    ("camera", "ossim"): _OSSIM,
+    ("camera", "stac"): _STAC,
+    ("exposures", "stac"): _STAC,
+    ("control", "opensfm-gcp"): _OPENSFM_GCP,
+    ("image points", "opensfm-gcp"): _OPENSFM_GCP,
     ("camera", "ign-xml"): _IGN_XML,
     ("camera", "inpho"): texts.INPHO,
     ("camera", "isat"): (

@@ -1,0 +1,61 @@
+"""OpenSfM's ``ground_control_points.json``: surveyed points and where they are seen.
+
+Positions are longitude, latitude (WGS 84) and altitude, which may be missing; a point without a position is
+a tie point. Measurements are those of ``tracks.csv``: from the middle of the image, in parts of its longer
+side, y downwards; unit = "longer-side". Source: OpenSfM's documentation, "Ground Control Points".
+"""
+
+from __future__ import annotations
+
+from array import array
+from pathlib import Path
+
+from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.plain_records import control_of, image_points_of
+from tasks.formats.records import ControlRecords, FileStatement, ImagePointRecords
+from tasks.formats.text_table import read_bytes
+
+_WGS84 = "+proj=longlat +datum=WGS84"
+
+
+def read_opensfm_control(path: Path) -> ControlRecords:
+    """Read the points that have a position.
+
+    Raises
+    ------
+    InputError
+        If the file is another one, or a number is missing.
+    """
+    point, position, at = [], [], []
+    for number, one in enumerate(_points(path), start=1):
+        if one.has("position"):
+            place = one["position"]
+            height = place["altitude"].number() if place.has("altitude") else float("nan")
+            point.append(one["id"].text())
+            position.append([place["longitude"].number(), place["latitude"].number(), height])
+            at.append(number)
+    return control_of(path, point, position, at, states=FileStatement(crs=_WGS84))
+
+
+def read_opensfm_measurements(path: Path) -> ImagePointRecords:
+    """Read where the points are seen.
+
+    Raises
+    ------
+    InputError
+        If the file is another one, or a number is missing.
+    """
+    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    for number, one in enumerate(_points(path), start=1):
+        for seen in one["observations"].items():
+            x, y = seen["projection"].numbers(2)
+            image.append(seen["shot_id"].text())
+            point.append(one["id"].text())
+            xy.extend((x, 0.0 - y))
+            at.append(number)
+    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+
+
+def _points(path: Path) -> list[JsonValue]:
+    return json_value(path, read_bytes(path, "document"))["points"].items()
