@@ -7,10 +7,12 @@ projected, so the work grows with the number of rays and not with images times p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Floats, Ints
+from adjust.simulate import visibility_kernel
 
 # Cells along the shorter side of a footprint: few enough to be quick, small enough to leave little out.
 _CELLS = 6.0
@@ -39,28 +41,41 @@ class ImageGeometry:
 
 def visible_rays(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]:
     """Image and point (r,) of all rays inside the formats; sorted by image, then by point."""
+    begun, point = _points_inside(images, x_in_local)
+    image = np.repeat(np.arange(len(begun) - 1), np.diff(begun))
+    for first, last in pairwise(begun):
+        point[first:last].sort()
+    return image, point
+
+
+def images_of_points(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]:
+    """The images that see each point: where those of each point begin (m + 1,), and the images, ascending."""
+    begun, point = _points_inside(images, x_in_local)
+    start, image = visibility_kernel.by_point(begun, point, len(x_in_local))
+    return start, image
+
+
+def _points_inside(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]:
+    """Where the points inside each image begin (n + 1,), and the points in any order."""
+    if not len(x_in_local) or not len(images.interior):
+        return np.zeros(len(images.interior) + 1, dtype=np.int64), np.zeros(0, dtype=np.int64)
     footprint = _footprints(images, x_in_local)
     side = float(np.median(np.min(footprint[:, 1] - footprint[:, 0], axis=1))) / _CELLS
     cells = _Cells.of(x_in_local, max(side, 1e-6))
-    found = []
-    for i in range(len(images.interior)):
-        candidates = cells.within(footprint[i])
-        kept = candidates[_inside(images, i, x_in_local[candidates])]
-        found.append(np.sort(kept))
-    count = np.array([len(points) for points in found])
-    image = np.repeat(np.arange(len(found), dtype=np.int64), count)
-    return image, np.concatenate(found).astype(np.int64)
-
-
-def _inside(images: ImageGeometry, i: int, x_in_local: Floats) -> Bools:
-    """Whether points (m, 3) fall into image i; no image errors considered."""
-    p = (x_in_local - images.projection_centre[i]) @ images.local_from_camera[i]
-    focal, x0, y0 = images.interior[i]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = x0 - focal * p[:, 0] / p[:, 2]
-        y = y0 - focal * p[:, 1] / p[:, 2]
-    half = images.half_format[i]
-    return np.asarray((p[:, 2] < 0.0) & (np.abs(x) < half[0]) & (np.abs(y) < half[1]))
+    low, high = cells.within(footprint)
+    begun, point = visibility_kernel.points_inside(
+        images.projection_centre,
+        images.local_from_camera,
+        images.interior,
+        images.half_format,
+        low,
+        high,
+        cells.shape[0],
+        cells.start,
+        cells.order,
+        np.ascontiguousarray(x_in_local),
+    )
+    return begun, point
 
 
 def _footprints(images: ImageGeometry, x_in_local: Floats) -> Floats:
@@ -100,21 +115,11 @@ class _Cells:
         column_row = np.floor((plan - origin) / side).astype(np.int64)
         shape = tuple(column_row.max(axis=0) + 1)
         code = column_row[:, 1] * shape[0] + column_row[:, 0]
-        order = np.argsort(code, kind="stable").astype(np.int64)
-        start = np.searchsorted(code[order], np.arange(shape[0] * shape[1] + 1)).astype(np.int64)
+        start, order = visibility_kernel.sorted_by(code, shape[0] * shape[1])
         return cls(origin, side, (int(shape[0]), int(shape[1])), start, order)
 
-    def within(self, rectangle: Floats) -> Ints:
-        """Points of all cells that touch a rectangle (2, 2)."""
+    def within(self, rectangle: Floats) -> tuple[Ints, Ints]:
+        """First and last column and row (n, 2) of the cells that touch rectangles (n, 2, 2)."""
         limits = np.array(self.shape)
-        low, high = np.clip(np.floor((rectangle - self.origin) / self.side), -1, limits).astype(np.int64)
-        low, high = np.maximum(low, 0), np.minimum(high, limits - 1)
-        if np.any(high < low):
-            return np.empty(0, dtype=np.int64)
-        rows = [
-            self.order[
-                self.start[row * self.shape[0] + low[0]] : self.start[row * self.shape[0] + high[0] + 1]
-            ]
-            for row in range(low[1], high[1] + 1)
-        ]
-        return np.concatenate(rows)
+        place = np.clip(np.floor((rectangle - self.origin) / self.side), -1, limits).astype(np.int64)
+        return np.maximum(place[:, 0], 0), np.minimum(place[:, 1], limits - 1)

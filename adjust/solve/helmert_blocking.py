@@ -169,7 +169,9 @@ class HelmertFactor:
             dense_algebra.solve_lower_transposed(factor.lower, mine)
             x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
             border = mine[6 * front.own :] if front.parent < 0 else border
-        return self._scaled(x, border)
+        alone = (np.newaxis,) * len(many)
+        x *= self.scale_exposure[(..., *alone)]
+        return x, self.scale_border[(..., *alone)] * border
 
     def forward(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
         """Half a solution: y = L⁻¹ D b (n, 6, …) and (g, …) of right-hand sides as of ``solve``.

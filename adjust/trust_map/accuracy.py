@@ -38,8 +38,8 @@ from adjust.solve.system import Observations, System
 from adjust.trust_map import accuracy_kernel, pairs_kernel
 from adjust.trust_map.cells import GroundCells, Sight
 
-# Rays whose equations are in memory at once: some fifty megabytes.
-_RAYS_AT_ONCE = 200_000
+# Rays whose equations are in memory at once: few enough to stay in the processor's cache.
+_RAYS_AT_ONCE = 60_000
 # The distortion of an image point is found in so many steps; each leaves a thousandth of it at most.
 _STEPS = 3
 

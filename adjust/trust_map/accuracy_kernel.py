@@ -11,72 +11,41 @@ cells.
 
 import numpy as np
 
-from adjust.compiled import kernel
-from adjust.trust_map.pairs_kernel import along_row, find_positions, invert
-from adjust.trust_map.relative_kernel import relative
+from adjust.compiled import kernel, small_kernel
+from adjust.trust_map.joint_kernel import gather, joint_blocks
+from adjust.trust_map.pairs_kernel import invert, same_images
+from adjust.trust_map.relative_kernel import of_common_images, of_unknowns, sigma_of_difference
 
 
 @kernel
-def joint_blocks(
-    first, last, image, position, of_exposure, count, found, of_system, of_known, blocks, border, corner,
-    scale, of_pair, joint,
-):  # fmt: skip
-    """Covariance W (2k, 2k) of the k rays first … last − 1 from orientations and system parameters.
+def gains(first, last, of_point, normals, normal, inverse, gain):
+    """Fill inverse with (Aᵀ A)⁻¹ and gain with G (3, 2k) of the k rays; false without a point.
 
-    of_system (r, 2, w) has the derivatives by the columns found (r, w) of the border, the first count (r,) of
-    them; of_known (r, 2, q) the errors of considered parameters. Q is multiplied by scale.
+    normals (k, 3, 3) gets the Aᵀ A of each ray; normal (3, 3) is scratch.
     """
-    for a in range(first, last):
-        e = image[a]
-        for b in range(a, last):
-            f = image[b]
-            block = position[a - first, b - first]
-            xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
-            for k in range(6):
-                x = along_row(blocks, block, k, of_exposure, b, 0)
-                y = along_row(blocks, block, k, of_exposure, b, 1)
-                xx += of_exposure[a, 0, k] * x
-                xy += of_exposure[a, 0, k] * y
-                yx += of_exposure[a, 1, k] * x
-                yy += of_exposure[a, 1, k] * y
-            of_pair[0, 0], of_pair[0, 1], of_pair[1, 0], of_pair[1, 1] = xx, xy, yx, yy
-            for r in range(2):
-                for t in range(2):
-                    value = of_pair[r, t]
-                    for s in range(count[a]):
-                        for q in range(6):
-                            value += of_system[a, r, s] * border[f, q, found[a, s]] * of_exposure[b, t, q]
-                    for u in range(count[b]):
-                        column_b = found[b, u]
-                        part = 0.0
-                        for k in range(6):
-                            part += of_exposure[a, r, k] * border[e, k, column_b]
-                        for s in range(count[a]):
-                            part += of_system[a, r, s] * corner[found[a, s], column_b]
-                        value += part * of_system[b, t, u]
-                    value *= scale
-                    for q in range(of_known.shape[2]):
-                        value += of_known[a, r, q] * of_known[b, t, q]
-                    i, j = 2 * (a - first) + r, 2 * (b - first) + t
-                    joint[i, j] = value
-                    joint[j, i] = value
-
-
-@kernel
-def normals_of_rays(first, last, of_point, normals):
-    """Aᵀ A (k, 3, 3) of each of the k rays."""
+    normal[:] = 0.0
     for a in range(first, last):
         for k in range(3):
             for q in range(3):
-                normals[a - first, k, q] = (
-                    of_point[a, 0, k] * of_point[a, 0, q] + of_point[a, 1, k] * of_point[a, 1, q]
+                value = of_point[a, 0, k] * of_point[a, 0, q] + of_point[a, 1, k] * of_point[a, 1, q]
+                normals[a - first, k, q] = value
+                normal[k, q] += value
+    if not invert(normal, inverse):
+        return False
+    for k in range(3):
+        i0, i1, i2 = inverse[k, 0], inverse[k, 1], inverse[k, 2]
+        for a in range(first, last):
+            for r in range(2):
+                gain[k, 2 * (a - first) + r] = (
+                    i0 * of_point[a, r, 0] + i1 * of_point[a, r, 1] + i2 * of_point[a, r, 2]
                 )
+    return True
 
 
 @kernel
 def of_all_rays(
-    cell, first, last, of_point, normals, joint, variance, critical, least_control, normal, inverse, gain,
-    moved, sigma, external,
+    cell, first, last, of_point, joint, variance, critical, least_control, normal, inverse, gain, moved,
+    sigma, external,
 ):  # fmt: skip
     """σ of a cell's point from all its rays, and the largest effects of an undetected error in one of them.
 
@@ -85,32 +54,18 @@ def of_all_rays(
         ∇ = δ0 σ_v / R_ii
 
     is found with the power that belongs to δ0, and moves the point by G_i ∇. Returns the number of
-    coordinates with R_ii below the least control, whose errors show in no residual and are not counted;
-    −1 where the rays do not determine the point. Fills one row of sigma and external (m, 3).
+    coordinates with R_ii below the least control, whose errors show in no residual and are not counted.
+    Fills one row of sigma and external (m, 3).
     """
     rays = 2 * (last - first)
-    normal[:] = 0.0
-    for a in range(last - first):
-        for k in range(3):
-            for q in range(3):
-                normal[k, q] += normals[a, k, q]
-    if not invert(normal, inverse):
-        return -1
+    for j in range(rays):
+        moved[0, j], moved[1, j], moved[2, j] = 0.0, 0.0, 0.0
     for i in range(rays):
-        a, r = first + i // 2, i % 2
-        for k in range(3):
-            gain[k, i] = (
-                inverse[k, 0] * of_point[a, r, 0]
-                + inverse[k, 1] * of_point[a, r, 1]
-                + inverse[k, 2] * of_point[a, r, 2]
-            )
-    for k in range(3):
+        g0, g1, g2 = gain[0, i], gain[1, i], gain[2, i]
         for j in range(rays):
-            moved[k, j] = 0.0
-        for i in range(rays):
-            for j in range(rays):
-                moved[k, j] += gain[k, i] * joint[i, j]
-    # From here on ``normal`` is G W Gᵀ.
+            moved[0, j] += g0 * joint[i, j]
+            moved[1, j] += g1 * joint[i, j]
+            moved[2, j] += g2 * joint[i, j]
     for k in range(3):
         for q in range(3):
             value = 0.0
@@ -138,39 +93,72 @@ def of_all_rays(
     return uncontrolled
 
 
-@kernel
-def of_best_pair(cell, first, last, of_point, normals, joint, variance, normal, inverse, gain, sigma):
-    """σ of a cell's point from the two rays with the smallest σ of its third coordinate; unchanged without.
+@small_kernel
+def of_pair(first, a, b, k, inverse, of_point, joint, variance):
+    """Variance of coordinate k from the rays a and b, whose normals have the inverse."""
+    value = variance * inverse[k, k]
+    for r in range(2):
+        one, other = 0.0, 0.0
+        for q in range(3):
+            one += inverse[k, q] * of_point[first + a, r, q]
+            other += inverse[k, q] * of_point[first + b, r, q]
+        for t in range(2):
+            more, further = 0.0, 0.0
+            for q in range(3):
+                more += inverse[k, q] * of_point[first + a, t, q]
+                further += inverse[k, q] * of_point[first + b, t, q]
+            value += one * more * joint[2 * a + r, 2 * a + t]
+            value += other * further * joint[2 * b + r, 2 * b + t]
+            value += 2.0 * one * further * joint[2 * a + r, 2 * b + t]
+    return value
 
-    Fills one row of sigma (m, 3).
+
+@kernel
+def best_pair(first, last, guess, of_point, normals, joint, variance, normal, inverse):
+    """The two rays a < b with the smallest variance of the third coordinate, as a · k + b; −1 without.
+
+    The guess, the best pair of a cell beside or −1, is looked at first, so that few others need more than
+    what the image coordinates alone contribute.
     """
-    best = np.inf
-    for a in range(last - first):
-        for b in range(a + 1, last - first):
-            for k in range(3):
-                for q in range(3):
-                    normal[k, q] = normals[a, k, q] + normals[b, k, q]
-            # What W adds is not negative, so this pair cannot be the best one any more.
-            if not invert(normal, inverse) or variance * inverse[2, 2] >= best:
-                continue
-            for component in range(2, -1, -1):
-                for r in range(2):
-                    one, other = 0.0, 0.0
-                    for q in range(3):
-                        one += inverse[component, q] * of_point[first + a, r, q]
-                        other += inverse[component, q] * of_point[first + b, r, q]
-                    gain[0, r], gain[1, r] = one, other
-                value = variance * inverse[component, component]
-                for r in range(2):
-                    for t in range(2):
-                        value += gain[0, r] * gain[0, t] * joint[2 * a + r, 2 * a + t]
-                        value += gain[1, r] * gain[1, t] * joint[2 * b + r, 2 * b + t]
-                        value += 2.0 * gain[0, r] * gain[1, t] * joint[2 * a + r, 2 * b + t]
-                if component == 2:
-                    if value >= best:
-                        break
-                    best = value
-                sigma[cell, component] = np.sqrt(value)
+    k = last - first
+    best, found = np.inf, -1
+    for n in range(-1, k * k):
+        at = guess if n < 0 else n
+        a, b = at // k, at % k
+        if at < 0 or b <= a or (n >= 0 and at == guess):
+            continue
+        xx = normals[a, 0, 0] + normals[b, 0, 0]
+        xy = normals[a, 0, 1] + normals[b, 0, 1]
+        yy = normals[a, 1, 1] + normals[b, 1, 1]
+        xz = normals[a, 0, 2] + normals[b, 0, 2]
+        yz = normals[a, 1, 2] + normals[b, 1, 2]
+        zz = normals[a, 2, 2] + normals[b, 2, 2]
+        plan = xx * yy - xy * xy
+        determinant = zz * plan - xx * yz * yz + 2.0 * xy * xz * yz - yy * xz * xz
+        # What W adds is not negative, so this pair cannot be the best one any more.
+        if variance * plan >= best * determinant:
+            continue
+        for c in range(3):
+            for q in range(3):
+                normal[c, q] = normals[a, c, q] + normals[b, c, q]
+        if invert(normal, inverse):
+            value = of_pair(first, a, b, 2, inverse, of_point, joint, variance)
+            if value < best:
+                best, found = value, at
+    return found
+
+
+@kernel
+def of_best_pair(cell, first, last, pair, of_point, normals, joint, variance, normal, inverse, sigma):
+    """Fill one row of sigma (m, 3) with σ of a cell's point from two of its rays."""
+    k = last - first
+    a, b = pair // k, pair % k
+    for c in range(3):
+        for q in range(3):
+            normal[c, q] = normals[a, c, q] + normals[b, c, q]
+    invert(normal, inverse)
+    for c in range(3):
+        sigma[cell, c] = np.sqrt(of_pair(first, a, b, c, inverse, of_point, joint, variance))
 
 
 @kernel
@@ -187,16 +175,7 @@ def cell_accuracies(
     Fills sigma, sigma_of_pair, sigma_relative and external (m, 3) and uncontrolled (m,); cells of fewer
     than two rays keep what is there.
     """
-    cells, rays, width = start.shape[0] - 1, image.shape[0], columns.shape[1]
-    count, found = np.zeros(rays, np.int64), np.zeros((rays, width), np.int64)
-    for a in range(rays):
-        for s in range(width):
-            g = columns[image[a], s]
-            if g >= 0 and (of_system[a, 0, s] != 0.0 or of_system[a, 1, s] != 0.0):
-                of_system[a, 0, count[a]] = of_system[a, 0, s]
-                of_system[a, 1, count[a]] = of_system[a, 1, s]
-                found[a, count[a]] = g
-                count[a] += 1
+    cells, width = start.shape[0] - 1, columns.shape[1]
     most = 1
     for j in range(cells):
         most = max(most, start[j + 1] - start[j])
@@ -205,39 +184,74 @@ def cell_accuracies(
                 x, y, z = of_point[a, r, 0], of_point[a, r, 1], of_point[a, r, 2]
                 for k in range(3):
                     of_point[a, r, k] = x * axes[j, 0, k] + y * axes[j, 1, k] + z * axes[j, 2, k]
-    joint, gain, moved = np.zeros((2 * most, 2 * most)), np.zeros((3, 2 * most)), np.zeros((3, 2 * most))
-    normals, normal, inverse = np.zeros((most, 3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    position, common = np.zeros((most, most), np.int64), np.zeros((most, 2), np.int64)
-    inverses, of_images = np.zeros((2, 3, 3)), np.zeros((most, 3, 6))
-    of_border, of_columns = np.zeros((most, 3, 2 * width)), np.zeros((most, 2 * width), np.int64)
-    counts, of_errors = np.zeros(most, np.int64), np.zeros((3, of_known.shape[2]))
-    of_pair, total = np.zeros((2, 2)), np.zeros(3)
-    placed = -1  # the cell of which ``position`` is
+    unknowns = 6 * most + corner.shape[0]
+    known, used = np.zeros((unknowns, unknowns)), np.zeros(corner.shape[0], np.int64)
+    place, common = np.zeros((most, width), np.int64), np.zeros((most, 2), np.int64)
+    joint, moved = np.zeros((2 * most, 2 * most)), np.zeros((3, 2 * most))
+    row_x, row_y = np.zeros(unknowns), np.zeros(unknowns)
+    normal, scratch = np.zeros((3, 3)), np.zeros((3, 3))
+    difference, products = np.zeros((3, unknowns)), np.zeros((3, unknowns))
+    common_inverses, errors = np.zeros((2, 3, 3)), np.zeros((3, of_known.shape[2]))
+    # Of this cell and of its neighbour, which is mostly the next one.
+    normals, inverses, gain = np.zeros((2, most, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 2 * most))
+    f, of_errors = np.zeros((2, 3, unknowns)), np.zeros((2, 3, of_known.shape[2]))
+    now, begun, gathered, d, pair = 0, -1, -1, 0, -1
     for j in range(cells):
         first, last = start[j], start[j + 1]
         if last - first < 2:
             continue
-        same = placed >= 0 and start[placed + 1] - start[placed] == last - first
-        if same:
-            for a in range(last - first):
-                same = same and image[first + a] == image[start[placed] + a]
-        if not same:
-            find_positions(first, last, image, row_start, column, position)
-        placed = j
+        if gathered < 0 or not same_images(first, last, start[gathered], start[gathered + 1], image):
+            pair = -1
+            d = gather(
+                first, last, image, columns, row_start, column, blocks, border, corner, place, used, known
+            )
+        gathered = j
+        if begun == j:
+            now = 1 - now
+        elif not gains(first, last, of_point, normals[now], normal, inverses[now], gain[now]):
+            continue
+        else:
+            of_unknowns(
+                first, last, d, place, gain[now], of_exposure, of_system, of_known, f[now], of_errors[now]
+            )
         joint_blocks(
-            first, last, image, position, of_exposure, count, found, of_system, of_known, blocks, border,
-            corner, scale, of_pair, joint,
+            first, last, d, known, place, of_exposure, of_system, of_known, scale, row_x, row_y, joint,
         )  # fmt: skip
-        normals_of_rays(first, last, of_point, normals)
         uncontrolled[j] = of_all_rays(
-            j, first, last, of_point, normals, joint, variance, critical, least_control, normal, inverse,
-            gain, moved, sigma, external,
+            j, first, last, of_point, joint, variance, critical, least_control, normal, inverses[now],
+            gain[now], moved, sigma, external,
         )  # fmt: skip
-        of_best_pair(j, first, last, of_point, normals, joint, variance, normal, inverse, gain, sigma_of_pair)
+        pair = best_pair(first, last, pair, of_point, normals[now], joint, variance, normal, scratch)
+        if pair >= 0:
+            of_best_pair(
+                j, first, last, pair, of_point, normals[now], joint, variance, normal, scratch, sigma_of_pair
+            )
         other = neighbour[j]
-        if other >= 0:
-            relative(
-                j, first, last, start[other], start[other + 1], image, position, of_exposure, of_point, count,
-                found, of_system, of_known, blocks, border, corner, scale, variance, common, inverses, normal,
-                of_images, of_border, of_columns, counts, of_errors, total, sigma_relative,
+        if other < 0:
+            continue
+        other_first, other_last, to = start[other], start[other + 1], 1 - now
+        if not same_images(first, last, other_first, other_last, image):
+            there = of_common_images(
+                first, last, other_first, other_last, image, place, of_exposure, of_point, of_system,
+                of_known, common, common_inverses, normal, difference, errors,
+            )  # fmt: skip
+            if there:
+                sigma_of_difference(
+                    j, first, last, d, known, difference, errors, common_inverses, scale, variance,
+                    products, sigma_relative,
+                )  # fmt: skip
+        elif gains(other_first, other_last, of_point, normals[to], normal, inverses[to], gain[to]):
+            begun = other
+            of_unknowns(
+                other_first, other_last, d, place, gain[to], of_exposure, of_system, of_known, f[to],
+                of_errors[to],
+            )  # fmt: skip
+            for c in range(3):
+                for i in range(d):
+                    difference[c, i] = f[0, c, i] - f[1, c, i]
+                for i in range(errors.shape[1]):
+                    errors[c, i] = of_errors[0, c, i] - of_errors[1, c, i]
+            sigma_of_difference(
+                j, first, last, d, known, difference, errors, inverses, scale, variance, products,
+                sigma_relative,
             )  # fmt: skip

@@ -32,8 +32,9 @@ from adjust.trust_map.accuracy import JointSolution, new_rays
 from adjust.trust_map.cells import GroundCells, Sight
 from adjust.trust_map.ray_errors import BlockRays, images_around
 
-# Points that are solved for together.
-_TOGETHER = 8
+# Numbers of the right-hand sides that are solved for together: some twenty megabytes; and least points.
+_NUMBERS_AT_ONCE = 2_500_000
+_LEAST_TOGETHER = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +91,9 @@ def block_errors(
         mixed = mixed_parts(system, solved, points)
         around = images_around(sight.only(chosen), system.pattern)
         rays = BlockRays.seen_from(around.image, solution, result.groups[0])
-        for first in range(0, len(chosen), _TOGETHER):
-            part = chosen[first : first + _TOGETHER]
+        together = max(_NUMBERS_AT_ONCE // (18 * system.layout.events), _LEAST_TOGETHER)
+        for first in range(0, len(chosen), together):
+            part = chosen[first : first + together]
             adjoint = _adjoint(solution, cells, sight, part, points, mixed)
             for item in groups:
                 effect = np.abs(_effects(solution, item, adjoint)).max(axis=(0, 1), initial=0.0)

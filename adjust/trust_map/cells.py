@@ -9,7 +9,7 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.parameters import INTERIOR_ORIENTATION, State
-from adjust.simulate.visibility import ImageGeometry, visible_rays
+from adjust.simulate.visibility import ImageGeometry, images_of_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,4 @@ def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
     interior = state.system[INTERIOR_ORIENTATION][block.camera_of_image]
     half_format = np.array([camera.half_format for camera in block.cameras])[block.camera_of_image]
     images = ImageGeometry(state.projection_centre, state.local_from_camera, interior, half_format)
-    image, cell = visible_rays(images, cells.x_in_local)
-    order = np.argsort(cell, kind="stable")  # images stay ascending
-    start = np.searchsorted(cell[order], np.arange(len(cells.x_in_local) + 1)).astype(np.int64)
-    return Sight(start, image[order])
+    return Sight(*images_of_points(images, cells.x_in_local))

@@ -6,15 +6,31 @@ from adjust.compiled import kernel, small_kernel
 from adjust.solve.covisibility_kernel import find_block
 
 
+@small_kernel
+def same_images(first, last, other_first, other_last, image):
+    """Whether the rays of two cells are in the same images."""
+    same = other_last - other_first == last - first
+    if same:
+        for a in range(last - first):
+            same = same and image[first + a] == image[other_first + a]
+    return same
+
+
 @kernel
 def missing_pairs(start, image, row_start, column, images):
-    """Keys row · images + column of pairs of images that see a cell and have no block; with repetitions."""
+    """Keys row · images + column of pairs of images that see a cell and have no block; with repetitions.
+
+    A cell with the images of the one before is not looked at.
+    """
     found = np.empty(0, np.int64)
     for fill in range(2):
         count = 0
         for j in range(start.shape[0] - 1):
-            for a in range(start[j], start[j + 1]):
-                for b in range(a + 1, start[j + 1]):
+            first, last = start[j], start[j + 1]
+            if j > 0 and same_images(first, last, start[j - 1], first, image):
+                continue
+            for a in range(first, last):
+                for b in range(a + 1, last):
                     if find_block(row_start, column, image[a], image[b]) < 0:
                         if fill == 1:
                             found[count] = image[a] * images + image[b]
@@ -41,21 +57,3 @@ def invert(matrix, inverse):
     inverse[1, 2] = inverse[2, 1] = (b * c - a * e) * factor
     inverse[2, 2] = (a * d - b * b) * factor
     return True
-
-
-@small_kernel
-def along_row(blocks, block, row, values, i, r):
-    """Product of a row of a block (6, 6) and values[i, r] (6,); written out, so that nothing is stored."""
-    return (
-        (blocks[block, row, 0] * values[i, r, 0] + blocks[block, row, 1] * values[i, r, 1])
-        + (blocks[block, row, 2] * values[i, r, 2] + blocks[block, row, 3] * values[i, r, 3])
-        + (blocks[block, row, 4] * values[i, r, 4] + blocks[block, row, 5] * values[i, r, 5])
-    )
-
-
-@kernel
-def find_positions(first, last, image, row_start, column, position):
-    """Position (k, k) of the block of every pair a ≤ b of the rays first … last − 1; images ascend."""
-    for a in range(first, last):
-        for b in range(a, last):
-            position[a - first, b - first] = find_block(row_start, column, image[a], image[b])

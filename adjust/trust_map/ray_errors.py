@@ -20,8 +20,9 @@ from scipy.sparse import csr_array
 from adjust.arrays import Floats, Ints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.result import GroupResult, ObservationStatus
+from adjust.simulate import visibility_kernel
 from adjust.solve.covisibility import Covisibility
-from adjust.solve.whitening import add_border_columns, whiten
+from adjust.solve.whitening import add_border_columns
 from adjust.trust_map import ray_errors_kernel
 from adjust.trust_map.accuracy import JointSolution
 from adjust.trust_map.cells import Sight
@@ -70,7 +71,8 @@ class BlockRays:
         part = rays.only(rows)
         of_exposure, of_point = np.zeros((len(rows), 2, 6)), np.zeros((len(rows), 2, 3))
         of_border = np.zeros((len(rows), 2, system.border))
-        for term in whiten(part, part.linearize(solution.state)).terms:
+        for term in part.linearize(solution.state).terms:
+            term.jacobian[:] *= part.inverse_sigma[:, :, None]
             if term.block == EXTERIOR_ORIENTATION:
                 of_exposure = term.jacobian
             elif term.block == OBJECT_POINT:
@@ -81,12 +83,13 @@ class BlockRays:
         detectable = np.where(counted, np.nan_to_num(tested.detectable[rows]), 0.0) / part.sigma
         start, column, vector = normals.couplings.columns(system.layout.border)
         half = np.linalg.inv(normals.point_factor[points])
+        image_start, ray_of_image = visibility_kernel.sorted_by(part.image, system.layout.events)
         return cls(
             np.append(np.searchsorted(part.point, points), len(rows)),
             np.searchsorted(points, part.point),
             part.image,
-            np.searchsorted(np.sort(part.image), np.arange(system.layout.events + 1)),
-            np.argsort(part.image, kind="stable"),
+            image_start,
+            ray_of_image,
             np.ascontiguousarray(of_exposure),
             np.ascontiguousarray(of_point),
             of_border,

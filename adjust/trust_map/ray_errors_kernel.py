@@ -6,15 +6,15 @@ from adjust.compiled import kernel, small_kernel
 
 
 @small_kernel
-def _row(ray, r, image, first, of_exposure, of_border, x, border, row):
-    """Row (3,) of A y of an image coordinate, without its object point."""
+def _row(ray, r, image, first, of_exposure, of_border, x, border, rows, n):
+    """Fill rows[n, r] (3,) with the row of A y of an image coordinate, without its object point."""
     for b in range(3):
         value = 0.0
         for a in range(6):
             value += of_exposure[ray, r, a] * x[image, a, first + b]
         for a in range(of_border.shape[2]):
             value += of_border[ray, r, a] * border[a, first + b]
-        row[b] = value
+        rows[n, r, b] = value
 
 
 @kernel
@@ -42,42 +42,46 @@ def largest_effects(
 
     Rays are those of k object points, point after point; x (n, 6, 3 c) and border (g, 3 c) are Q Fᵀ.
     """
-    k = ray_start.shape[0] - 1
-    done = np.full(k, -1, np.int64)
-    y_point = np.empty((k, 3, 3))
-    pulled, row = np.empty((3, 3)), np.empty(3)
+    k, most = ray_start.shape[0] - 1, 1
+    for p in range(k):
+        most = max(most, ray_start[p + 1] - ray_start[p])
+    done, listed = np.full(k, -1, np.int64), np.full(image_start.shape[0] - 1, -1, np.int64)
+    pulled, y_point, rows = np.empty((3, 3)), np.empty((3, 3)), np.empty((most, 2, 3))
     for cell in range(found.shape[0]):
         first = 3 * cell
         for at in range(cell_start[cell], cell_start[cell + 1]):
+            listed[cell_image[at]] = cell
+        for at in range(cell_start[cell], cell_start[cell + 1]):
             for place in range(image_start[cell_image[at]], image_start[cell_image[at] + 1]):
-                ray = ray_of_image[place]
-                p = point[ray]
-                if done[p] != cell:
-                    done[p] = cell
-                    # y_p = −N_p⁻¹ Cᵀ y, from all rays of the point.
-                    pulled[:] = 0.0
-                    for own in range(ray_start[p], ray_start[p + 1]):
-                        for r in range(2):
-                            _row(own, r, image[own], first, of_exposure, of_border, x, border, row)
-                            for a in range(3):
-                                for b in range(3):
-                                    pulled[a, b] += of_point[own, r, a] * row[b]
-                    for own in range(join_start[p], join_start[p + 1]):
+                p = point[ray_of_image[place]]
+                if done[p] == cell:
+                    continue
+                done[p] = cell
+                # y_p = −N_p⁻¹ Cᵀ y, from all rays of the point.
+                pulled[:] = 0.0
+                for own in range(ray_start[p], ray_start[p + 1]):
+                    n = own - ray_start[p]
+                    for r in range(2):
+                        _row(own, r, image[own], first, of_exposure, of_border, x, border, rows, n)
                         for a in range(3):
                             for b in range(3):
-                                pulled[a, b] += join_vector[own, a] * border[join_column[own], first + b]
+                                pulled[a, b] += of_point[own, r, a] * rows[n, r, b]
+                for own in range(join_start[p], join_start[p + 1]):
                     for a in range(3):
                         for b in range(3):
-                            value = 0.0
-                            for c in range(3):
-                                value -= cofactor[p, a, c] * pulled[c, b]
-                            y_point[p, a, b] = value
-                for r in range(2):
-                    if detectable[ray, r] == 0.0:
-                        continue
-                    _row(ray, r, image[ray], first, of_exposure, of_border, x, border, row)
+                            pulled[a, b] += join_vector[own, a] * border[join_column[own], first + b]
+                for a in range(3):
                     for b in range(3):
-                        value = row[b]
-                        for a in range(3):
-                            value += of_point[ray, r, a] * y_point[p, a, b]
-                        found[cell, b] = max(found[cell, b], abs(value) * detectable[ray, r])
+                        value = 0.0
+                        for c in range(3):
+                            value -= cofactor[p, a, c] * pulled[c, b]
+                        y_point[a, b] = value
+                for own in range(ray_start[p], ray_start[p + 1]):
+                    if listed[image[own]] != cell:
+                        continue
+                    for r in range(2):
+                        for b in range(3):
+                            value = rows[own - ray_start[p], r, b]
+                            for a in range(3):
+                                value += of_point[own, r, a] * y_point[a, b]
+                            found[cell, b] = max(found[cell, b], abs(value) * detectable[own, r])
