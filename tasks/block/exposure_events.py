@@ -34,33 +34,36 @@ class ExposureEvents:
 
 
 def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
-    """Join images to events: the same rig and flight, and times within a millisecond; None without rigs.
+    """Join images to events: the same rig, flight and event; None without rigs.
 
-    Images of a camera alone are events of their own. The names of images decide nothing.
+    Where no event was delivered, times within a millisecond make one. Images of a camera alone are events of
+    their own. The names of images decide nothing.
 
     Raises
     ------
     InputError
-        If an image of a head has no time, a head took two images at one moment, or the readings of one event
-        differ.
+        If an image of a head has neither event nor time, a head took two images of one event, or the times or
+        readings of one event differ.
     """
     mountings = given.mountings
     if not mountings.has_heads:
         return None
     reference = mountings.reference[given.camera]
     in_rig = (np.bincount(mountings.reference) > 1)[reference]
-    untimed = np.flatnonzero(in_rig & ~np.isfinite(given.time_s))
+    named = in_rig & (np.array(given.event) != "")
+    untimed = np.flatnonzero(in_rig & ~named & ~np.isfinite(given.time_s))
     if len(untimed):
         raise InputError(
             f"{len(untimed):,} images of heads have no time of exposure; heads are joined by it.",
-            "Deliver the times of all images of a rig.",
+            "Deliver the times of all images of a rig, or a column `event` with the name of their event.",
             entity=f"image {given.image[untimed[0]]}",
         )
-    event = _joined(given, reference, in_rig)
+    event = _joined(given, reference, in_rig, named)
     _refuse_repeated_heads(given, event)
     # The reading of an event is that of the image of its reference head, where there is one.
     order = np.lexsort((given.camera != reference, event))
     first = order[np.searchsorted(event[order], np.arange(event.max() + 1))]
+    _refuse_different_times(given, event, first)
     _refuse_different_readings(given, event, first)
     chosen = np.zeros(len(event), dtype=bool)
     chosen[first] = True
@@ -98,10 +101,11 @@ def _motion(events: GivenOrientations) -> EventMotion:
     return EventMotion(velocity, np.nan_to_num(events.rates))
 
 
-def _joined(given: GivenOrientations, reference: Ints, in_rig: Bools) -> Ints:
+def _joined(given: GivenOrientations, reference: Ints, in_rig: Bools, named: Bools) -> Ints:
     """Number (n,) of the event of each image."""
-    time = np.where(in_rig, given.time_s, 0.0)
-    alone = np.where(in_rig, -1, np.arange(len(time)))
+    time = np.where(in_rig & ~named, given.time_s, 0.0)
+    names = len(time) + np.unique(np.array(given.event), return_inverse=True)[1]
+    alone = np.where(named, names, np.where(in_rig, -1, np.arange(len(time))))
     order = np.lexsort((time, given.flight_of_image, reference, alone))
     same = (np.diff(given.flight_of_image[order]) == 0) & (np.diff(reference[order]) == 0)
     same &= (np.diff(alone[order]) == 0) & (np.diff(time[order]) < _ONE_EVENT_S)
@@ -118,10 +122,25 @@ def _refuse_repeated_heads(given: GivenOrientations, event: Ints) -> None:
         one, other = (given.image[row] for row in order[again[0] : again[0] + 2])
         camera = given.mountings.names[given.camera[order[again[0]]]]
         raise InputError(
-            f"The head {camera} took two images at one moment: '{one}' and '{other}' are less than "
-            f"{_ONE_EVENT_S * 1e3:g} ms apart.",
-            "Correct the times, or declare the flights of two aircraft.",
+            f"The head {camera} took two images at one moment: '{one}' and '{other}' have one event, or are "
+            f"less than {_ONE_EVENT_S * 1e3:g} ms apart.",
+            "Correct the events or times, or declare the flights of two aircraft.",
             entity=f"image {one}",
+        )
+
+
+def _refuse_different_times(given: GivenOrientations, event: Ints, first: Ints) -> None:
+    """Images of an event of a delivered name have its time, or none."""
+    apart = np.abs(given.time_s - given.time_s[first[event]])
+    wrong = apart >= _ONE_EVENT_S
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InputError(
+            f"Images of the event '{given.event[row]}' have different times: '{given.image[row]}' and "
+            f"'{given.image[first[event[row]]]}' are {apart[row] * 1e3:.4g} ms apart.",
+            "Correct the events. If a head is exposed later than the others, deliver the time of the event "
+            "and state synchronisation_offset_s of the head.",
+            entity=f"image {given.image[row]}",
         )
 
 

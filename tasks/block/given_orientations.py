@@ -114,6 +114,7 @@ class GivenOrientations:
     velocity : (n, 3) in the local frame, m/s; NaN where not delivered.
     position_observed : (n,) whether the position was delivered; else it is approximate.
     attitude_observed : (n,) whether the angles were delivered; else they are approximate at best.
+    event : delivered names of the events of rigs, empty where not known.
     """
 
     mountings: Mountings
@@ -134,6 +135,7 @@ class GivenOrientations:
     velocity: Floats
     position_observed: Bools
     attitude_observed: Bools
+    event: tuple[str, ...]
 
     @classmethod
     def from_tables(
@@ -177,6 +179,7 @@ class GivenOrientations:
             np.einsum("nij,nj->ni", local_from_enu, velocity),
             np.isfinite(sigma_position).all(axis=1),
             np.isfinite(angles + sigma).all(axis=1),
+            tuple(exposures["event"].fillna("")),
         )
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
 
@@ -292,4 +295,5 @@ class GivenOrientations:
             velocity=self.velocity[index],
             position_observed=self.position_observed[index],
             attitude_observed=self.attitude_observed[index],
+            event=tuple(self.event[i] for i in index),
         )

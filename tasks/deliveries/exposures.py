@@ -102,6 +102,9 @@ def exposure_columns(
         "strip": pa.concat_arrays([r.strip for r in records]),
         "flight": pa.concat_arrays([r.flight for r in records]),
         "time_s": np.concatenate([r.time_s for r in records]),
+        "event": pa.concat_arrays(
+            [pa.nulls(len(r.line), pa.string()) if r.event is None else r.event for r in records]
+        ),
         "position": [entry.kind for entry in inputs for _ in range(len(entry.position))],
     }
     angles = [entry.angles for entry in inputs]

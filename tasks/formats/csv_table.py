@@ -31,6 +31,8 @@ _WORDS = "(?:sigma|sig|stddev|stdev|std|sd)"
 _SIGMA = re.compile(rf"{_WORDS}_?(?P<before>\w+)|(?P<behind>\w+)_{_WORDS}")
 # What can hardly be anything else.
 _SURELY_SIGMA = re.compile(rf"(?:sigma|stddev|stdev)\w*|{_WORDS}_\w+|\w+_{_WORDS}")
+# The camera of an image of a rig is one of its heads.
+_ALSO = {"head": "camera"}
 # Names up to this length are like too many others.
 _SHORT = 3
 
@@ -135,6 +137,8 @@ def _recognised(name: str, known: Sequence[str]) -> str:
     plain = re.sub(r"[\s-]+", "_", name).lower()
     if name in known or plain in known:
         return name if name in known else plain
+    if _ALSO.get(plain) in known:
+        return _ALSO[plain]
     sigma = _SIGMA.fullmatch(plain)
     meant = f"s{sigma['before'] or sigma['behind']}" if sigma is not None else ""
     return meant if meant in known else name

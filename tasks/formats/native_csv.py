@@ -3,13 +3,14 @@
 | file | columns |
 |---|---|
 | image points | image, point, x, y [, sx, sy] |
-| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
+| exposures | image, camera, strip, x, y, z, omega, phi, kappa (or heading, pitch, roll) [, time, flight, event, sx, sy, sz, somega, sphi, skappa (or sheading, spitch, sroll), rate_roll, rate_pitch, rate_yaw] |
 | control | point, x, y, z [, sx, sy, sz, role]; an empty coordinate is not known |
 | distances | point, other_point, distance [, sigma, role] |
 | events | image, time [, camera, strip, flight] |
 | cameras | camera, columns, rows, pixel_um, focal_length_mm, x0_mm, y0_mm [, width_mm, height_mm] |
 
-The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
+Images of the heads of a rig that belong to one event may have its name in `event`. `head` is another heading of
+`camera`. The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
 ``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
@@ -86,7 +87,7 @@ def read_csv_exposures(path: Path, order: AngleOrder, layout: TableLayout = _OUR
     angles = ("heading", "pitch", "roll") if order == "heading-pitch-roll" else ("omega", "phi", "kappa")
     sigmas = tuple(f"s{name}" for name in angles)
     required = ("image", "camera", "strip", *_XYZ, *angles)
-    optional = ("time", "flight", *_SIGMA_XYZ, *sigmas, *_RATES)
+    optional = ("time", "flight", "event", *_SIGMA_XYZ, *sigmas, *_RATES)
     numeric = (*_XYZ, *angles, "time", *_SIGMA_XYZ, *sigmas, *_RATES)
     table, extra = read_table(path, required, optional, numeric, layout)
     return ExposureRecords(
@@ -102,6 +103,7 @@ def read_csv_exposures(path: Path, order: AngleOrder, layout: TableLayout = _OUR
         sigma_angles=table.numbers(sigmas, may_be_empty=True),
         line=table.line,
         rates=table.all_or_none(_RATES),
+        event=table.text("event", may_be_empty=True) if table.has("event") else None,
         extra=extra,
     )
 

@@ -93,6 +93,7 @@ class ExposureRecords:
         None: the file does not say.
     velocity : (n, 3) true east, north, up, m/s, of the point that the positions are of; None: not known, NaN
         where an exposure has none.
+    event : names of the events that images of heads of a rig belong to, text (n,); None: the file has none.
     """
 
     file: Path
@@ -113,6 +114,7 @@ class ExposureRecords:
     remarks: tuple[str, ...] = ()
     solution: pa.Array | None = None
     velocity: Floats | None = None
+    event: pa.Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -130,8 +130,8 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(EXPOSURE_SOURCES, "format of exposures"))] = Field(
         description="`csv` (image, camera, strip, x, y, z, omega, phi, kappa or heading, pitch, roll [, "
-        "time, flight, sx, sy, sz, somega, sphi, skappa or sheading, spitch, sroll, rate_roll, rate_pitch, "
-        "rate_yaw]; other headings can be declared) or another of [the formats that are "
+        "time, flight, event, sx, sy, sz, somega, sphi, skappa or sheading, spitch, sroll, rate_roll, "
+        "rate_pitch, rate_yaw]; other headings can be declared) or another of [the formats that are "
         f"read](import.md): {_listed((*EXPOSURE_SOURCES.own,))}."
     )
     crs: str = Field(description='CRS of x and y, e.g. "EPSG:2154", or "local". x is east and y is north.')

@@ -160,6 +160,43 @@ def test_synchronisation_without_times_along_strips_is_refused(flight: Path, tmp
     assert "synchronisation_offset" in str(found.error)
 
 
+def test_delivered_events_join_heads_as_their_times_do(flight: Path, tmp_path: Path) -> None:
+    exposures = pd.read_csv(flight.parent / "exposures.csv")
+    events = exposures["time"].rank(method="dense").astype(int).map(lambda number: f"E{number}")
+    # Of every second event the images have a time, of the others they have none.
+    odd = events.str[1:].astype(int) % 2 == 1
+    named = exposures.assign(event=events, time=exposures["time"].where(odd)).rename(
+        columns={"camera": "head"}
+    )
+    free = 'adjustment.free=["boresight", "relative_rotation"]'
+    by_name = adjusted(flight, tmp_path / "named", delivered(tmp_path, named), free)
+    by_time = adjusted(flight, tmp_path / "timed", free)
+    keys = ["parameter", "entity"]
+    one, other = (
+        pd.read_parquet(folder / "parameters.parquet").set_index(keys) for folder in (by_name, by_time)
+    )
+    pd.testing.assert_frame_equal(one, other)
+
+
+def test_events_that_the_times_contradict_are_refused(flight: Path, tmp_path: Path) -> None:
+    exposures = pd.read_csv(flight.parent / "exposures.csv")
+    exposures["event"] = exposures["time"].rank(method="dense").astype(int).astype(str)
+    for rows, event, message in (([0], "2", "took two images"), (range(10), "1", "took two images")):
+        wrong = exposures.copy()
+        wrong.loc[list(rows), "event"] = event
+        found = carry_out(
+            aerial_triangulation,
+            RunRequest(flight, tmp_path / "out", overrides=(delivered(tmp_path, wrong),)),
+        )
+        assert message in str(found.error)
+    late = exposures.copy()
+    late.loc[2, "time"] += 0.002
+    found = carry_out(
+        aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(delivered(tmp_path, late),))
+    )
+    assert "are 2 ms apart" in str(found.error)
+
+
 def test_offsets_in_place_and_in_time_need_a_prior(flight: Path, tmp_path: Path) -> None:
     free = 'adjustment.free=["relative_position", "synchronisation_offset"]'
     found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(free,)))

@@ -137,6 +137,7 @@ EXPOSURES = TableSchema(
         STRIP,
         FLIGHT,
         number("time_s", "s", "time on the scale of the delivery", nullable=True),
+        text("event", "delivered name of the event of a rig, in its flight", nullable=True),
         *position("position", nullable=True),
         *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
