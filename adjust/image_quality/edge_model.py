@@ -71,15 +71,29 @@ def edge_values(distance: Floats, variance: float, angle: float) -> EdgeValues:
     return EdgeValues(value, slope, 0.5 * curvature)
 
 
+def density(u: Floats) -> Floats:
+    """φ of the standard normal distribution."""
+    return np.asarray(np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi))
+
+
+def once_integrated(u: Floats) -> Floats:
+    """∫ Φ = u Φ + φ."""
+    return np.asarray(u * ndtr(u) + density(u))
+
+
+def twice_integrated(u: Floats) -> Floats:
+    """H for σ = 1."""
+    return np.asarray(0.5 * ((u * u + 1.0) * ndtr(u) + u * density(u)))
+
+
 def _integrated(x: Floats, sigma: float, order: int) -> Floats:
     """The derivative of this order of H."""
     u = x / sigma
-    density = np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
     if order == 0:
-        return np.asarray(0.5 * ((x * x + sigma * sigma) * ndtr(u) + x * sigma * density))
+        return sigma * sigma * twice_integrated(u)
     if order == 1:
-        return np.asarray(x * ndtr(u) + sigma * density)
-    return np.asarray(ndtr(u) if order == 2 else density / sigma)
+        return sigma * once_integrated(u)
+    return np.asarray(ndtr(u) if order == 2 else density(u) / sigma)
 
 
 def line_spread(distance: Floats, sigma: Floats) -> Floats:

@@ -24,6 +24,7 @@ from tasks.settings.certificate import CertificateSettings, Laboratory, Signator
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
+from tasks.settings.image_motion import MotionSettings
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.settings.inputs import (
     ControlInput,
@@ -134,6 +135,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
         "For `aerocal image-quality` ([what it measures](image-quality.md)); may stand in a file of its own, "
         "with `version = 1` alone.",
     ),
+    ("[image_quality.motion]", MotionSettings, "Movement of the images during their exposure."),
     ("[image_quality.sensor]", SensorSettings, ""),
     ("[[image_quality.sensor.series]]", ExposureLevel, "One table for each exposure."),
 )

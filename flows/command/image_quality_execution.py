@@ -29,14 +29,14 @@ def execute_image_quality(
 ) -> int:
     """Run, and show the result; returns the exit code. Wrong input leaves as an InputError."""
     console = show_progress()
-    settings = load_image_quality(source, overrides, data)
+    wanted = load_image_quality(source, overrides, data)
     directory = source.parent / "image-quality" if out is None else out
     store = Store.of(directory)
     with run_lock(directory):
         store.begin_run()
         try:
-            with living_line(console, directory, stages_of(settings)):
-                summary = image_quality(settings, store)
+            with living_line(console, directory, stages_of(wanted)):
+                summary = image_quality(wanted, store)
         except InputError as error:
             with writing_into(directory):
                 write_summary(directory, failed_summary("input_error", str(error), {}))

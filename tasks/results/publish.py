@@ -71,6 +71,7 @@ OF_IMAGE_QUALITY = (
     "edge_means",
     "edge_drift",
     "smears",
+    "smear_motion",
     "edge_responses",
     "noise_levels",
     "sensor_sheets",

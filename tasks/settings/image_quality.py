@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import InputPath, Settings, trouble
 from tasks.settings.coordinates import Positive, Real
+from tasks.settings.image_motion import MotionSettings
 from tasks.settings.sensor_quality import Images, SensorSettings
 
 #: Length of an edge at least, px.
@@ -67,6 +68,11 @@ class ImageQualitySettings(Settings):
         description="Results of an earlier date for comparison: their folder, or its `edge_means.parquet`. "
         "Default: none.",
     )
+    motion: MotionSettings | None = Field(
+        default=None,
+        description="Movement of the images during their exposure, for comparison with the smear of their "
+        "edges. Only in a project file, whose exposures have angular velocities. Default: none.",
+    )
     sensor: SensorSettings | None = Field(
         default=None, description="Images of the sensor without a scene. Default: none."
     )
@@ -83,6 +89,8 @@ class ImageQualitySettings(Settings):
             raise trouble("There is no image to examine.", "Name one in image_quality.images.")
         if (self.points_px or self.edges_px) and len(self.images) != 1:
             raise trouble("Points and edges are given, which are those of one image.", "Name one image.")
+        if self.motion is not None and not self.images:
+            raise trouble("A movement is given, and no image of a scene.", "Name images.")
         short = [
             ends for ends in self.edges_px if hypot(ends[2] - ends[0], ends[3] - ends[1]) < SHORTEST_EDGE
         ]
@@ -97,8 +105,9 @@ class ImageQualitySettings(Settings):
         return self
 
     def of_scenes(self) -> ImageQualitySettings:
-        """The settings of the scenes alone: sensor and earlier results change nothing about them."""
-        return self.model_copy(update={"sensor": None, "earlier": None, "camera": None, "examined": None})
+        """The settings of the scenes alone: what else is known changes nothing about them."""
+        others = ("sensor", "earlier", "motion", "camera", "examined")
+        return self.model_copy(update=dict.fromkeys(others))
 
     def earlier_alone(self) -> EarlierResults:
         """Nothing but the earlier results."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -10,44 +11,71 @@ from tasks.errors import InputError
 from tasks.settings.base import PathContext
 from tasks.settings.image_quality import ImageQualityFile, ImageQualitySettings
 from tasks.settings.load import is_project_file, load_project
+from tasks.settings.project import Project
 from tasks.settings.settings_file import SettingsFile, SettingsKind, read_settings_file
 
 IMAGE_QUALITY_FILE = SettingsKind(ImageQualityFile, "file of image quality", "docs/image-quality.md")
 
 
+@dataclass(frozen=True)
+class Examination:
+    """Images to be examined.
+
+    Attributes
+    ----------
+    settings : which, and what is known of them.
+    project : the project they are of, for the movement of its exposures; None: they stand alone.
+    """
+
+    settings: ImageQualitySettings
+    project: Project | None = None
+
+
 def load_image_quality(
-    source: Path, overrides: Sequence[str] = (), data: Path | None = None
-) -> ImageQualitySettings:
-    """The settings that a source means.
+    source: Path, overrides: Sequence[str] = (), data: Path | None = None, roots: Sequence[Path] = ()
+) -> Examination:
+    """The examination that a source means.
 
     Parameters
     ----------
     source : a project file with a table [image_quality], a file with this table alone, or an image.
     overrides : texts ``a.b.c=VALUE``.
     data : a second folder for relative paths.
+    roots : folders that every input file must lie under (deployments); empty: anywhere.
 
     Raises
     ------
     InputError
-        As of `tasks.settings.load.load_project`; if the project has no such table.
+        As of `tasks.settings.load.load_project`; if the project has no such table; if the movement of images
+        is to be compared that belong to no project.
     """
+    roots = tuple(roots)
     if source.suffix.lower() != ".toml":
         content = {"version": 1, "image_quality": {"images": str(source.absolute()), "name": source.name}}
         file = SettingsFile(IMAGE_QUALITY_FILE, source, "", content)
-        return _validated(file, overrides, PathContext(Path.cwd(), data, environment={}))
+        return _alone(file, overrides, PathContext(Path.cwd(), data, environment={}, roots=roots))
     if not is_project_file(str(source)):
-        file = read_settings_file(source, IMAGE_QUALITY_FILE)
-        return _validated(file, overrides, PathContext(source.resolve().parent, data))
-    settings = load_project(source, overrides, data).image_quality
-    if settings is None:
+        file = read_settings_file(source, IMAGE_QUALITY_FILE, links=not roots)
+        return _alone(file, overrides, PathContext(source.resolve().parent, data, roots=roots))
+    project = load_project(source, overrides, data, roots=roots)
+    if project.image_quality is None:
         raise InputError(
             "The project has no table [image_quality].",
             "Add it: docs/image-quality.md shows how.",
             file=source,
         )
-    return settings
+    return Examination(project.image_quality, project)
 
 
-def _validated(file: SettingsFile, overrides: Sequence[str], context: PathContext) -> ImageQualitySettings:
+def _alone(file: SettingsFile, overrides: Sequence[str], context: PathContext) -> Examination:
+    """What a file without a project says."""
     file.replace(overrides)
-    return cast(ImageQualityFile, file.validated(context)).image_quality
+    settings = cast(ImageQualityFile, file.validated(context)).image_quality
+    if settings.motion is not None:
+        raise InputError(
+            "The movement of images that belong to no project is not known.",
+            "Put the table [image_quality] into the project file of their exposures.",
+            file=file.path,
+            entity="image_quality.motion",
+        )
+    return Examination(settings)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tasks.files.json_text import JSON
+from tasks.settings.image_motion import MotionSettings
 from tasks.settings.image_quality import EarlierResults, ImageQualitySettings
 from tasks.settings.sensor_quality import SensorSettings
 from tasks.store.artifact import Artifact
+from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table
+from tasks.tables.schemas import SMEAR_MOTION
 
 
 @stored("image_quality")
@@ -53,3 +57,25 @@ def compare_dates(folder: Path, *, means: Artifact, earlier: EarlierResults) -> 
 
     assert earlier.edge_means is not None  # compared only where there is one
     write_drift(folder, read_table(means), earlier.edge_means)
+
+
+@stored("smear_motion")
+def compare_with_motion(
+    folder: Path, *, edges: Artifact, exposures: Artifact, cameras: Artifact, settings: MotionSettings
+) -> None:
+    """Write smear_motion.parquet, and which images contradict the movement of the camera.
+
+    Raises
+    ------
+    InputError
+        If an image has no exposure, or its exposure has no rates.
+    """
+    from tasks.evaluation.smear_by_motion import smear_motion_remarks, smear_motion_table
+    from tasks.tables.parquet import write_table
+
+    found = smear_motion_table(read_table(edges), read_table(exposures), read_table(cameras), settings)
+    columns = {column.name: found[column.name].to_numpy() for column in SMEAR_MOTION.columns}
+    write_table(folder / "smear_motion.parquet", SMEAR_MOTION, columns)
+    contradicting = int(found["contradicts"].sum())
+    figures: dict[str, JSON] = {"smear_motion": {"compared": len(found), "contradicting": contradicting}}
+    write_notes(folder, Notes(tuple(smear_motion_remarks(found)), figures))

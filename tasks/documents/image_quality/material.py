@@ -68,6 +68,7 @@ class QualityMaterial:
     Attributes
     ----------
     drift : change since an earlier date.
+    motion : smear by the movement of the camera and by the edges.
     problems : remarks of all stages.
     settings : of the run.
     """
@@ -75,13 +76,14 @@ class QualityMaterial:
     scenes: SceneMaterial | None
     sensor: SensorMaterial | None
     drift: pd.DataFrame | None
+    motion: pd.DataFrame | None
     problems: tuple[str, ...]
     settings: ImageQualitySettings
 
 
 def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualitySettings) -> QualityMaterial:
     """Read what the examinations wrote."""
-    scenes = sensor = drift = None
+    scenes = sensor = drift = motion = None
     problems: tuple[str, ...] = ()
     for outputs in stages:
         notes = read_notes(outputs["notes"])
@@ -99,6 +101,8 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
             )
         elif "edge_drift" in outputs:
             drift = tables["edge_drift"]
+        elif "smear_motion" in outputs:
+            motion = tables["smear_motion"]
         else:
             figures = cast(Mapping[str, JSON], notes.figures["sensor"])
             sensor = SensorMaterial(
@@ -109,4 +113,4 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 aperture=tables["aperture"],
                 figures=figures,
             )
-    return QualityMaterial(scenes, sensor, drift, problems, settings)
+    return QualityMaterial(scenes, sensor, drift, motion, problems, settings)

@@ -14,6 +14,7 @@ from tasks.documents.image_quality.material import QualityMaterial, SceneMateria
 from tasks.documents.image_quality.quality_tables import (
     drift_table,
     mean_table,
+    motion_table,
     noise_table,
     refused_table,
     smear_table,
@@ -42,6 +43,8 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
         tables += [mean_table(scenes), smear_table(scenes), refused_table(scenes), noise_table(scenes)]
     if material.drift is not None:
         tables.append(drift_table(material.drift))
+    if material.motion is not None:
+        tables.append(motion_table(material.motion))
     if sensor is not None:
         tables += [sheet_table(sensor), pixel_table(sensor), column_table(sensor), transfer_table(sensor)]
     page: str = (

@@ -120,6 +120,38 @@ def smear_table(material: SceneMaterial) -> Table:
     return Table("smears", "Blur of different directions, as a smear", columns, rows)
 
 
+def motion_table(compared: pd.DataFrame) -> Table:
+    """Smear by the movement of the camera, and by the edges."""
+    columns = (
+        text_column("image", "image"),
+        Column("band", "band"),
+        Column("expected_px", "by the trajectory", "px"),
+        Column("sigma_expected_px", "σ"),
+        Column("expected_deg", "direction", "°"),
+        Column("found_px", "by the edges", "px"),
+        Column("sigma_found_px", "σ"),
+        Column("found_deg", "direction", "°"),
+        Column("sigma_found_deg", "σ"),
+        Column("probability", "probability"),
+        text_column("contradicts", "agree"),
+    )
+    decimals = (2, 2, 0, 2, 2, 0, 0, 3)
+    rows = tuple(
+        Row(
+            f"{row['image']}:{row['band']}",
+            (
+                str(row["image"]),
+                Number(row["band"]),
+                *(Number(row[at.name], places) for at, places in zip(columns[2:-1], decimals, strict=True)),
+                "no" if row["contradicts"] else "yes",
+            ),
+        )
+        for _, row in compared.iterrows()
+    )
+    note = "Probability: of such a difference by chance; below 0.001 the two contradict each other."
+    return Table("motion", "Smear by the movement of the camera, and by the edges", columns, rows, note)
+
+
 def refused_table(material: SceneMaterial) -> Table:
     """Why candidates were not taken."""
     columns = (text_column("reason", "reason"), Column("count", "candidates"))

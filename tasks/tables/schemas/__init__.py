@@ -46,6 +46,7 @@ from tasks.tables.schemas.image_quality import (
     NOISE_LEVELS,
     PHOTON_TRANSFER,
     SENSOR_SHEETS,
+    SMEAR_MOTION,
     SMEARS,
 )
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
@@ -106,6 +107,7 @@ SCHEMAS: dict[str, TableSchema] = {
         EDGE_MEANS,
         EDGE_DRIFT,
         SMEARS,
+        SMEAR_MOTION,
         EDGE_RESPONSES,
         NOISE_LEVELS,
         SENSOR_SHEETS,
@@ -157,6 +159,7 @@ __all__ = [
     "SELF_CALIBRATION",
     "SENSOR_SHEETS",
     "SMEARS",
+    "SMEAR_MOTION",
     "STEREO_MODELS",
     "STRIP_ERRORS",
     "SWEEP",

@@ -94,6 +94,28 @@ SMEARS = TableSchema(
     ),
     ("image", "band"),
 )
+SMEAR_MOTION = TableSchema(
+    "smear_motion",
+    "Smear of a band of an image: as the movement of the camera makes it, and as its edges show it.",
+    (
+        IMAGE,
+        BAND,
+        count("edges", "number of edges used"),
+        number("expected_px", "px", "length by the movement of the camera"),
+        number("sigma_expected_px", "px", "its standard deviation"),
+        number(
+            "expected_deg", "deg", "direction by the movement, from increasing columns to increasing rows"
+        ),
+        number("sigma_expected_deg", "deg", "its standard deviation, 90 at most"),
+        number("found_px", "px", "length by the edges"),
+        number("sigma_found_px", "px", "its standard deviation"),
+        number("found_deg", "deg", "direction by the edges"),
+        number("sigma_found_deg", "deg", "its standard deviation, 90 at most"),
+        number("probability", "", "of such a difference by chance"),
+        flag("contradicts", "whether chance does not explain it"),
+    ),
+    ("image", "band"),
+)
 EDGE_DRIFT = TableSchema(
     "edge_drift",
     "Change of a mean of edge_means since an earlier date.",

@@ -51,7 +51,7 @@ def found_with(length: float, direction: float, seed: int) -> Smear:
 def test_length_and_direction_are_those_of_the_movement(length: float, direction: float) -> None:
     found = found_with(length, float(np.deg2rad(direction)), seed=3)
     assert found.significant
-    assert found.length == pytest.approx(length, abs=0.05 * length + 3.3 * found.sigma_length)
+    assert found.length == pytest.approx(length, abs=0.01 + 3.3 * found.sigma_length)
     turned = np.rad2deg(found.direction) - direction
     assert abs((turned + 90.0) % 180.0 - 90.0) < max(3.0, 3.3 * np.rad2deg(found.sigma_direction))
 

@@ -1,0 +1,84 @@
+"""Smear from the movement of the camera: the formula against exact projection, and against edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.geometry import rotation
+from adjust.image_quality.edge_fit import fit_edge
+from adjust.image_quality.edge_model import edge_values
+from adjust.image_quality.edge_samples import EdgeLine, samples_of
+from adjust.image_quality.image_motion import CameraMotion, MotionComparison, compared_with_motion
+
+FOCAL, TIME, BLUR, NOISE = 15_000.0, 0.002, 0.45, 1.0
+RATES = np.deg2rad([[2.0, 1.0, 5.0], [-1.5, 2.0, 0.0], [0.0, -2.5, -8.0]])
+
+
+def motion_of(rate: Floats, velocity_by_height: Floats | None = None) -> CameraMotion:
+    u = np.zeros(3) if velocity_by_height is None else velocity_by_height
+    return CameraMotion(rate, np.full(3, 1e-4), u, TIME, 1e-6, FOCAL)
+
+
+def projected(place: Floats, rate: Floats, u: Floats, time: float) -> Floats:
+    """Image points (n, 2) of points of level ground at the distance 1, at a time from the middle."""
+    ground = np.column_stack([place / FOCAL, -np.ones(len(place))])
+    seen = (ground - time * u) @ rotation.exp(time * rate)
+    return np.asarray(-FOCAL * seen[:, :2] / seen[:, 2:])
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_the_displacement_is_that_of_exact_projection(rate: Floats) -> None:
+    place = np.random.default_rng(1).uniform(-8000.0, 8000.0, (50, 2))
+    u = np.array([0.05, 0.01, -0.003])
+    exact = projected(place, rate, u, 0.5 * TIME) - projected(place, rate, u, -0.5 * TIME)
+    np.testing.assert_allclose(motion_of(rate, u).displacement(place), exact, atol=2e-4)
+
+
+def exposed(rate: Floats, seed: int, edges: int = 60) -> tuple[Floats, Floats, Floats]:
+    """Angles, blurs and places of edges over the format, each averaged over the exposure."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-7000.0, 7000.0, (edges, 2))
+    slants = np.deg2rad(rng.choice([-1.0, 1.0], edges) * rng.uniform(3.0, 42.0, edges))
+    angles = np.angle(np.exp(1j * (slants + rng.integers(4, size=edges) * 0.5 * np.pi)))
+    times = TIME * ((np.arange(15) + 0.5) / 15 - 0.5)
+    way = np.stack([projected(places, rate, np.zeros(3), time) - places for time in times])
+    row, column = np.mgrid[:48, :48] - 24.0
+    fits = []
+    for index, angle in enumerate(angles):
+        distance = column * np.cos(angle) + row * np.sin(angle)
+        shifts = way[:, index, 0] * np.cos(angle) - way[:, index, 1] * np.sin(angle)
+        seen = [edge_values((distance - s).ravel(), BLUR**2, angle).value for s in shifts]
+        image = 80.0 + 120.0 * np.mean(seen, axis=0).reshape(distance.shape)
+        image = image + rng.normal(0.0, NOISE, distance.shape)
+        fits.append(fit_edge(samples_of(image, EdgeLine(24.0, 24.0, float(angle), 32.0))))
+    return np.array([fit.angle for fit in fits]), np.array([fit.blur for fit in fits]), places
+
+
+def compared(rate: Floats, stated: Floats, seed: int) -> MotionComparison:
+    found = compared_with_motion(*exposed(rate, seed), motion_of(stated))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_edges_show_the_smear_that_the_rates_make(rate: Floats) -> None:
+    for seed in range(3):
+        found = compared(rate, rate, seed)
+        assert found.probability > 1e-3
+        sigma = np.hypot(found.found.sigma_length, found.expected.sigma_length)
+        assert found.found.length == pytest.approx(found.expected.length, abs=3.3 * sigma + 0.01)
+        turned = found.found.direction - found.expected.direction
+        assert abs(np.angle(np.exp(2j * turned)) / 2.0) < 3.3 * found.found.sigma_direction + 0.02
+
+
+def test_rates_of_another_image_contradict_the_edges() -> None:
+    for rate, stated in ((RATES[0], RATES[1]), (RATES[1], np.zeros(3)), (np.zeros(3), RATES[2])):
+        assert compared(rate, stated, 5).probability < 1e-4
+
+
+def test_still_camera_and_still_edges_agree() -> None:
+    probabilities = [compared(np.zeros(3), np.zeros(3), seed).probability for seed in range(12)]
+    assert min(probabilities) > 1e-3
+    assert 0.2 < np.mean(probabilities) < 0.8
