@@ -57,6 +57,7 @@ OFFERS: Mapping[str, Offer] = {
     "eo-csv": Offer(_ANY_MAP),
     "esri": Offer(_ANY),
     "orbit": Offer(_ANY),
+    "sure": Offer(_LOCAL),
     "metashape": Offer(("map", "local")),
     "metashape-xml": Offer(_LOCAL),
     "rpc": Offer(("rpc",), placed=True),

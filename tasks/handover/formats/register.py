@@ -26,6 +26,7 @@ from tasks.handover.formats.orthority import write_orthority
 from tasks.handover.formats.realityscan import write_realityscan
 from tasks.handover.formats.rpc import write_rpc
 from tasks.handover.formats.stac import write_stac
+from tasks.handover.formats.sure import write_sure
 
 _CAMERA_TOO = Freed(focal_length=True)
 _ANGLES = "1e-4 m, 1e-7°"
@@ -42,6 +43,7 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             seen=True,
         ),
         DeliveryFormat("esri", "Frames and Cameras tables of ArcGIS", write_esri, _ANGLES, _CAMERA_TOO),
+        DeliveryFormat("sure", "SURE: one .ori an image, for undistorted images", write_sure, "15 digits"),
         DeliveryFormat("orbit", "Orbit 3DM: one line an image, for undistorted images", write_orbit, _ANGLES),
         DeliveryFormat(
             "inpho", "Inpho project (.prj): cameras, photos, orientations", write_inpho, _MATRIX, _CAMERA_TOO
@@ -54,7 +56,9 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             _CAMERA_TOO,
             grid=True,
         ),
-        DeliveryFormat("metashape", "Metashape OPK text", write_metashape, f"{_ANGLES}, matrix 1e-12"),
+        DeliveryFormat(
+            "metashape", "Metashape OPK text and reference table", write_metashape, f"{_ANGLES}, matrix 1e-12"
+        ),
         DeliveryFormat(
             "metashape-xml",
             "Metashape XML: cameras with distortion, orientations on the earth, markers",

@@ -7,6 +7,7 @@ oblique.
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
@@ -223,6 +224,54 @@ def test_nerfstudio_matrices_are_ours_about_the_middle():
         away = seen(camera, centre, matrix[:3, :3], ground) - pixels(results, points, k)
         assert np.abs(away).max() < 1e-4
         assert np.abs(matrix[:3, 3]).max() < 2_000.0
+
+
+#: As programs write them for SURE.
+TITLES = """\
+$ImageID___________________________________________________(ORI_Ver_1.0)
+$IntOri_FocalLength_________________________________________________[mm]
+$IntOri_PixelSize______(x|y)________________________________________[mm]
+$IntOri_SensorSize_____(x|y)_____________________________________[pixel]
+$IntOri_PrincipalPoint_(x|y)_____________________________________[pixel]
+$IntOri_CameraMatrix_____________________________(ImageCoordinateSystem)
+$ExtOri_RotationMatrix____________________(World->ImageCoordinateSystem)
+$ExtOri_TranslationVector________________________(WorldCoordinateSystem)
+$IntOri_Distortion_____(Model|ParameterCount|(Parameters))______________"""
+
+
+def sections(text):
+    """Lines of each section of a file of SURE by its name."""
+    found = {}
+    assert [line for line in text.splitlines() if line[0] == "$"] == TITLES.splitlines()
+    for line in text.splitlines():
+        if line[0] == "$":
+            lines = found.setdefault(re.split("_{5,}|_\\(x", line)[0], [])
+        else:
+            lines.append(line.split())
+    return found
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")
+def test_sure_sees_the_ground_in_undistorted_images(case):
+    results, points = flown(case)
+    files = REGISTER["sure"].write(delivered(results, no_points(), "sure"))
+    for k, name in enumerate(NAMES):
+        found = sections(files[f"{name.rpartition('.')[0] or name}.ori"])
+        assert found["$ImageID"] == [name.split()]
+        assert found["$IntOri_Distortion"] == [["NONE", "0"]]
+        matrix, turn, centre = (
+            np.array(found[key], dtype=float)
+            for key in ("$IntOri_CameraMatrix", "$ExtOri_RotationMatrix", "$ExtOri_TranslationVector")
+        )
+        assert found["$IntOri_PrincipalPoint"] == [[row[2] for row in found["$IntOri_CameraMatrix"][:2]]]
+        ground = points.local[points.point[points.image == k]]
+        column, row, depth = matrix @ turn @ (ground - centre).T
+        camera = results.cameras[results.images.camera[k]]
+        frame = camera.frame
+        ideal = camera.ideal(points.xy[points.image == k]) + frame.principal_point
+        expected = (ideal * [1.0, -1.0] + frame.half_format) / frame.pixel_size - 0.5
+        assert (depth > 0.0).all()
+        np.testing.assert_allclose(np.column_stack([column, row]) / depth[:, None], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")

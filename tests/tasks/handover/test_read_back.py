@@ -78,7 +78,7 @@ WITHOUT_ORIENTATIONS = {"rpc", "kmz", "distortion-grid"}
 #: Formats that stand in test_ground_through_files.
 WITH_THEIR_GROUND = {
     "colmap", "geopackage", "geojson", "opf", "opensfm", "openmvg", "nerfstudio", "blocks-exchange",
-    "metashape-xml", "orthority", "realityscan", "stac",
+    "metashape-xml", "orthority", "realityscan", "stac", "sure",
 }  # fmt: skip
 
 
@@ -173,6 +173,22 @@ def test_cameras_are_the_same(block, name, file, tmp_path):
             [5.0, frame.focal_length * 1e3, 0.01, -0.02],
             atol=1e-6,
         )
+
+
+def test_the_reference_table_of_metashape_has_positions_angles_and_their_accuracies(block, tmp_path):
+    read_back(block, "metashape", tmp_path)
+    columns = {
+        "image": 1, **{name: k for k, name in enumerate(("x", "y", "z", "sx", "sy", "sz"), 2)},
+        **{name: k for k, name in enumerate((*_OPK, *(f"s{name}" for name in _OPK)), 8)},
+    }  # fmt: skip
+    layout = TableLayout(columns=columns, elsewhere=("camera", "strip"))
+    records = read_exposures("csv", tmp_path / "metashape_reference.csv", "omega-phi-kappa", layout)
+    np.testing.assert_allclose(records.position, block.images.projection_centre, rtol=0, atol=0.6e-4)
+    read = from_omega_phi_kappa(np.deg2rad(records.angles))
+    np.testing.assert_allclose(read, block.images.local_from_camera, rtol=0, atol=3e-9)
+    table = block.orientations.to_numpy(float)
+    np.testing.assert_allclose(records.sigma_position, table[:, :3], atol=0.6e-4)
+    np.testing.assert_allclose(records.sigma_angles, table[:, 3:], atol=1e-7)
 
 
 def test_standard_deviations_are_the_same(block, tmp_path):
