@@ -28,7 +28,7 @@ def stages_of(wanted: Examination) -> tuple[str, ...]:
         "import_exposures": settings.motion is not None,
         "smear_motion": settings.motion is not None,
         "sensor_quality": settings.sensor is not None,
-        "edge_drift": settings.earlier is not None,
+        "drift": settings.earlier is not None,
         "image_quality_page": True,
         "radiometric_certificate": settings.sensor is not None,
     }
@@ -41,8 +41,8 @@ def image_quality(wanted: Examination, store: Store) -> Summary:
     examined = (*_scenes(wanted, store),)
     if settings.sensor is not None:
         examined = (*examined, examine_sensor(store, settings=settings.sensor))
-    if settings.images and settings.earlier is not None:
-        drift = compare_dates(store, means=examined[0]["edge_means"], earlier=settings.earlier_alone())
+    if settings.earlier is not None:
+        drift = compare_dates(store, stages=examined, earlier=settings.earlier_alone())
         examined = (*examined, drift)
     page = write_page(store, stages=examined, settings=settings, name=settings.name)
     pages: tuple[Outputs, ...] = (page,)

@@ -9,10 +9,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
-from tasks.files.json_text import JSON
-from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.image_quality import EDGE_DRIFT, EDGE_MEANS
 
 #: Change in its standard deviations beyond which a mean has drifted: by chance once in a thousand times.
@@ -58,12 +55,3 @@ def drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
         f"since the earlier date, from {row['earlier']:.3f} to {row['factor']:.3f}."
         for _, row in whole.iterrows()
     )
-
-
-def write_drift(folder: Path, means: pd.DataFrame, earlier: Path) -> None:
-    """Write edge_drift.parquet and the remarks; errors as of `drift_table`."""
-    drift = drift_table(means, earlier)
-    columns = {column.name: drift[column.name].to_numpy() for column in EDGE_DRIFT.columns}
-    write_table(folder / "edge_drift.parquet", EDGE_DRIFT, columns)
-    figures: dict[str, JSON] = {"edge_drift": {"drifted": int(drift["drifted"].sum()), "means": len(drift)}}
-    write_notes(folder, Notes(drift_remarks(drift), figures))

@@ -70,6 +70,7 @@ OF_IMAGE_QUALITY = (
     "edges",
     "edge_means",
     "edge_drift",
+    "quality_drift",
     "smears",
     "smear_motion",
     "edge_responses",

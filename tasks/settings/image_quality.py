@@ -17,13 +17,13 @@ from tasks.settings.sensor_quality import Images, SensorSettings
 #: Length of an edge at least, px.
 SHORTEST_EDGE = 20
 #: What is read of the results of an earlier date.
-EARLIER_TABLE = "edge_means.parquet"
+EARLIER = "manifest.json"
 
 
 class EarlierResults(Settings):
     """Results of an earlier date."""
 
-    edge_means: InputPath | None = Field(default=None, description="Their table of means.")
+    manifest: InputPath | None = Field(default=None, description="Their manifest, which has all digests.")
 
 
 class ImageQualitySettings(Settings):
@@ -65,8 +65,7 @@ class ImageQualitySettings(Settings):
     )
     earlier: InputPath | None = Field(
         default=None,
-        description="Results of an earlier date for comparison: their folder, or its `edge_means.parquet`. "
-        "Default: none.",
+        description="Results of an earlier date for comparison: their folder. Default: none.",
     )
     motion: MotionSettings | None = Field(
         default=None,
@@ -79,9 +78,9 @@ class ImageQualitySettings(Settings):
 
     @field_validator("earlier", mode="before")
     @classmethod
-    def _table_of_folder(cls, value: object) -> object:
-        is_folder = isinstance(value, str) and not value.endswith(".parquet")
-        return f"{value}/{EARLIER_TABLE}" if is_folder else value
+    def _manifest_of_folder(cls, value: object) -> object:
+        is_folder = isinstance(value, str) and not value.endswith(EARLIER)
+        return f"{value}/{EARLIER}" if is_folder else value
 
     @model_validator(mode="after")
     def _something_to_examine(self) -> ImageQualitySettings:
@@ -111,7 +110,7 @@ class ImageQualitySettings(Settings):
 
     def earlier_alone(self) -> EarlierResults:
         """Nothing but the earlier results."""
-        return EarlierResults(edge_means=self.earlier)
+        return EarlierResults(manifest=self.earlier)
 
 
 class ImageQualityFile(Settings):

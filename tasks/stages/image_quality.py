@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from tasks.files.json_text import JSON
@@ -44,19 +45,26 @@ def examine_sensor(folder: Path, *, settings: SensorSettings) -> None:
     sensor.examine_sensor(folder, settings)
 
 
-@stored("edge_drift")
-def compare_dates(folder: Path, *, means: Artifact, earlier: EarlierResults) -> None:
-    """Write edge_drift.parquet, and what has changed.
+@stored("drift")
+def compare_dates(
+    folder: Path, *, stages: tuple[Mapping[str, Artifact], ...], earlier: EarlierResults
+) -> None:
+    """Write edge_drift and quality_drift.parquet, and what has changed.
+
+    Parameters
+    ----------
+    stages : outputs of the examinations of scenes and sensor, those there are.
 
     Raises
     ------
     InputError
-        If the earlier results cannot be read, or are those of another camera.
+        If the earlier results cannot be read, or have none of the bands or nothing to compare.
     """
-    from tasks.image_quality.drift import write_drift
+    from tasks.image_quality.dates import write_drift
 
-    assert earlier.edge_means is not None  # compared only where there is one
-    write_drift(folder, read_table(means), earlier.edge_means)
+    tables = {name: read_table(one) for outputs in stages for name, one in outputs.items() if name != "notes"}
+    assert earlier.manifest is not None  # compared only where there is one
+    write_drift(folder, tables, earlier.manifest.parent)
 
 
 @stored("smear_motion")

@@ -154,7 +154,10 @@ def test_a_camera_that_has_become_softer_has_drifted_and_another_has_not(
         np.testing.assert_allclose(whole["change"], whole["factor"] - whole["earlier"])
         summary = json.loads((out / "summary.json").read_text())
         assert any("has changed by +0.3" in sentence for sentence in summary["problems"]) == any(drifted)
-        assert "Change since the earlier date" in (out / "image_quality.html").read_text()
-    outcome = aerocal("image-quality", same, "--set", f"image_quality.earlier={results / 'edges.parquet'}")
+        assert "Change of the factors since the earlier date" in (out / "image_quality.html").read_text()
+        noise = pd.read_parquet(out / "quality_drift.parquet").query("quantity == 'noise'")
+        assert noise["band"].tolist() == [1, 2]
+        assert not noise["drifted"].any()
+    outcome = aerocal("image-quality", same, "--set", f"image_quality.earlier={tmp_path}")
     assert outcome.returncode == 2
-    assert "not a table 'edge_means'" in outcome.stderr
+    assert "manifest.json" in outcome.stderr

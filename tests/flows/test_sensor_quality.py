@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,25 @@ PIXELS = ([(10, 10), (399, 559), (0, 300)], [(200, 100), (200, 101)])
 EXPOSURES = (1.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
 
 
-def light(exposure_ms: float, band: int, rng: np.random.Generator) -> Floats:
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor as it was, or not: electrons for one then, read noise, further defects of band 1."""
+
+    seed: int = 17
+    sensitivity: float = 1.0
+    read: float = READ
+    more: tuple[tuple[int, int], ...] = ()
+
+
+AS_BUILT = Sensor()
+
+
+def light(exposure_ms: float, band: int, rng: np.random.Generator, sensor: Sensor) -> Floats:
     """Grey values (rows, columns): 1000 and 1500 electrons a millisecond in the middle, falling off."""
     row, column = np.mgrid[:ROWS, :COLUMNS]
     square = ((row - ROWS / 2) ** 2 + (column - COLUMNS / 2) ** 2) / ((ROWS / 2) ** 2 + (COLUMNS / 2) ** 2)
-    electrons = rng.poisson(exposure_ms * (1000.0 + 500.0 * band) * (1.0 - 0.1 * square))
-    return DARK + (electrons + rng.normal(0.0, READ, electrons.shape)) / GAIN
+    electrons = rng.poisson(sensor.sensitivity * exposure_ms * (1000.0 + 500.0 * band) * (1.0 - 0.1 * square))
+    return DARK + (electrons + rng.normal(0.0, sensor.read, electrons.shape)) / GAIN
 
 
 def write(path: Path, bands: Floats) -> str:
@@ -37,13 +51,14 @@ def write(path: Path, bands: Floats) -> str:
     return path.name
 
 
-def write_sensor(folder: Path) -> Path:
+def write_sensor(folder: Path, sensor: Sensor = AS_BUILT) -> Path:
     """A project with bright, dark and pairs of images; defects are planted into bright and dark."""
-    rng = np.random.default_rng(17)
+    rng = np.random.default_rng(sensor.seed)
+    planted = ((*PIXELS[0], *sensor.more), PIXELS[1])
 
     def image(name: str, exposure_ms: float, *, part: float = 1.0, added: float = 0.0) -> str:
-        bands = np.stack([light(exposure_ms, band, rng) for band in range(BANDS)])
-        for band, places in enumerate(PIXELS):
+        bands = np.stack([light(exposure_ms, band, rng, sensor) for band in range(BANDS)])
+        for band, places in enumerate(planted):
             for place in places:
                 bands[(band, *place)] = bands[(band, *place)] * part + added
         bands[0, 50:350, 222] *= part
@@ -143,3 +158,38 @@ def test_the_certificate_says_the_same_in_three_forms(results: Path) -> None:
     (section,) = (one for one in twin["sections"] if one["name"] == "sheets")
     rows = section["blocks"][0]["rows"]
     assert [row["cells"][2]["value"] for row in rows] == pytest.approx(sheets["value"].tolist())
+
+
+def drift_of(sensor: Sensor, earlier: Path, folder: Path) -> pd.DataFrame:
+    """Examine a sensor and compare it with the earlier results."""
+    project = write_sensor(folder, sensor)
+    given = f"image_quality.earlier={earlier}"
+    outcome = aerocal("image-quality", project, "--out", folder / "out", "--set", given)
+    assert outcome.returncode == 0, outcome.stderr
+    return pd.read_parquet(folder / "out" / "quality_drift.parquet").set_index(["band", "quantity"])
+
+
+def test_a_sensor_that_has_aged_has_drifted(results: Path, tmp_path: Path) -> None:
+    # At most 12 in a column, or it would be a defect column.
+    spots = tuple((30 + 20 * k, 400 + 10 * (k % 2)) for k in range(15))
+    drift = drift_of(Sensor(18, 0.97, 26.0, spots), results, tmp_path)
+    for band in (1, 2):
+        sensitivity, read = drift.loc[(band, "sensitivity")], drift.loc[(band, "read_noise")]
+        assert sensitivity["drifted"]
+        assert sensitivity["value"] / sensitivity["earlier"] == pytest.approx(0.97, abs=0.003)
+        assert read["drifted"]
+        assert read["change"] == pytest.approx(6.0, abs=3.3 * read["sigma_change"])
+    pixels = drift.loc[(1, "defect_pixels")]
+    assert (pixels["earlier"], pixels["value"], pixels["drifted"]) == (3, 18, True)
+    assert pixels["t"] == pytest.approx(np.sqrt(15.0))
+    assert not drift.loc[(2, "defect_pixels"), "drifted"]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["drift"]["drifted_quantities"] == 5
+    assert any("defect pixels of band 1 has changed by +15" in sentence for sentence in summary["problems"])
+    assert "Change of noise, sensitivity and defects" in (tmp_path / "out" / "image_quality.html").read_text()
+
+
+def test_a_sensor_as_it_was_has_not_drifted(results: Path, tmp_path: Path) -> None:
+    drift = drift_of(Sensor(19), results, tmp_path)
+    assert len(drift) == 8
+    assert not drift["drifted"].any()

@@ -67,7 +67,7 @@ class QualityMaterial:
 
     Attributes
     ----------
-    drift : change since an earlier date.
+    drift, changes : of the factors, and of other quantities, since an earlier date.
     motion : smear by the movement of the camera and by the edges.
     problems : remarks of all stages.
     settings : of the run.
@@ -76,6 +76,7 @@ class QualityMaterial:
     scenes: SceneMaterial | None
     sensor: SensorMaterial | None
     drift: pd.DataFrame | None
+    changes: pd.DataFrame | None
     motion: pd.DataFrame | None
     problems: tuple[str, ...]
     settings: ImageQualitySettings
@@ -83,7 +84,7 @@ class QualityMaterial:
 
 def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualitySettings) -> QualityMaterial:
     """Read what the examinations wrote."""
-    scenes = sensor = drift = motion = None
+    scenes = sensor = drift = changes = motion = None
     problems: tuple[str, ...] = ()
     for outputs in stages:
         notes = read_notes(outputs["notes"])
@@ -100,7 +101,7 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 figures,
             )
         elif "edge_drift" in outputs:
-            drift = tables["edge_drift"]
+            drift, changes = tables["edge_drift"], tables["quality_drift"]
         elif "smear_motion" in outputs:
             motion = tables["smear_motion"]
         else:
@@ -113,4 +114,4 @@ def read_quality(stages: Sequence[Mapping[str, Artifact]], settings: ImageQualit
                 aperture=tables["aperture"],
                 figures=figures,
             )
-    return QualityMaterial(scenes, sensor, drift, motion, problems, settings)
+    return QualityMaterial(scenes, sensor, drift, changes, motion, problems, settings)

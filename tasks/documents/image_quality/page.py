@@ -12,6 +12,7 @@ from tasks.document_kit.templates import templates
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
 from tasks.documents.image_quality.quality_tables import (
+    change_table,
     drift_table,
     mean_table,
     motion_table,
@@ -41,8 +42,8 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
     ]
     if scenes is not None:
         tables += [mean_table(scenes), smear_table(scenes), refused_table(scenes), noise_table(scenes)]
-    if material.drift is not None:
-        tables.append(drift_table(material.drift))
+    if material.drift is not None and material.changes is not None:
+        tables += [drift_table(material.drift), change_table(material.changes)]
     if material.motion is not None:
         tables.append(motion_table(material.motion))
     if sensor is not None:

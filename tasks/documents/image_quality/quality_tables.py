@@ -88,7 +88,40 @@ def drift_table(drift: pd.DataFrame) -> Table:
         )
         for _, row in drift.iterrows()
     )
-    return Table("drift", "Change since the earlier date", columns, rows)
+    return Table("drift", "Change of the factors since the earlier date", columns, rows)
+
+
+def change_table(changes: pd.DataFrame) -> Table:
+    """Change of other quantities since an earlier date."""
+    columns = (
+        text_column("quantity", "quantity"),
+        Column("band", "band"),
+        Column("earlier", "then"),
+        Column("value", "now"),
+        Column("change", "change"),
+        Column("sigma_change", "σ"),
+        Column("t", "in σ"),
+        text_column("drifted", "drifted"),
+    )
+    rows = tuple(
+        Row(
+            f"{row['band']}:{row['quantity']}",
+            (
+                str(row["quantity"]).replace("_", " "),
+                Number(row["band"]),
+                *(Number(row[name], 3) for name in ("earlier", "value")),
+                Number(row["change"], 3, plus=True),
+                Number(row["sigma_change"], 3),
+                Number(row["t"], 1, plus=True),
+                "yes" if row["drifted"] else "no",
+            ),
+        )
+        for _, row in changes.iterrows()
+    )
+    note = "Defects: σ is √(new + gone), since a pixel near its limit appears as often as it goes."
+    return Table(
+        "changes", "Change of noise, sensitivity and defects since the earlier date", columns, rows, note
+    )
 
 
 def smear_table(material: SceneMaterial) -> Table:

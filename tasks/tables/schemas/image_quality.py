@@ -132,6 +132,26 @@ EDGE_DRIFT = TableSchema(
     ),
     ("band", "direction", "zone"),
 )
+QUALITY_DRIFT = TableSchema(
+    "quality_drift",
+    "Change of a quantity of a band since an earlier date.",
+    (
+        BAND,
+        text(
+            "quantity",
+            "noise of scenes at the same grey values, sensitivity (grey values/ms), read noise (electrons), "
+            "or number of defects",
+            values=("noise", "sensitivity", "read_noise", "defect_pixels", "defect_columns"),
+        ),
+        number("earlier", "", "value then"),
+        number("value", "", "value now"),
+        number("change", "", "value now − then"),
+        number("sigma_change", "", "its standard deviation; of defects √(new + gone)", nullable=True),
+        number("t", "", "change / sigma_change", nullable=True),
+        flag("drifted", "whether the change is more than its standard deviation explains"),
+    ),
+    ("band", "quantity"),
+)
 EDGE_RESPONSES = TableSchema(
     "edge_responses",
     "Response of all edges of a band in one direction at a frequency.",
