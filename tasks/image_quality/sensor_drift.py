@@ -93,8 +93,8 @@ def _noise(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
         there = np.interp(level[both], known, noise_then)
         spread: Floats = np.hypot(sigma[both], np.interp(level[both], known, sigma_then))
         weight = 1.0 / np.maximum(spread, 1e-9) ** 2
-        mean = [float(np.sum(weight * values) / np.sum(weight)) for values in (there, noise[both])]
-        yield _row(int(str(band)), "noise", *mean, float(1.0 / np.sqrt(np.sum(weight))))
+        mean_then, mean_now = (float(np.average(one, weights=weight)) for one in (there, noise[both]))
+        yield _row(int(str(band)), "noise", mean_then, mean_now, float(1.0 / np.sqrt(np.sum(weight))))
 
 
 def _sheets(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
