@@ -96,5 +96,6 @@ def report_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Ou
         stages=stages,
         project=project,
         name=project.project.name,
+        flown="" if project.project.flown is None else project.project.flown.isoformat(),
         files=delivered_names(project),
     )

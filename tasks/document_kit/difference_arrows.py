@@ -39,7 +39,12 @@ class ArrowScale:
         length, words = self.length_m * self.unit, length_words(self.length_m)
         in_plan = arrow_scale(x, y, length, f"{words} in plan", "plan")
         in_height = arrow_scale(
-            x + 20 + length + 110, y + 8, 0.35 * length, "in height, up = too high", "height", upright=True
+            x + 20 + length + 110,
+            y + 8,
+            0.35 * length,
+            "in height, up = computed higher",
+            "height",
+            upright=True,
         )
         return Markup("").join([in_plan, in_height])
 

@@ -99,6 +99,7 @@ class Table:
     caption : what it shows.
     columns, rows : the first column names the row.
     note : a sentence under it, such as what was left out; empty: none.
+    linked : keys of the rows that have an id, to which a link leads.
     """
 
     name: str
@@ -106,6 +107,11 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     note: str = ""
+    linked: frozenset[str] = frozenset()
+
+    def row_id(self, key: str) -> str:
+        """The id of a row that is linked."""
+        return f"{self.name}-row-{[row.key for row in self.rows].index(key) + 1}"
 
     @property
     def body(self) -> Markup:
@@ -118,7 +124,8 @@ class Table:
                 f"{text}{escape(cell)}</td>" if isinstance(cell, str) else f'{value}{cell.data}">{cell}</td>'
                 for text, value, cell in zip(texts, values, row.cells, strict=True)
             )
-            lines.append(f'<tr data-key="{escape(row.key)}">{cells}</tr>\n')
+            anchor = f' id="{self.row_id(row.key)}"' if row.key in self.linked else ""
+            lines.append(f'<tr{anchor} data-key="{escape(row.key)}">{cells}</tr>\n')
         return Markup("".join(lines))
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import pandas as pd
 
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding
+
+#: Beyond the critical value, in σ: what is found with a probability of 80 %.
+POWER = NormalDist().inv_cdf(0.8)
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ _KINDS: Mapping[str, _Kind] = {
         place=True,
     ),
     "ins_attitude": _Kind(
-        "The INS attitude of image {entity} is wrong by {size} (observed − adjusted)",
+        "The INS attitude of image {entity} does not fit: computed − given {size}",
         "Check its time, or reject gross errors (adjustment.rejection).",
         ("roll", "pitch", "yaw"),
     ),
@@ -128,12 +132,25 @@ _QUANTITIES = {
 def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
     """The causes in a table of alternatives, the likeliest first; axes of the same thing are one cause."""
     chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
+    runner_up = _runner_up(alternatives)
     causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}
     for row in chosen.to_dict("records"):
         kind, _ = _kind_and_axis(str(row["quantity"]))
         key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
         causes.setdefault(key, []).append(row)
-    return tuple(_finding(number, key, rows) for number, (key, rows) in enumerate(causes.items(), start=1))
+    return tuple(
+        _finding(number, key, rows, runner_up) for number, (key, rows) in enumerate(causes.items(), start=1)
+    )
+
+
+def _runner_up(alternatives: pd.DataFrame) -> str:
+    """The likeliest of those that are no finding, with its t: what a finding is compared with."""
+    left = alternatives[(alternatives["rank"] == 0) & alternatives["t"].notna()]
+    if left.empty:
+        return ""
+    row = left.iloc[int(left["t"].abs().to_numpy().argmax())].to_dict()
+    of = f" of {row['entity']}" if row["entity"] else ""
+    return f"; next: {alternative_words(row)}{of} with t = {abs(row['t']):.1f}"
 
 
 def alternative_words(row: Mapping[Hashable, object]) -> str:
@@ -152,7 +169,7 @@ def _kind_and_axis(quantity: str) -> tuple[str, str]:
 
 
 def _finding(
-    number: int, key: tuple[str, str, str, str], rows: list[Mapping[Hashable, object]]
+    number: int, key: tuple[str, str, str, str], rows: list[Mapping[Hashable, object]], runner_up: str
 ) -> ModelFinding:
     kind, entity, scope, part = key
     moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
@@ -161,9 +178,12 @@ def _finding(
         entity=entity,
         of_entity=f" of flight {entity}" if entity else "",
         where=_where(scope, part),
-        size=", ".join(map(_displacement if words.place else _size, rows)),
+        size=", ".join(map(_displacement if words.place else _size, rows))
+        + (_computed_minus_given(rows) if words.place else ""),
     )
-    t = max((float(str(row["explained"])) / float(str(row["explained_sigma"])) for row in rows), key=abs)
+    likeliest = max(rows, key=lambda row: abs(_t(row)))
+    t = _t(likeliest)
+    critical = float(str(likeliest["detectable"])) / float(str(likeliest["sigma"])) - POWER
     moved_by = float(str(moving["moved_by_estimate"]))
     moves = entity_words(str(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
     effect = f" The result is affected: {moves} is off by {moved_by:.1f} times its σ." if moves else ""
@@ -177,7 +197,8 @@ def _finding(
         if other not in own
     )
     alike = f" Nearly indistinguishable from it: {', '.join(others)}." if others else ""
-    sentence = f"{text} (t = {abs(t):.1f}).{alike}{effect} {words.remedy}"
+    tested = f"(t = {abs(t):.1f}, critical value {critical:.1f}{runner_up})"
+    sentence = f"{text} {tested}.{alike}{effect} {words.remedy}"
     return ModelFinding(
         rank=number,
         quantity=kind,
@@ -189,6 +210,10 @@ def _finding(
         moved_by=moved_by,
         sentence=sentence,
     )
+
+
+def _t(row: Mapping[Hashable, object]) -> float:
+    return float(str(row["explained"])) / float(str(row["explained_sigma"]))
 
 
 def _where(scope: str, part: str) -> str:
@@ -206,6 +231,8 @@ def _size(row: Mapping[Hashable, object]) -> str:
     _, axis = _kind_and_axis(str(row["quantity"]))
     unit, factor, _ = shown(str(row["unit"]))
     value, sigma = (float(str(row[name])) * factor for name in ("explained", "explained_sigma"))
+    # The size is that of the error in what was given; an attitude is said as its residual.
+    value = -value if str(row["quantity"]).startswith("ins_attitude") else value
     sign = "−" if value < 0.0 else "+"
     return with_unit(f"{f'{axis} ' if axis else ''}{sign}{abs(value):.3g} ± {sigma:.2g}", unit)
 
@@ -218,3 +245,11 @@ def _displacement(row: Mapping[Hashable, object]) -> str:
     _, axis = _kind_and_axis(str(row["quantity"]))
     value, sigma = (float(str(row[name])) for name in ("explained", "explained_sigma"))
     return f"{with_unit(f'{abs(value):.3g} ± {sigma:.2g}', 'm')} too {_TOO[axis][value < 0.0]}"
+
+
+def _computed_minus_given(rows: list[Mapping[Hashable, object]]) -> str:
+    """The same with the sign of all tables and maps: `` (computed − given x +0.375, z −0.250 m)``."""
+    sizes = (
+        f"{_kind_and_axis(str(row['quantity']))[1]} {-float(str(row['explained'])):+.3g}" for row in rows
+    )
+    return f" (computed − given {', '.join(sizes).replace('-', '−')} m)"

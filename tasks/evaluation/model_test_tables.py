@@ -15,7 +15,7 @@ from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
 from tasks.evaluation.model_alternatives import Alternative
-from tasks.evaluation.model_findings import alternative_words
+from tasks.evaluation.model_findings import POWER, alternative_words
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
@@ -25,8 +25,6 @@ from tasks.tables.parquet import write_table
 
 #: Probability that any alternative of a complete model is called significant, shared among all of them.
 ERROR_PROBABILITY = 0.005
-# Beyond the critical value, in σ: the power of 80 %.
-_POWER = float(special.ndtri(0.8))
 # How far an error that is just found moves a parameter, in σ: less and more count as much as these.
 _GRAVITY = (1.0, 30.0)
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
@@ -67,7 +65,7 @@ class ExaminedModel:
         """
         own = np.array([np.nan if item.critical is None else item.critical for item in self.alternatives])
         tested = self.found.tests.distinguishable & np.isnan(own)
-        alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + _POWER
+        alike = special.ndtri(1.0 - 0.5 * ERROR_PROBABILITY / max(int(tested.sum()), 1)) + POWER
         moved = np.abs(self._moved_sigmas).max(axis=0, initial=0.0) * self.found.tests.sigma * self.scale
         weight = np.where(tested, np.clip(alike * np.nan_to_num(moved), *_GRAVITY), 0.0)
         share = weight / max(weight.sum(), 1.0)
@@ -77,7 +75,7 @@ class ExaminedModel:
     @property
     def found_from(self) -> Floats:
         """(k,) size, in its σ, from which an alternative is significant with a probability of 80 %."""
-        return self.critical + _POWER
+        return self.critical + POWER
 
     @cached_property
     def order(self) -> tuple[int, ...]:

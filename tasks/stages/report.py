@@ -23,6 +23,7 @@ def write_report(
     project: Project,
     name: str,
     files: tuple[str, ...],
+    flown: str = "",
     software: Mapping[str, str] = SOFTWARE,
 ) -> None:
     """Write report.html and map.svg.
@@ -33,6 +34,7 @@ def write_report(
     project : the settings, which the report shows; its gates are tested.
     name : the project's name (it is not part of the settings' content).
     files : names of the delivered files, without folders.
+    flown : date of the flight (no part of that content either); empty: not known.
     software : versions that decide how the report looks.
     """
     # A run that finds the report stored never loads what writes it.
@@ -40,6 +42,6 @@ def write_report(
     from tasks.documents.report.material import read_material
     from tasks.documents.report.page import render
 
-    page = render(read_material(stages, project), name, files, software)
+    page = render(read_material(stages, project), name, files, software, flown)
     (folder / REPORT).write_text(page, encoding="utf-8")
     (folder / MAP).write_text(figure_of(page, "block"), encoding="utf-8")

@@ -71,7 +71,7 @@ def test_a_sound_block_has_no_finding_and_a_green_verdict(flight: Path, tmp_path
     ("file", "row", "changes", "quantity", "words"),
     [
         ("exposures.csv", 20, {"y": 2.0}, "gnss_position", "too far north"),
-        ("exposures.csv", 33, {"roll": 0.2}, "ins_attitude", "is wrong by roll +"),
+        ("exposures.csv", 33, {"roll": 0.2}, "ins_attitude", "computed − given roll −"),
         ("control.csv", 6, {"z": -1.5}, "control_point", "too low"),
     ],
 )
@@ -97,9 +97,9 @@ def test_a_single_mistake_is_named_and_nothing_else(
 @pytest.mark.parametrize(
     ("file", "row", "changes", "words"),
     [
-        ("exposures.csv", 20, {"y": 2.0}, "Its GNSS position was rejected: observed − adjusted y +"),
-        ("exposures.csv", 33, {"roll": 0.2}, "Its INS attitude was rejected: observed − adjusted roll +"),
-        ("control.csv", 6, {"z": -1.5}, "counts as no control: observed − adjusted z -"),
+        ("exposures.csv", 20, {"y": 2.0}, "Its GNSS position was rejected: computed − given y -"),
+        ("exposures.csv", 33, {"roll": 0.2}, "Its INS attitude was rejected: computed − given roll -"),
+        ("control.csv", 6, {"z": -1.5}, "counts as no control: computed − given z +"),
     ],
 )
 def test_what_was_rejected_is_named_first_and_once(

@@ -17,7 +17,9 @@ from tasks.document_kit.legend import Swatch, swatches
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes, Raster, cells
 from tasks.documents.report.causes import Cause
+from tasks.documents.report.first_screen import ring_id
 from tasks.documents.report.material import IMAGE_POINTS, Material
+from tasks.documents.report.position_arrows import position_arrows, position_differences
 from tasks.documents.report.surveyed_points import differences
 
 _CELLS = 200
@@ -56,8 +58,13 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
     parts = [covered, plot.axes(), _outlines(images, corners, plot), _strips(images, plot)]
     legend, y = swatches(plot.x.start, y, "images that see the ground", entries, _room(plot))
     parts += [legend]
+    of_positions = position_differences(material, images)
+    scale = ArrowScale.of(pd.concat([surveyed, of_positions], ignore_index=True))
+    if len(of_positions) and scale is not None:
+        parts.append(position_arrows(of_positions, scale, plot, y))
+        y += 22
     if len(surveyed):
-        drawn, y = _points(surveyed, plot, y)
+        drawn, y = _points(surveyed, scale, plot, y)
         parts.append(drawn)
     rings = _rings(images, surveyed, found, plot)
     if rings:
@@ -78,6 +85,7 @@ def _rings(
 ) -> list[Markup]:
     """A ring around every image and point that is to be looked at, with its name; none for whole flights."""
     parts = []
+    named: set[str] = set()
     for cause in found:
         own = images[images["image"].isin(cause.images)]
         points = surveyed[surveyed["point"] == cause.point]
@@ -87,6 +95,9 @@ def _rings(
             at: dict[str, markup.Attribute] = {
                 "class": "ring", "cx": plot.x.at(place[0]), "cy": plot.y.at(place[1]), "r": 11.0,
             }  # fmt: skip
+            if cause.place not in named:
+                named.add(cause.place)
+                at["id"] = ring_id(found, cause)
             parts.append(markup.element("circle", at, markup.title(f"look at {cause.place}")))
     return parts
 
@@ -231,9 +242,10 @@ def _surveyed(material: Material) -> pd.DataFrame:
     return joined
 
 
-def _points(surveyed: pd.DataFrame, plot: MapPlot, y: float) -> tuple[Markup, float]:
+def _points(
+    surveyed: pd.DataFrame, scale: ArrowScale | None, plot: MapPlot, y: float
+) -> tuple[Markup, float]:
     """Symbols, arrows and their legend; returns the height under the legend too."""
-    scale = ArrowScale.of(surveyed)
     drawn = []
     for row in surveyed.to_dict("records"):
         place = plot.x.at(float(row["x_m"])), plot.y.at(float(row["y_m"]))

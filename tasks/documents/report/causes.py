@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -152,10 +152,10 @@ def _rejected_strips(table: pd.DataFrame) -> dict[tuple[str, str], Cause]:
         own = table[(table["group"] == group) & (table["strip"] == strip)]
         sizes = own.groupby("component", sort=True)["residual"].median()
         unit = unit_words(str(own["unit"].iloc[0]))
-        size = ", ".join(f"{name} {-value:+.3g}" for name, value in sizes.items())
+        size = ", ".join(f"{name} {value:+.3g}" for name, value in sizes.items())
         found[group, strip] = Cause(
             f"strip {strip}",
-            f"{few} of its {every} {group_words(group)} were rejected; median of observed − adjusted: "
+            f"{few} of its {every} {group_words(group)} were rejected; median of computed − given: "
             f"{size} {unit}. So many have one cause, such as their datum, base station or times.",
             group,
             frozenset(own["image"]),
@@ -168,7 +168,7 @@ def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
     image, point = (row[name] if isinstance(row[name], str) else "" for name in ("image", "point"))
     group, unit = str(row["group"]), unit_words(str(row["unit"]))
     size = (
-        f"observed − adjusted {row['component']} {-float(row['residual']):+.3g} {unit}, "
+        f"computed − given {row['component']} {float(row['residual']):+.3g} {unit}, "
         f"{float(row['ratio']):.1f} times its σ"
     )
     words = group_words(group)
@@ -237,9 +237,3 @@ def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:
     for cause in found:
         places[cause.place] = (*places.get(cause.place, ()), cause.sentence)
     return places
-
-
-def shown(found: Sequence[Cause]) -> tuple[Mapping[str, tuple[str, ...]], int]:
-    """The places of the first screen with what is said of them, and how many more there are."""
-    places = by_place(found)
-    return dict(islice(places.items(), MOST_PLACES)), max(len(places) - MOST_PLACES, 0)

@@ -18,6 +18,7 @@ from tasks.documents.report import (
     causes,
     correlations,
     datum,
+    first_screen,
     grid_iteration,
     histogram,
     image_errors,
@@ -57,7 +58,9 @@ class Plot:
     drawing: Markup
 
 
-def render(material: Material, name: str, files: Sequence[str], software: Mapping[str, str]) -> str:
+def render(
+    material: Material, name: str, files: Sequence[str], software: Mapping[str, str], flown: str = ""
+) -> str:
     """The page as text.
 
     Parameters
@@ -66,6 +69,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     name : the project's name.
     files : names of the delivered files in the order of the settings.
     software : versions besides those of the numerical libraries.
+    flown : date of the flight; empty: not known.
     """
     found = causes.causes(material)
     tables = {table.name: table for table in _tables(material, files, software)}
@@ -75,7 +79,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
     pairs = image_errors_plot.before_and_after(material)
     of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
     tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
-    first, more_causes = causes.shown(found)
+    named, tables = first_screen.places(material, found, tables, plots["block"])
     page: str = (
         templates(TEMPLATES)
         .get_template("page.html.j2")
@@ -83,8 +87,11 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
             name=name,
             frame=material.figures.frame,
             verdict=key_figures.verdict(material, found),
-            causes=first,
-            more_causes=more_causes,
+            causes=named,
+            more_causes=len(causes.by_place(found)) - len(named),
+            cards=first_screen.cards(material),
+            version=software.get("aerocal", ""),
+            flown=flown,
             problems=causes.remarks(material, found),
             figures=material.figures,
             summary=material.summary,
@@ -99,6 +106,7 @@ def render(material: Material, name: str, files: Sequence[str], software: Mappin
             comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
             script=Markup(_SCRIPT),
             script_digest=b64encode(sha256(_SCRIPT.encode()).digest()).decode(),
+            arrows_of_images='<g class="positions"' in plots["block"],
             outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
         )
     )

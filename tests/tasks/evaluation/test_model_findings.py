@@ -11,7 +11,7 @@ from scipy import stats
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
-from tasks.evaluation.model_findings import alternative_words, model_findings
+from tasks.evaluation.model_findings import POWER, alternative_words, model_findings
 from tasks.evaluation.model_test_tables import ERROR_PROBABILITY
 from tasks.quantities import shown
 from tasks.settings.load_simulation import load_simulation
@@ -27,6 +27,9 @@ def row(quantity: str, rank: int, explained: float, **changed: object) -> dict[s
         "unit": "m",
         "explained": explained,
         "explained_sigma": 0.01,
+        "t": explained / 0.01,
+        "sigma": 0.01,
+        "detectable": 0.01 * (4.3 + POWER),
         "rank": rank,
         "alike": None,
         "moves": "gnss_shift_z",
@@ -63,8 +66,25 @@ def test_a_wrong_place_is_said_in_directions() -> None:
     point, strip = model_findings(pd.DataFrame(rows))
     assert point.sentence.startswith(
         "The given coordinates of control point C051 are 0.375 ± 0.01 m too far west, 0.25 ± 0.01 m too high "
+        "(computed − given x +0.375, z −0.25 m) (t = 37.5, critical value 4.3)"
     )
     assert strip.sentence.startswith("The GNSS positions in strip E03 are 0.1 ± 0.01 m too far south ")
+
+
+def test_a_finding_stands_beside_the_likeliest_that_is_none() -> None:
+    rows = [
+        row("control_point_z", 1, 0.25, entity="C051"),
+        row("boresight_roll", 0, -0.02, unit="deg", scope="strip", part="E03"),
+        row("gnss_shift_y", 0, 0.01, entity="1"),
+    ]
+    (found,) = model_findings(pd.DataFrame(rows))
+    words = "(t = 25.0, critical value 4.3; next: boresight roll in strip E03 of UCE with t = 2.0)"
+    assert words in found.sentence
+
+
+def test_an_attitude_is_said_as_computed_minus_given() -> None:
+    (found,) = model_findings(pd.DataFrame([row("ins_attitude_roll", 1, 0.2, unit="deg", entity="E03_004")]))
+    assert "does not fit: computed − given roll −0.2 ± 0.01°" in found.sentence
 
 
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:

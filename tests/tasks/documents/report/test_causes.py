@@ -7,8 +7,11 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from markupsafe import Markup
 
-from tasks.documents.report.causes import causes, remarks, shown
+from tasks.document_kit.table import Row, Table
+from tasks.documents.report.causes import by_place, causes, remarks
+from tasks.documents.report.first_screen import places, ring_id
 from tasks.documents.report.key_figures import verdict
 from tasks.documents.report.material import Material
 from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
@@ -21,6 +24,16 @@ from tasks.store.notes import Notes
 
 NOTHING = pd.DataFrame()
 IMAGES = [f"{strip}{k}" for strip in "AB" for k in range(5)]
+TABLES = {
+    name: Table(name, "", (), tuple(Row(key, ()) for key in keys))
+    for name, keys in {
+        "control-points": ("1", "2", "3"),
+        "check-points": (),
+        "image-list": IMAGES,
+        "strip-list": "AB",
+        "strip-direct-list": "AB",
+    }.items()
+}
 
 
 def _residuals(rejected: dict[tuple[str, str], float], points: int = 10) -> pd.DataFrame:
@@ -121,12 +134,12 @@ def test_a_sound_block_has_no_cause() -> None:
     assert causes(_material(_residuals({}))) == ()
 
 
-def test_a_rejected_strip_is_one_cause_with_the_sign_of_the_observations() -> None:
+def test_a_rejected_strip_is_one_cause_with_the_sign_of_tables_and_map() -> None:
     strip = {("gnss_positions", f"A{k}"): -0.3 for k in range(4)}
     (found,) = causes(_material(_residuals(strip)))
     assert found.place == "strip A"
     assert "4 of its 5 GNSS positions were rejected" in found.sentence
-    assert "x +0.3, y +0.3 m" in found.sentence
+    assert "computed − given: x -0.3, y -0.3 m" in found.sentence
 
 
 def test_two_rejected_positions_of_a_strip_are_two_images_the_larger_first() -> None:
@@ -224,8 +237,29 @@ def test_a_suspicion_is_a_cause_and_never_green() -> None:
 def test_the_first_screen_holds_six_and_says_how_many_more() -> None:
     many = {("gnss_positions", f"{strip}{k}"): 0.3 + 0.1 * k for strip in "AB" for k in range(2)}
     many |= {("control_points", str(k)): 1.0 for k in (1, 2, 3)}
-    first, more = shown(causes(_material(_residuals(many))))
-    assert (len(first), more) == (6, 1)
+    material = _material(_residuals(many))
+    named, _ = places(material, causes(material), TABLES, Markup(""))
+    assert len(named) == 6
+    assert len(by_place(causes(material))) == 7
+
+
+def test_a_place_links_to_its_ring_and_to_its_row() -> None:
+    material = _material(_residuals({("gnss_positions", "B2"): 0.4, ("control_points", "2"): 1.0}))
+    found = causes(material)
+    assert [cause.place for cause in found] == ["control point 2", "image B2"]
+    assert [ring_id(found, cause) for cause in found] == ["look-1", "look-2"]
+    rings = Markup('<circle id="look-2"/>')
+    (point, image), tables = places(material, found, TABLES, rings)
+    assert point.links == (("table", "control-points-row-2"),)
+    assert image.links == (("map", "look-2"), ("table", "image-list-row-8"))
+    assert '<tr id="control-points-row-2" data-key="2">' in tables["control-points"].body
+    assert tables["control-points"].body.count(" id=") == 1
+
+
+def test_a_strip_links_to_its_row_of_what_does_not_fit() -> None:
+    material = _material(_residuals({("gnss_positions", f"A{k}"): -0.3 for k in range(4)}))
+    (strip,), _ = places(material, causes(material), TABLES, Markup(""))
+    assert strip.links == (("table", "strip-direct-list-row-1"),)
 
 
 @pytest.mark.parametrize("explained", [False, True])
@@ -253,5 +287,5 @@ def test_what_concerns_one_place_stands_together_and_counts_once() -> None:
     both: list[JSON] = [_finding("It is shifted."), _finding("It is turned.", quantity="boresight", rank=2)]
     material = _material(_residuals({}), {"model_findings": both})
     found = causes(material)
-    assert shown(found) == ({"strip A": ("It is shifted.", "It is turned.")}, 0)
+    assert by_place(found) == {"strip A": ("It is shifted.", "It is turned.")}
     assert "one thing contradicts the rest" in verdict(material, found).sentence
