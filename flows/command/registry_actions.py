@@ -17,9 +17,10 @@ from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.files.json_text import json_text
 from tasks.registry.approval import Approval, approval_of
-from tasks.registry.calibration_file import read_calibrations
+from tasks.registry.calibration_file import has_calibration, read_calibrations
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
+from tasks.registry.radiometric import RadiometricResult, changes, read_radiometric
 from tasks.registry.registry import Registry, Signature
 from tasks.settings.registry import registry_address
 
@@ -33,11 +34,34 @@ def add_calibrations(
     source: Path, person: str | None, note: str, codes: Sequence[str], address: str | None
 ) -> int:
     """Add the records of a file or folder and say what each became."""
-    records, signature = read_calibrations(source, codes), Signature(_person(person), note)
+    radiometric, signature = read_radiometric(source), Signature(_person(person), note)
+    records = (
+        () if radiometric is not None and not has_calibration(source) else read_calibrations(source, codes)
+    )
     found = opened(address)
     for sealed in records:
         _say_added(found.add(sealed, signature))
+    if radiometric is not None:
+        _say_examined(found.add_radiometric(radiometric, signature), found.radiometric())
     return DONE
+
+
+def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) -> None:
+    """What was added, and what has changed since the result before it."""
+    console, record = Console(), added.record
+    console.print(Text(f"Added as radiometric result {added.id}: version {added.version} of {record.label}."))
+    console.print(Text(f"Verification code {added.digest}"), soft_wrap=True)
+    own = [one for one in known if one.record.camera_key == record.camera_key and one.id < added.id]
+    if not own:
+        console.print(Text("It is the first of its camera: nothing to compare with."))
+        return
+    compared = changes(own[-1].record, record)
+    drifted = [one for one in compared if one.drifted]
+    console.print(
+        Text(f"Against result {own[-1].id}: {len(drifted)} of {len(compared)} quantities have changed.")
+    )
+    for one in drifted:
+        console.print(Text(f"• {one.sentence}", style="yellow"))
 
 
 def _say_added(added: StoredCalibration) -> None:
@@ -121,7 +145,7 @@ def export_calibration(number: str, out: Path | None, address: str | None) -> in
 def verify_registry(since: str | None, address: str | None, *, as_json: bool) -> int:
     """Say whether everything is as it was written."""
     found = opened(address)
-    contents = found.verified()
+    contents, results = found.verified(), found.radiometric()
     sentences = [finding.sentence for finding in contents.findings]
     if since and not any(event.digest.startswith(since.lower()) for event in contents.events):
         sentences.append(f"The state {since} is no part of the history: what came before it was rewritten.")
@@ -134,6 +158,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
                     "findings": sentences,
                     "calibrations": len(contents.calibrations),
                     "events": len(contents.events),
+                    "radiometric_results": len(results),
                     "state": contents.digest or None,
                 },
                 indent=2,
@@ -141,6 +166,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
         )
     if not sentences:
         counts = f"{len(contents.calibrations)} calibrations and {len(contents.events)} events"
+        counts += f", and {len(results)} radiometric results" if results else ""
         if not as_json:
             words = f"{counts} are as they were written.\nState {contents.digest or 'empty'}"
             Console().print(Text(words), soft_wrap=True)

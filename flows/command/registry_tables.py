@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, INPUT_ERROR, complain
+from flows.command.radiometric_tables import print_radiometric, show_radiometric
 from flows.command.registry_actions import opened
 from flows.command.registry_words import (
     as_json as json_of,
@@ -36,18 +37,29 @@ from tasks.registry.series import ParameterSeries, series_of
 
 def list_calibrations(camera: str | None, address: str | None, *, as_json: bool) -> int:
     """Print the calibrations, camera by camera, and what was edited."""
-    contents = opened(address).contents()
-    items = contents.calibrations if camera is None else contents.of_camera(camera)
+    registry = opened(address)
+    contents, examined = registry.contents(), registry.radiometric()
+    examined = tuple(one for one in examined if camera is None or camera in one.record.names)
+    # A camera of which there are radiometric results alone is known, too.
+    only_examined = camera is not None and examined and not _is_calibrated(contents, camera)
+    items = contents.calibrations if camera is None or only_examined else contents.of_camera(camera)
+    items = () if only_examined else items
     if as_json:
         print(json_text([json_of(item) for item in items], indent=2))
     else:
-        _print_cameras(items)
+        if items or not examined:
+            _print_cameras(items)
+        print_radiometric(examined)
     if not contents.findings:
         return DONE
     for finding in contents.findings:
         Console(stderr=True).print(Text(f"• {finding.sentence}"), soft_wrap=True)
     complain("The registry was edited, see above. Restore it from a backup.")
     return INPUT_ERROR
+
+
+def _is_calibrated(contents: Contents, camera: str) -> bool:
+    return any(camera in item.camera.names for item in contents.calibrations)
 
 
 def _print_cameras(items: Sequence[StoredCalibration]) -> None:
@@ -68,6 +80,10 @@ def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_j
     """Show one calibration, or all of a camera."""
     registry = opened(address)
     contents = registry.contents()
+    examined = tuple(one for one in registry.radiometric() if what in one.record.names)
+    if examined and not _is_calibrated(contents, what):
+        show_radiometric(examined, as_json=as_json)
+        return DONE
     one = _single(contents, what)
     own = contents.sisters(one.camera) if one is not None else contents.of_camera(what)
     if one is not None:
@@ -78,6 +94,7 @@ def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_j
         _show_one(one, contents)
     else:
         _show_camera(own)
+        show_radiometric(examined, as_json=False)
     if plot is not None:
         write_time_series(plot, own)
         if not as_json:

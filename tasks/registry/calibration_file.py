@@ -56,6 +56,11 @@ class SealedRecord:
         return CalibrationRecord.model_validate_json(self.content, strict=True)
 
 
+def has_calibration(folder: Path) -> bool:
+    """Whether there is a calibration in a folder of results."""
+    return folder.is_dir() and any(next(folder.glob(pattern), None) for pattern in _FILES)
+
+
 def read_calibrations(place: Path, codes: Sequence[str] = ()) -> tuple[SealedRecord, ...]:
     """Read a record, or all records in a folder of results: one for each camera.
 

@@ -21,7 +21,7 @@ from tasks.errors import InputError
 from tasks.files.delivered_file import is_there
 from tasks.files.installation import writing_into
 from tasks.registry.history import BEGINNING
-from tasks.registry.tables import HEAD, METADATA, SCHEMA, SCHEMA_VERSION
+from tasks.registry.tables import HEAD, METADATA, RADIOMETRIC, RADIOMETRIC_HEAD, SCHEMA, SCHEMA_VERSION
 
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F63616C
@@ -106,6 +106,8 @@ class Database:
             connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
         tables = inspect(connection)
         if tables.has_table(SCHEMA.name):
+            # Those that it lacks, if an older version made it.
+            METADATA.create_all(connection, tables=[RADIOMETRIC, RADIOMETRIC_HEAD])
             return
         if self.address.is_file and tables.get_table_names():
             raise InputError(

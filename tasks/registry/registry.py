@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, delete, insert, inspect, select, update
 
 from tasks.database.address import DatabaseAddress
 from tasks.database.engine import WAIT_S
@@ -19,7 +19,8 @@ from tasks.registry.history import BEGINNING, Event, Validity
 from tasks.registry.identity import CameraBody
 from tasks.registry.integrity import Rows, contents_of
 from tasks.registry.query_tables import record_row_findings, row_findings, write_rows
-from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD
+from tasks.registry.radiometric import RadiometricResult, findings
+from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD, RADIOMETRIC, RADIOMETRIC_HEAD
 from tasks.registry.witness import lost_state, remember
 from tasks.store.stage_record import utc_now
 
@@ -118,6 +119,47 @@ class Registry:
         remember(self.database.address, added.events)
         return next(item for item in added.calibrations if item.id == event.calibration)
 
+    def radiometric(self) -> tuple[RadiometricResult, ...]:
+        """Radiometric examinations, oldest first.
+
+        Raises
+        ------
+        InputError
+            If there is no registry, or one of them was edited.
+        """
+        with self.database.reading() as connection:
+            return _radiometric(connection)
+
+    def add_radiometric(self, content: str, signature: Signature) -> RadiometricResult:
+        """Add a radiometric examination as the next version of its camera.
+
+        Raises
+        ------
+        InputError
+            If it is there already, or the registry was edited.
+        """
+        with self.database.writing() as connection:
+            known = _radiometric(connection)
+            made = RadiometricResult(len(known) + 1, 1, content, signature.person, utc_now(), signature.note)
+            there = next((one for one in known if one.digest == made.digest), None)
+            if there is not None:
+                raise InputError(
+                    f"This examination is in the registry already: radiometric result {there.id} of "
+                    f"{there.record.label}, added by {there.person} on {there.at[:10]}.",
+                    "Nothing is to be done.",
+                )
+            version = 1 + sum(one.record.camera_key == made.record.camera_key for one in known)
+            made = replace(made, version=version, previous=known[-1].seal if known else BEGINNING)
+            made = replace(made, seal=made.expected_seal)
+            connection.execute(
+                insert(RADIOMETRIC).values(
+                    {column.name: getattr(made, column.name) for column in RADIOMETRIC.c}
+                )
+            )
+            connection.execute(delete(RADIOMETRIC_HEAD))
+            connection.execute(insert(RADIOMETRIC_HEAD).values(one=1, results=made.id, seal=made.seal))
+        return made
+
     def approve(self, approval: Approval, signature: Signature, although: str = "") -> tuple[Event, ...]:
         """Carry out an approval, and supersede what held before it.
 
@@ -167,6 +209,19 @@ class Registry:
         if not contents.findings:
             remember(self.database.address, contents.events)
         return contents
+
+
+def _radiometric(connection: Connection) -> tuple[RadiometricResult, ...]:
+    """The radiometric results, if they are as they were written."""
+    if not inspect(connection).has_table(RADIOMETRIC.name):
+        return ()
+    rows = connection.execute(select(RADIOMETRIC).order_by(RADIOMETRIC.c.id)).mappings()
+    results = tuple(RadiometricResult(**row) for row in rows)
+    heads = [dict(row) for row in connection.execute(select(RADIOMETRIC_HEAD)).mappings()]
+    wrong = tuple(findings(results, heads[0] if heads else None))
+    if wrong:
+        raise InputError("The registry was edited: " + " ".join(wrong[:3]), "Restore it from a backup.")
+    return results
 
 
 def _contents(connection: Connection) -> Contents:

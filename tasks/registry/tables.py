@@ -77,6 +77,27 @@ COVARIANCES = Table(
     Column("covariance", Double, nullable=False),
 )
 
+#: Radiometric examinations; tables that older registries lack, and get with their first result.
+RADIOMETRIC = Table(
+    "radiometric_results",
+    METADATA,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("version", Integer, nullable=False),
+    Column("content", Text, nullable=False),
+    Column("person", Text, nullable=False),
+    Column("at", Text, nullable=False),
+    Column("note", Text, nullable=False),
+    Column("previous", Text, nullable=False),
+    Column("seal", Text, nullable=False, unique=True),
+)
+RADIOMETRIC_HEAD = Table(
+    "radiometric_head",
+    METADATA,
+    Column("one", Integer, CheckConstraint("one = 1"), primary_key=True),
+    Column("results", Integer, nullable=False),
+    Column("seal", Text, nullable=False),
+)
+
 EVENTS = Table(
     "calibration_events",
     METADATA,

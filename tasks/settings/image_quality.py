@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.cameras import CameraIdentity
 from tasks.settings.coordinates import Positive, Real
 from tasks.settings.image_motion import MotionSettings
 from tasks.settings.sensor_quality import Images, SensorSettings
@@ -39,6 +40,11 @@ class ImageQualitySettings(Settings):
         min_length=1,
         max_length=LONGEST_NAME,
         description="Type and serial number of the camera, for the certificate. Default: `name`.",
+    )
+    identity: CameraIdentity | None = Field(
+        default=None,
+        description="Serial numbers of the camera, as of `cameras.NAME.identity`, for certificate and "
+        "registry. Default: those of the camera of the project that `camera` names.",
     )
     examined: date | None = Field(
         default=None, description="Date of the images, e.g. 2026-09-21, for the certificate."
@@ -105,7 +111,7 @@ class ImageQualitySettings(Settings):
 
     def of_scenes(self) -> ImageQualitySettings:
         """The settings of the scenes alone: what else is known changes nothing about them."""
-        others = ("sensor", "earlier", "motion", "camera", "examined")
+        others = ("sensor", "earlier", "motion", "camera", "identity", "examined")
         return self.model_copy(update=dict.fromkeys(others))
 
     def earlier_alone(self) -> EarlierResults:

@@ -64,7 +64,11 @@ def load_image_quality(
             "Add it: docs/image-quality.md shows how.",
             file=source,
         )
-    return Examination(project.image_quality, project)
+    settings = project.image_quality
+    camera = project.cameras.get(settings.camera or "")
+    if settings.identity is None and camera is not None:
+        settings = settings.model_copy(update={"identity": camera.identity})
+    return Examination(settings, project)
 
 
 def _alone(file: SettingsFile, overrides: Sequence[str], context: PathContext) -> Examination:

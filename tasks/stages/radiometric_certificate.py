@@ -35,7 +35,7 @@ def write_radiometric_certificate(
     software : versions that decide how the documents look.
     """
     material = read_quality(stages, settings)
-    record = radiometric_record(stages, material, software)
+    record = radiometric_record(stages, material, name, software)
     content = radiometric_content(material, record, name)
     twin = {**document_of(content), "record": record}
     (folder / f"{FILE}.html").write_text(page_of(content), encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sqlite3
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -193,3 +194,39 @@ def test_a_sensor_as_it_was_has_not_drifted(results: Path, tmp_path: Path) -> No
     drift = drift_of(Sensor(19), results, tmp_path)
     assert len(drift) == 8
     assert not drift["drifted"].any()
+
+
+def test_the_registry_keeps_results_and_says_what_has_changed(results: Path, tmp_path: Path) -> None:
+    registry = str(tmp_path / "registry.sqlite")
+
+    def call(*words: str | Path, code: int = 0) -> str:
+        outcome = aerocal("registry", *words, "--registry", registry)
+        assert outcome.returncode == code, outcome.stdout + outcome.stderr
+        return outcome.stdout + outcome.stderr
+
+    assert "the first of its camera" in call("add", results, "--by", "ann")
+    assert "in the registry already" in call("add", results, "--by", "ann", code=2)
+    write_sensor(tmp_path, Sensor(18, 0.97, 26.0))
+    assert aerocal("image-quality", tmp_path / "sensor.toml", "--out", tmp_path / "out").returncode == 0
+    added = call("add", tmp_path / "out", "--by", "ann")
+    assert "4 of 10 quantities have changed" in added
+    assert "sensitivity of band 1" in added
+    assert "read noise of band 2" in added
+    shown = call("show", "Sensor")
+    assert "From result 1 to result 2" in shown
+    assert "Radiometric results of Sensor" in call("list")
+    assert "2 radiometric results" in call("verify")
+    # What somebody edits behind its back shows.
+    with sqlite3.connect(registry) as connection:
+        connection.execute("UPDATE radiometric_results SET content = replace(content, 'Sensor', 'Other')")
+    assert "its values do not give its seal" in call("verify", code=2)
+
+
+def test_a_certificate_that_was_edited_is_not_registered(results: Path, tmp_path: Path) -> None:
+    for name in ("radiometric_certificate.json", "manifest.json"):
+        (tmp_path / name).write_text((results / name).read_text())
+    certificate = tmp_path / "radiometric_certificate.json"
+    certificate.write_text(certificate.read_text().replace("refused", "accepted"))
+    outcome = aerocal("registry", "add", tmp_path, "--registry", str(tmp_path / "r.sqlite"), "--by", "ann")
+    assert outcome.returncode == 2
+    assert "not the file that was published" in outcome.stderr

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, text_column
@@ -24,6 +24,11 @@ from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial, SensorMaterial
 from tasks.documents.image_quality.sensor_tables import column_table, pixel_table, sheet_table, transfer_table
 from tasks.files.json_text import JSON, json_text
+from tasks.image_quality.radiometric_record import (
+    RadiometricQuantity,
+    RadiometricRecord,
+    digest_of,
+)
 from tasks.store.artifact import Artifact
 
 FILE = "radiometric_certificate"
@@ -32,9 +37,13 @@ _LISTED = 200
 
 
 def radiometric_record(
-    stages: Sequence[Mapping[str, Artifact]], material: QualityMaterial, software: Mapping[str, str]
+    stages: Sequence[Mapping[str, Artifact]],
+    material: QualityMaterial,
+    name: str,
+    software: Mapping[str, str],
 ) -> Mapping[str, JSON]:
-    """What the certificate stands on: digests of all tables, settings, figures, software."""
+    """What the certificate stands on: camera, verdict, quantities, digests of all tables, software."""
+    camera, identity = material.settings.camera or name, material.settings.identity
     tables = {
         name: artifact.sha256 for outputs in stages for name, artifact in outputs.items() if name != "notes"
     }
@@ -44,7 +53,56 @@ def radiometric_record(
         if part is not None
     }
     settings = material.settings.key_content()
-    return {"tables": dict(tables), "figures": figures, "settings": settings, "software": dict(software)}
+    about = RadiometricRecord(
+        camera=camera,
+        body=None if identity is None else identity.body,
+        lens=None if identity is None else identity.lens,
+        product="virtual_image" if identity is None else identity.product,
+        examined=material.settings.examined,
+        verdict="accepted" if material.sensor is None or material.sensor.figures["passed"] else "refused",
+        quantities=tuple(_quantities(material)),
+    )
+    return {
+        **cast(Mapping[str, JSON], about.model_dump(mode="json")),
+        "tables": dict(tables),
+        "figures": figures,
+        "settings": settings,
+        "software": dict(software),
+    }
+
+
+def _quantities(material: QualityMaterial) -> Iterator[RadiometricQuantity]:
+    """The figures that another date can be compared with."""
+    if material.scenes is not None:
+        for _, row in material.scenes.whole.iterrows():
+            yield _quantity(row["band"], "factor", row["factor"], row["sigma_factor"], "px")
+    if material.sensor is None:
+        return
+    for _, row in material.sensor.sheets.iterrows():
+        if row["sheet"] in _KEPT:
+            quantity, unit = _KEPT[row["sheet"]]
+            yield _quantity(row["band"], quantity, row["value"], row["sigma"], unit)
+
+
+_KEPT = {
+    "defect_pixels": ("defect_pixels", ""),
+    "defect_columns_single": ("defect_columns_single", ""),
+    "defect_columns_double": ("defect_columns_double", ""),
+    "sensitivity": ("sensitivity", "grey values/ms"),
+    "noise": ("read_noise", "electrons"),
+    "aperture": ("light_at_corners", ""),
+}
+
+
+def _quantity(band: int, quantity: str, value: float, sigma: float | None, unit: str) -> RadiometricQuantity:
+    known = sigma is not None and math.isfinite(sigma)
+    return RadiometricQuantity(
+        band=int(band),
+        quantity=quantity,
+        value=float(value),
+        sigma=float(cast(float, sigma)) if known else None,
+        unit=unit,
+    )
 
 
 def radiometric_content(
@@ -68,7 +126,7 @@ def radiometric_content(
         project=name,
         verdict="accepted" if passed else "refused",
         sentence=_sentence(sensor),
-        code=hashlib.sha256(json_text(cast(JSON, dict(record))).encode()).hexdigest(),
+        code=digest_of(json_text(cast(JSON, dict(record)))),
         sections=tuple(sections),
         kind="radiometric",
         file=FILE,
@@ -96,6 +154,10 @@ def _identity(material: QualityMaterial) -> Section:
     settings, scenes = material.settings, material.scenes
     day: tuple[Cell, ...] = () if settings.examined is None else (settings.examined.isoformat(),)
     facts = [Fact("camera", "camera", () if settings.camera is None else (settings.camera,))]
+    numbers = (
+        {} if settings.identity is None else {"body": settings.identity.body, "lens": settings.identity.lens}
+    )
+    facts += [Fact(name, name, (number,)) for name, number in numbers.items() if number is not None]
     facts.append(Fact("examined", "date of the images", day))
     if settings.sensor is not None:
         facts.append(Fact("kind", "sensor", (settings.sensor.kind,)))
