@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from adjust.arrays import Bools
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
+from tasks.image_files.cloud_optimized import NOT_YET, is_cloud_optimized, make_cloud_optimized, reordered
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
 
 # Higher strips are not written: a whole one is in memory, bytes.
@@ -90,13 +91,16 @@ def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[Im
                     _add_mask(dataset, written)
                     if overviews:
                         dataset.build_overviews(overviews, rasterio.enums.Resampling.average)
+            if is_cloud_optimized(source):
+                said = source.dataset.tags(ns="IMAGE_STRUCTURE")
+                make_cloud_optimized(part, source, _compression(source.dataset, said), threads)
             _require_whole(part, path)
         except rasterio.errors.RasterioError as error:
             raise _unwritable(path, error) from error
         with writing_into(path.parent):
             part.replace(path)
     finally:
-        for left in (part, part.with_name(f"{part.name}.aux.xml")):
+        for left in (part, part.with_name(f"{part.name}.aux.xml"), reordered(part)):
             left.unlink(missing_ok=True)
 
 
@@ -126,8 +130,10 @@ def _options(source: ImageReader) -> dict[str, Any]:
         "photometric": _photometric(dataset, said),
         "bigtiff": "if_safer",
         **_blocks(about, dataset),
-        **_compression(dataset, said),
+        **(NOT_YET if is_cloud_optimized(source) else _compression(dataset, said)),
     }
+    if is_cloud_optimized(source) and options["photometric"] == "ycbcr":
+        options["photometric"] = "rgb"  # JPEG makes it YCbCr again
     if not dataset.transform.is_identity or dataset.crs is not None:
         options |= {"crs": dataset.crs, "transform": dataset.transform}
     if about.alpha:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+import rasterio.shutil
 from rasterio.enums import ColorInterp
 
 from tasks.files.installation import InstallationError
@@ -125,6 +126,52 @@ def test_jpeg_stays_jpeg_in_its_quality_and_other_formats_lose_nothing(tmp_path:
             np.testing.assert_array_equal(file.read(), given.read())
             assert file.compression.value == "DEFLATE"
             assert file.colorinterp == (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+
+
+def cog(path: Path, data: np.ndarray, **options: object) -> Path:
+    """A cloud-optimized GeoTIFF with overviews."""
+    plain = written(path.with_name("plain.tif"), data, **({"photometric": "rgb"} if len(data) == 3 else {}))
+    with rasterio.open(plain, "r+") as file:
+        file.build_overviews([2, 4])
+    rasterio.shutil.copy(plain, path, driver="COG", blocksize=128, overviews="FORCE_USE_EXISTING", **options)
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+@pytest.mark.parametrize(
+    ("dtype", "options"),
+    [
+        ("uint8", {"compress": "deflate", "predictor": "STANDARD"}),
+        ("uint16", {"compress": "zstd"}),
+        ("float32", {"compress": "none"}),
+    ],
+)
+@pytest.mark.parametrize("bands", [1, 3])
+def test_a_cloud_optimized_image_stays_one(
+    dtype: str, options: dict[str, str], bands: int, tmp_path: Path
+) -> None:
+    source = cog(tmp_path / "a.tif", pixels(bands, ROWS, COLUMNS, dtype), **options)
+    expected = facts(source)
+    assert expected["more"]["IMAGE_STRUCTURE"]["LAYOUT"] == "COG"  # type: ignore[index]
+    assert expected["overviews"] == [2, 4]
+    copies = [copied(source, tmp_path / f"copy{rows}" / "a.tif", rows) for rows in (128, 640)]
+    assert facts(copies[0]) == expected
+    assert copies[0].read_bytes() == copies[1].read_bytes()
+    assert [path.name for path in copies[0].parent.iterdir()] == ["a.tif"]
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_a_cloud_optimized_jpeg_is_compressed_once_and_keeps_its_quality_and_mask(tmp_path: Path) -> None:
+    plain = written(tmp_path / "plain.tif", pixels(3, ROWS, COLUMNS, "uint8"), photometric="rgb")
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(plain, "r+") as file:
+        file.write_mask(pixels(1, ROWS, COLUMNS, "uint8")[0] > 40)
+        file.build_overviews([2])
+    source = tmp_path / "a.tif"
+    rasterio.shutil.copy(plain, source, driver="COG", compress="jpeg", quality=83, blocksize=256)
+    with rasterio.open(copied(source, tmp_path / "b.tif")) as made, rasterio.open(source) as given:
+        assert made.tags(ns="IMAGE_STRUCTURE") == given.tags(ns="IMAGE_STRUCTURE")
+        assert made.photometric == given.photometric
+        np.testing.assert_array_equal(made.read_masks(1), given.read_masks(1))
 
 
 def test_a_place_that_holds_for_the_pixels_is_left_out_and_named(tmp_path: Path) -> None:
