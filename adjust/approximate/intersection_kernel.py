@@ -46,6 +46,8 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
     of_point = np.zeros((1, 2, 3))
     no_slope = np.zeros((1, 2, 5))
     no_basis = np.zeros((1, 2, 0))
+    # Not a literal, for which linearize_ray would be compiled once more.
+    zero = np.int64(0)
     for j in range(m):
         first = point_start[j]
         count = point_start[j + 1] - first
@@ -87,8 +89,8 @@ def intersect(point_start, image, camera_of_image, centres, rotations, interior,
             front = True
             for i in range(first, first + count):
                 if not linearize_ray(
-                    i, j, 0, image, camera_of_image, centres, rotations, None, points, interior, ideal,
-                    no_slope, no_basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                    i, j, zero, image, camera_of_image, centres, rotations, None, points, interior, ideal,
+                    no_slope, no_basis, inverse_sigma, zero, misclosure, of_exterior, of_system, of_point,
                 ):  # fmt: skip
                     front = False
                 for c in range(2):

@@ -42,6 +42,10 @@ class IdealRays:
     basis: Floats
     slope: Floats
 
+    def __post_init__(self) -> None:
+        # Kernels are compiled anew for every layout of their arrays in memory.
+        object.__setattr__(self, "basis", np.ascontiguousarray(self.basis))
+
 
 @dataclass(frozen=True, eq=False)
 class KnownBasis:
@@ -106,6 +110,9 @@ class ImagePoints:
     unit: ClassVar[Unit] = "m"
 
     def __post_init__(self) -> None:
+        # Kernels are compiled anew for every layout of their arrays in memory.
+        for name in ("image", "point", "camera_of_image"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
         if np.any(np.diff(self.point) < 0):
             raise InconsistentBlockError("Image points must be sorted by object point.")
         if not (np.all(self.sigma > 0.0) and np.isfinite(self.sigma).all() and np.isfinite(self.xy).all()):
@@ -173,7 +180,7 @@ class ImagePoints:
         reduced = self.xy - principal_point[self.camera_of_image[self.image]]
         values = np.zeros_like(state.system[ADDITIONAL_PARAMETERS])
         _, basis = model.evaluate(self.image, reduced, values, np.arange(len(model.names)))
-        return replace(self, known=KnownBasis(basis, principal_point))
+        return replace(self, known=KnownBasis(np.ascontiguousarray(basis), principal_point))
 
     def straight(self, state: State, components: Ints) -> IdealRays:
         """All image points made ideal with the additional parameters of a state, without object points.

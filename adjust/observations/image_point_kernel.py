@@ -138,9 +138,11 @@ def linearize_all(
 ):  # fmt: skip
     """Observation equations of all image points, one after the other; the number behind the camera."""
     behind = 0
+    # Not a literal, for which linearize_ray would be compiled once more.
+    base = np.int64(0)
     for i in range(image.shape[0]):
         if not linearize_ray(
-            i, point[i], 0, image, camera_of_image, centres, rotations, heads, points, interior, ideal,
+            i, point[i], base, image, camera_of_image, centres, rotations, heads, points, interior, ideal,
             slope, basis, inverse_sigma, i, misclosure, of_exterior, of_system, of_point,
         ):  # fmt: skip
             behind += 1

@@ -27,6 +27,8 @@ def subtract_eliminated(
     of_system = np.zeros((1, 2, compact.shape[1]))
     of_point = np.zeros((1, 2, 3))
     solved, seen = np.zeros((3, width)), np.zeros(width)
+    # Not a literal, for which linearize_ray would be compiled once more.
+    row = np.int64(0)
     base = point_start[first_point]
     for j in range(first_point, last_point):
         if not active_point[j]:
@@ -51,7 +53,7 @@ def subtract_eliminated(
             e = event[i]
             linearize_ray(
                 i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
-                basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                basis, inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             # The vectors innermost: they lie beside each other in memory.
             for c in range(2):

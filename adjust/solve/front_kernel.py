@@ -1,7 +1,9 @@
 """Moving blocks in and out of the fronts of Helmert blocking, compiled.
 
 A front is symmetric and in Fortran order; its lower triangle is kept in two parts: ``columns``
-(p + q, p) of the unknowns that are eliminated here, and ``rest`` (q, q) of those that stay.
+(p + q, p) of the unknowns that are eliminated here, and ``rest`` (q, q) of those that stay. The kernels
+get the transposes: these are contiguous by rows, also with a single row or none, so that every kernel is
+compiled once. The second index is the row of the front.
 """
 
 from adjust.compiled import kernel
@@ -23,30 +25,30 @@ def assemble(columns, blocks, chosen, lower, upper, transposed, images, scale):
         for j in range(6):
             for i in range(6):
                 value = block[j, i] if transposed[k] else block[i, j]
-                columns[row + i, column + j] = of_row[i] * value * of_column[j]
+                columns[column + j, row + i] = of_row[i] * value * of_column[j]
 
 
 @kernel
 def extend(columns, rest, update, at):
     """Add the lower triangle of what is left of a child (k, k); at (k,) is ascending."""
-    p = columns.shape[1]
+    p = columns.shape[0]
     for j in range(update.shape[0]):
         column = at[j]
         if column < p:
             for i in range(j, update.shape[0]):
-                columns[at[i], column] += update[i, j]
+                columns[column, at[i]] += update[j, i]
         else:
             for i in range(j, update.shape[0]):
-                rest[at[i] - p, column - p] += update[i, j]
+                rest[column - p, at[i] - p] += update[j, i]
 
 
 @kernel
-def gather(whole, at, result):
-    """Rows and columns at (k,), ascending, of a lower triangle, into that of result (k, k)."""
+def gather(whole, at, result, first):
+    """Rows and columns at (k,), ascending, of a lower triangle, into that of result from ``first`` on."""
     for j in range(at.shape[0]):
         column = at[j]
         for i in range(j, at.shape[0]):
-            result[i, j] = whole[at[i], column]
+            result[first + j, first + i] = whole[column, at[i]]
 
 
 @kernel
@@ -61,7 +63,7 @@ def disassemble(inverse, chosen, lower, upper, transposed, images, scale, blocks
         for j in range(6):
             # Above the diagonal of the front nothing is kept.
             for i in range(j if row == column else 0, 6):
-                value = of_row[i] * inverse[row + i, column + j] * of_column[j]
+                value = of_row[i] * inverse[column + j, row + i] * of_column[j]
                 if row == column:
                     block[i, j] = value
                     block[j, i] = value

@@ -225,7 +225,7 @@ class HelmertFactor:
             z = _front_inverse(front, factor, known, g)
             inverses[index] = z
             front_kernel.disassemble(
-                z, front.blocks, front.lower, front.upper, front.transposed, front.images, scale, blocks
+                z.T, front.blocks, front.lower, front.upper, front.transposed, front.images, scale, blocks
             )
             own, size = front.images[: front.own], 6 * (front.own + front.rest)
             of_own = z[size:, : 6 * front.own].T.reshape(front.own, 6, g)
@@ -256,7 +256,7 @@ def _front_inverse(front: Front, factor: FactoredFront, known: Floats | None, bo
     square, side, rest = inverse[:p, :p], inverse[p:, :p], inverse[p:, p:]
     dense_algebra.invert_square(factor.lower, square)
     if known is not None and q > 0:
-        front_kernel.gather(known, _scalars(front.in_parent, known.shape[0], border), rest)
+        front_kernel.gather(known.T, _scalars(front.in_parent, known.shape[0], border), inverse.T, p)
         # G = M L⁻¹; with it Z21 = −Z22 G and Z11 = (L Lᵀ)⁻¹ − Gᵀ Z21.
         gain = dense_algebra.times_inverse(factor.below, factor.lower)
         dense_algebra.negative_product(rest, gain, side)
@@ -303,7 +303,7 @@ def factorize_blocks(
         p = 6 * front.own + (g if front.parent < 0 else 0)
         columns, rest = np.zeros((size, p), order="F"), np.zeros((size - p, size - p), order="F")
         front_kernel.assemble(
-            columns, blocks, front.blocks, front.lower, front.upper, front.transposed, front.images,
+            columns.T, blocks, front.blocks, front.lower, front.upper, front.transposed, front.images,
             scale_exposure,
         )  # fmt: skip
         own = front.images[: front.own]
@@ -312,7 +312,8 @@ def factorize_blocks(
         if front.parent < 0:
             columns[size - g :, 6 * front.own :] = scale_border[:, None] * corner * scale_border
         for child in children[index]:
-            front_kernel.extend(columns, rest, left.pop(child), _scalars(fronts[child].in_parent, size, g))
+            at = _scalars(fronts[child].in_parent, size, g)
+            front_kernel.extend(columns.T, rest.T, left.pop(child).T, at)
         if dense_algebra.factorize_columns(columns):
             below = columns[p:]
             dense_algebra.subtract_square(rest, below)

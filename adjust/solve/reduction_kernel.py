@@ -295,6 +295,8 @@ def substitute_back(
     of_system = np.zeros((1, 2, columns.shape[1]))
     of_point = np.zeros((1, 2, 3))
     rhs = np.zeros(3)
+    # Not a literal, for which linearize_ray would be compiled once more.
+    row = np.int64(0)
     base = point_start[first]
     for j in range(first, last):
         if not active_point[j]:
@@ -307,7 +309,7 @@ def substitute_back(
             e = event[i]
             linearize_ray(
                 i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
-                basis, inverse_sigma, 0, misclosure, of_exterior, of_system, of_point,
+                basis, inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
             for c in range(2):
                 moved = 0.0

@@ -18,7 +18,7 @@ from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.georeferencing import check_tables
 from tasks.documents.georeferencing.verdict import verdict
 from tasks.documents.report.material import Material
-from tasks.documents.report.surveyed_points import AXES, differences
+from tasks.documents.report.surveyed_differences import AXES
 from tasks.georeferencing.point_differences import INDEPENDENT
 
 MOST_POINTS = 200
@@ -43,7 +43,7 @@ def check_section(material: CertificateMaterial) -> Section:
     blocks: list[Block] = [
         Words("Differences are computed − given, along east, north and up; no RMS is centred.", "note")
     ]
-    control, check = (differences(results, is_check=is_check) for is_check in (False, True))
+    control, check = (results.differences(is_check) for is_check in (False, True))
     blocks += beside(_listed(control, *_OF_CONTROL), _listed(check, *_OF_CHECK))
     if len(check):
         blocks.append(Sentences("Statements from the adjustment", _statements(results, check)))
@@ -126,7 +126,7 @@ def point_section(material: CertificateMaterial) -> Section | None:
         ("control-points", _OF_CONTROL[1], False),
         ("check-points", _OF_CHECK[1], True),
     ):
-        table = differences(results, is_check=is_check)
+        table = results.differences(is_check)
         if len(table):
             blocks.append(Listing(point_table(name, caption, table)))
     if material.check is not None and len(material.check.points):

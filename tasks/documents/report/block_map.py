@@ -20,7 +20,6 @@ from tasks.documents.report.causes import Cause
 from tasks.documents.report.first_screen import ring_id
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.position_arrows import position_arrows, position_differences
-from tasks.documents.report.surveyed_points import differences
 
 _CELLS = 200
 #: Above this many images the outlines of footprints would only be a grey area.
@@ -229,7 +228,7 @@ def _surveyed(material: Material) -> pd.DataFrame:
     """Control and check points with plan coordinates, and their differences where they took part."""
     points = material.control_points
     points = points[points["x_m"].notna() & points["y_m"].notna()]
-    found = pd.concat([differences(material, is_check) for is_check in (False, True)], ignore_index=True)
+    found = pd.concat([material.differences(is_check) for is_check in (False, True)], ignore_index=True)
     joined = points[["point", "x_m", "y_m", "role"]].merge(
         found[["point", "dx_m", "dy_m", "dz_m", "is_check", "status"]], on="point", how="left"
     )

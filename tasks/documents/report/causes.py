@@ -16,7 +16,7 @@ import pandas as pd
 from scipy import special
 
 from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
-from tasks.documents.report.surveyed_points import AXES, differences
+from tasks.documents.report.surveyed_differences import AXES
 from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
 from tasks.quantities import group_words, unit_words
 from tasks.results.figures import ModelFinding
@@ -219,7 +219,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
     """Check points farther from their given coordinates than their σ allow, if no finding moves them."""
     if material.check_points.empty or material.figures.model_findings:
         return
-    table = differences(material, is_check=True)
+    table = material.differences(is_check=True)
     tests = int(table[[f"{axis}_ratio" for axis in AXES]].notna().to_numpy().sum())
     limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1))
     for row in table[table["largest"] > limit].sort_values("largest", ascending=False).to_dict("records"):

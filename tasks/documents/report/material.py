@@ -14,6 +14,7 @@ from adjust.camera.interior import FrameCamera
 from adjust.residual_grid.residual_grid import LEAST_REDUNDANCY
 from tasks.block.strip_names import strip_names
 from tasks.deliveries.cameras import frame_cameras
+from tasks.documents.report.surveyed_differences import with_ratios
 from tasks.results.figures import AdjustmentFigures, figures_of
 from tasks.results.summary import Summary, summary_of
 from tasks.settings.project import Project
@@ -144,6 +145,20 @@ class Material:
         if not all(own[column].equals(self.image_points[column]) for column in ("image", "point")):
             raise ValueError("residuals.parquet and image_points.parquet have other image points")
         return own
+
+    def differences(self, is_check: bool) -> pd.DataFrame:
+        """The table of control or check points with the columns that ``with_ratios`` adds."""
+        return self._check_differences if is_check else self._control_differences
+
+    @cached_property
+    def _control_differences(self) -> pd.DataFrame:
+        table = self.control_residuals
+        return with_ratios(table, self.gsd_at(table["point"]), is_check=False)
+
+    @cached_property
+    def _check_differences(self) -> pd.DataFrame:
+        table = self.check_points
+        return with_ratios(table, self.gsd_at(table["point"]), is_check=True)
 
     def gsd_at(self, points: pd.Series) -> Floats:
         """Ground sampling distance (n,) at named points: the median of the images that measure each."""

@@ -10,31 +10,11 @@ import pandas as pd
 from adjust.arrays import Floats
 from tasks.document_kit.table import Column, Number, Row, Table, components, numbers, text_column
 from tasks.documents.report.material import Material
+from tasks.documents.report.surveyed_differences import AXES, LEFT_OUT
 from tasks.results.summary import CheckPointTest
 
-AXES = ("dx", "dy", "dz")
-#: What the columns of control points begin with that come from adjustments without the point.
-LEFT_OUT = "loo_"
 _HEADINGS = ("east", "north", "up")
 MOST_ROWS = 100
-
-
-def differences(material: Material, is_check: bool) -> pd.DataFrame:
-    """The table of control or check points with, for each axis, the difference in GSD and over its σ.
-
-    Columns added: is_check, gsd_m, d{x,y,z}_gsd, d{x,y,z}_ratio (|d|/σ), and ``largest`` of the ratios; for
-    control points also loo_d{x,y,z}_gsd and ``loo_largest``, each from the adjustment without the point.
-    """
-    table = (material.check_points if is_check else material.control_residuals).copy()
-    table["is_check"] = is_check
-    table["gsd_m"] = material.gsd_at(table["point"]) if len(table) else np.zeros(0)
-    for prefix in ("",) if is_check else ("", LEFT_OUT):
-        for axis in (f"{prefix}{axis}" for axis in AXES):
-            d, sigma = (table[name].to_numpy(np.float64) for name in (f"{axis}_m", f"sigma_{axis}_m"))
-            table[f"{axis}_gsd"] = d / table["gsd_m"].to_numpy(np.float64)
-            table[f"{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
-        table[f"{prefix}largest"] = table[[f"{prefix}{axis}_ratio" for axis in AXES]].max(axis=1)
-    return table
 
 
 _LEFT_OUT_COLUMNS = (
@@ -45,7 +25,7 @@ _LEFT_OUT_COLUMNS = (
 
 def point_table(material: Material, is_check: bool) -> Table:
     """One row for each point, the largest |d|/σ first."""
-    table = differences(material, is_check).sort_values("largest", ascending=False, kind="stable")
+    table = material.differences(is_check).sort_values("largest", ascending=False, kind="stable")
     shown = table.head(MOST_ROWS)
     kind = "check points" if is_check else "control points"
     file = "check_points.parquet" if is_check else "control_residuals.parquet"
@@ -85,7 +65,7 @@ def statistics(material: Material) -> Table:
     """Mean, root mean square and largest difference of control and of check points, in metres and in GSD."""
     rows = []
     for key, kind, is_check, prefix in _KINDS:
-        table = differences(material, is_check)
+        table = material.differences(is_check)
         table = table if is_check else table[table["status"] == "used"]
         if len(table) == 0:
             continue
