@@ -43,7 +43,8 @@ def image_quality(
 
     What is measured and how: docs/image-quality.md
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong
+    [bold]Exit codes[/bold]  0 done · 2 input wrong · 4 done, but limits of the sensor or gates are
+    missed
     """
     from flows.command.image_quality_execution import execute_image_quality
 

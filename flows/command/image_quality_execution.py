@@ -53,6 +53,10 @@ def _show(summary: Summary, directory: Path) -> None:
     console = Console()
     for sentence in summary.problems:
         console.print(Text(f"• {sentence}", style="yellow"))
+    for gate in summary.gates:
+        if not gate.passed:
+            value = "none" if gate.value is None else f"{gate.value:g}"
+            console.print(Text(f"Gate {gate.name}: {value}, limit {gate.limit:g}: failed", style="red"))
     figures = (summary.model_extra or {}).get("image_quality")
     if figures is not None:
         console.print(_bands(figures))

@@ -43,12 +43,14 @@ def write_drift(folder: Path, tables: Mapping[str, pd.DataFrame], earlier: Path)
     for schema, table in ((EDGE_DRIFT, edges), (QUALITY_DRIFT, others)):
         columns = {column.name: table[column.name].to_numpy() for column in schema.columns}
         write_table(folder / f"{schema.name}.parquet", schema, columns)
+    remarks = (*drift_remarks(edges), *quality_drift_remarks(others))
     figures: dict[str, JSON] = {
         "drift": {
+            "drifted": len(remarks),
             "edge_means": len(edges),
             "drifted_edge_means": int(edges["drifted"].sum()),
             "quantities": len(others),
             "drifted_quantities": int(others["drifted"].sum()),
         }
     }
-    write_notes(folder, Notes((*drift_remarks(edges), *quality_drift_remarks(others)), figures))
+    write_notes(folder, Notes(remarks, figures))

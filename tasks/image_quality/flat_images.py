@@ -16,6 +16,7 @@ from adjust.image_quality.defects import MARGIN, deviating
 from adjust.image_quality.photon_transfer import pair_statistics
 from tasks.errors import InputError
 from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
+from tasks.image_quality.grey_values import GreyValues
 
 #: Cells of the format for the fall-off of light, and pixels in the middle for photon transfer.
 CELLS = (32, 48)
@@ -56,7 +57,8 @@ def flat_images(paths: Sequence[Path], limit: float | None, *, relative: bool) -
     Raises
     ------
     InputError
-        If an image cannot be read, is too small, or differs from the first in size or bands.
+        If an image cannot be read, is too small, differs from the first in size or bands, is overexposed, or
+        was scaled from 8 bits.
     """
     with ExitStack() as open_files:
         readers = [open_files.enter_context(opened_image(path)) for path in paths]
@@ -67,15 +69,22 @@ def flat_images(paths: Sequence[Path], limit: float | None, *, relative: bool) -
             _borders(size, number) for size, number in zip((about.rows, about.columns), CELLS, strict=True)
         ]
         found: list[list[Ints]] = [[] for _ in range(about.bands)]
+        values = [[GreyValues(one.description) for _ in range(about.bands)] for one in readers]
         cells, counts = np.zeros((about.bands, *CELLS)), np.zeros((about.bands, *CELLS), dtype=np.int64)
         for at, (first, last) in enumerate(pairwise(borders[0].tolist())):
             above, below = max(first - MARGIN, 0), min(last + MARGIN, about.rows)
             strips = np.stack([one.read((above, below)) for one in readers])
+            for own_values, strip in zip(values, strips, strict=True):
+                for band, pixels in enumerate(strip):
+                    own_values[band].take(pixels, np.ones(pixels.shape, dtype=bool))
             mean = np.asarray(np.mean(strips, axis=0, dtype=np.float32))
             for band, grey in enumerate(mean):
                 own = slice(first - above, last - above)
                 places, cells[band, at], counts[band, at] = _in_cells(grey, own, borders[1], rule)
                 found[band].append(places + np.array([first, 0]))
+        for own_values in values:
+            for band, seen in enumerate(own_values, start=1):
+                seen.require_raw(band)
         return FlatImages(about, tuple(np.concatenate(parts) for parts in found), cells, counts)
 
 

@@ -34,7 +34,7 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
     scenes = []
     for number, path in enumerate(settings.images):
         progress = Progress(path.name, number / len(settings.images), 1.0 / len(settings.images))
-        scenes.append(examined_scene(path, given, progress.tell))
+        scenes.append(examined_scene(path, given, progress.tell, chosen=settings.bands))
     _require_alike(scenes, settings.images)
     means, responses = mean_tables(scenes, settings.gsd_m)
     smears = smear_table(scenes)
@@ -49,7 +49,10 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
         _write(folder, schema, table)
     write_notes(
         folder,
-        Notes((*_remarks(scenes, means), *_smears(smears)), {"image_quality": _figures(scenes, means)}),
+        Notes(
+            (*_of_values(scenes), *_remarks(scenes, means), *_smears(smears)),
+            {"image_quality": _figures(scenes, means)},
+        ),
     )
 
 
@@ -82,6 +85,13 @@ def _require_alike(scenes: Sequence[SceneQuality], paths: Sequence[Path]) -> Non
                 "Examine images of different cameras one after the other.",
                 file=path,
             )
+
+
+def _of_values(scenes: Sequence[SceneQuality]) -> Iterator[str]:
+    """What is remarkable about the grey values."""
+    for scene in scenes:
+        for band in scene.bands:
+            yield from band.values.sentences(band.band)
 
 
 def _remarks(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ clipped has another shape. Of an image of a gigabyte only some strips are in mem
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,8 @@ from adjust.image_quality.edge_search import OVERLAP, EdgeSearch, GivenEdges
 from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noise_of, tile_noise
 from adjust.options import available_threads
 from tasks.errors import InputError
-from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
+from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
+from tasks.image_quality.grey_values import GreyValues
 
 _STRIP = 256
 #: Rows of a strip whose noise stands for that of the strip.
@@ -37,11 +38,13 @@ class BandQuality:
     band : its number, from 1.
     edges : that were measured, with the reasons why others were not.
     levels : noise by grey level.
+    values : its grey values.
     """
 
     band: int
     edges: EdgeSearch
     levels: NoiseLevels
+    values: GreyValues
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,7 @@ def examined_scene(
     given: GivenEdges | None = None,
     tell: Callable[[float], None] = lambda _done: None,
     threads: int | None = None,
+    chosen: Sequence[int] = (),
 ) -> SceneQuality:
     """Examine an image.
 
@@ -72,12 +76,13 @@ def examined_scene(
     ----------
     given : the edges that are measured; None: those that are found over the whole format.
     tell : called with the fraction of the image that is done, after each strip.
+    chosen : numbers of the bands that are examined, from 1; none: all but alpha.
     threads : bands at a time, which changes nothing about the result; None: as many as there may be.
 
     Raises
     ------
     InputError
-        If it cannot be read, or is too small.
+        If it cannot be read, is too small, lacks a band, or has one without any pixel to examine.
     InstallationError
         If rasterio is not installed.
     """
@@ -90,22 +95,45 @@ def examined_scene(
                 f"Give an image of at least {OVERLAP} × {OVERLAP} pixels.",
                 file=path,
             )
-        bands = [_Band(k, EdgeSearch(about.rows, about.columns), []) for k in range(about.bands)]
-        bands = [band for band in bands if band.index not in about.alpha]
+        bands = [
+            _Band(index, EdgeSearch(about.rows, about.columns), [], GreyValues(about))
+            for index in _indices(about, chosen)
+        ]
         with ThreadPoolExecutor(threads) as pool:
-            for first, pixels in _strips(reader):
+            for first, pixels, grey_values in _strips(reader):
                 # Of a generator errors of the threads would be lost.
                 list(
                     pool.map(
-                        lambda band, at=first, grey=pixels: band.take(grey[band.index], at, given), bands
+                        lambda band, at=first, grey=grey_values, raw=pixels: band.take(
+                            grey[band.index], raw[band.index], at, given
+                        ),
+                        bands,
                     )
                 )
                 tell(min(first + _STRIP, about.rows) / about.rows)
+    for band in bands:
+        band.values.require_something(band.index + 1)
     found = tuple(
-        BandQuality(band.index + 1, band.search, noise_levels(TileNoise.together(band.tiles)))
+        BandQuality(band.index + 1, band.search, noise_levels(TileNoise.together(band.tiles)), band.values)
         for band in bands
     )
     return SceneQuality(path.name, about, found)
+
+
+def _indices(about: ImageDescription, chosen: Sequence[int]) -> Sequence[int]:
+    """Indices of the bands that are examined."""
+    if not chosen:
+        return [index for index in range(about.bands) if index not in about.alpha]
+    for number in chosen:
+        if number > about.bands or number - 1 in about.alpha:
+            what = f"has {about.bands} bands" if number > about.bands else "has an alpha channel there"
+            raise InputError(
+                f"Band {number} cannot be examined: the image {what}.",
+                "Name bands of the image, from 1.",
+                file=about.path,
+                entity="image_quality.bands",
+            )
+    return [number - 1 for number in sorted(set(chosen))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +143,11 @@ class _Band:
     index: int
     search: EdgeSearch
     tiles: list[TileNoise]
+    values: GreyValues
 
-    def take(self, grey: Strip, first_row: int, given: GivenEdges | None) -> None:
+    def take(self, grey: Strip, pixels: Pixels, first_row: int, given: GivenEdges | None) -> None:
         """Examine the next strip; its last rows are the first of the one after it."""
+        self.values.take(pixels[:_STRIP], np.isfinite(grey[:_STRIP]))
         noise = noise_of(grey[:_OF_STRIP])
         if given is None:
             self.search.search(grey, noise, first_row)
@@ -126,8 +156,8 @@ class _Band:
         self.tiles.append(tile_noise(grey[:_STRIP]))
 
 
-def _strips(reader: ImageReader) -> Iterator[tuple[int, Strip]]:
-    """First row and pixels (bands, rows, columns) of strips; NaN where a pixel takes no part."""
+def _strips(reader: ImageReader) -> Iterator[tuple[int, Pixels, Strip]]:
+    """First row and pixels (bands, rows, columns) of strips; the same with NaN where one takes no part."""
     about = reader.description
     whole_numbers = not about.dtype.startswith("float")
     for first in range(0, about.rows, _STRIP):
@@ -136,12 +166,14 @@ def _strips(reader: ImageReader) -> Iterator[tuple[int, Strip]]:
             return
         pixels = reader.read(rows)
         grey: Strip = pixels.astype(np.float32)
-        if whole_numbers:
+        if not whole_numbers:
+            grey[~np.isfinite(grey)] = np.nan
+        else:
             grey[(pixels <= 0) | (pixels >= about.largest)] = np.nan
         valid = reader.valid(rows)
         if valid is not None:
             _leave_out(grey, valid)
-        yield first, grey
+        yield first, pixels, grey
 
 
 def _leave_out(grey: Strip, valid: NDArray[Any]) -> None:

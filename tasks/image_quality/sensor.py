@@ -98,7 +98,7 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
         _write(folder, schema, rows)
     failed = [f"{row['sheet']} of band {row['band']}" for row in tables.sheets if not row["passed"]]
     remarks = (f"The sensor misses its thresholds: {', '.join(failed)}.",) if failed else ()
-    figures: JSON = {"passed": not failed, "photon_transfer": tables.transfers}
+    figures: JSON = {"passed": not failed, "missed": list(failed), "photon_transfer": tables.transfers}
     write_notes(folder, Notes(remarks, {"sensor": figures}))
 
 

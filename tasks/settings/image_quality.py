@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from datetime import date
 from math import hypot
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import InputPath, Settings, trouble
 from tasks.settings.cameras import CameraIdentity
-from tasks.settings.coordinates import Positive, Real
+from tasks.settings.coordinates import Positive, Real, Whole
 from tasks.settings.image_motion import MotionSettings
 from tasks.settings.sensor_quality import Images, SensorSettings
 
@@ -54,6 +54,19 @@ class ImageQualitySettings(Settings):
         description="Images of scenes, whose edges and homogeneous areas are examined: one path or a list. "
         "All must have the same size and bands.",
     )
+    bands: tuple[Annotated[Whole, Field(ge=1)], ...] = Field(
+        default=(), description="Numbers of the bands of scenes that are examined, from 1. Default: all."
+    )
+    factor_max: Positive | None = Field(
+        default=None,
+        description="Largest factor of effective resolution of a band that passes; a larger one, or none, "
+        "ends with exit code 4. Default: not tested.",
+    )
+    fail_on: tuple[Literal["sharpened", "drift", "motion"], ...] = Field(
+        default=(),
+        description="Findings that end with exit code 4: sharpened bands, a change since the earlier "
+        "results, a smear that contradicts the trajectory. Default: they are remarks.",
+    )
     gsd_m: Positive | None = Field(
         default=None,
         description="Ground sampling distance of the images, m, for the effective one. Default: not stated.",
@@ -94,6 +107,13 @@ class ImageQualitySettings(Settings):
             raise trouble("There is no image to examine.", "Name one in image_quality.images.")
         if (self.points_px or self.edges_px) and len(self.images) != 1:
             raise trouble("Points and edges are given, which are those of one image.", "Name one image.")
+        lacking = {"drift": self.earlier, "motion": self.motion}
+        for name in self.fail_on:
+            if name in lacking and lacking[name] is None:
+                raise trouble(
+                    f"A finding of '{name}' is to fail, and nothing is compared for it.",
+                    "Give image_quality.earlier." if name == "drift" else "Give image_quality.motion.",
+                )
         if self.motion is not None and not self.images:
             raise trouble("A movement is given, and no image of a scene.", "Name images.")
         short = [
@@ -111,8 +131,8 @@ class ImageQualitySettings(Settings):
 
     def of_scenes(self) -> ImageQualitySettings:
         """The settings of the scenes alone: what else is known changes nothing about them."""
-        others = ("sensor", "earlier", "motion", "camera", "identity", "examined")
-        return self.model_copy(update=dict.fromkeys(others))
+        others = ("sensor", "earlier", "motion", "camera", "identity", "examined", "factor_max")
+        return self.model_copy(update={**dict.fromkeys(others), "fail_on": ()})
 
     def earlier_alone(self) -> EarlierResults:
         """Nothing but the earlier results."""

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 
 from tasks.image_files.library import raster_environment
 from tasks.image_quality.scenes import examined_scene
@@ -161,3 +164,85 @@ def test_a_camera_that_has_become_softer_has_drifted_and_another_has_not(
     outcome = aerocal("image-quality", same, "--set", f"image_quality.earlier={tmp_path}")
     assert outcome.returncode == 2
     assert "manifest.json" in outcome.stderr
+
+
+def changed_image(results: Path, path: Path, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Path:
+    """The first image of the results, changed."""
+    with raster_environment() as rasterio:
+        with rasterio.open(results.parent / "0.tif") as file:
+            pixels, profile = change(file.read()), file.profile
+        with rasterio.open(path, "w", **{**profile, "dtype": pixels.dtype.name}) as file:
+            file.write(pixels)
+    return path
+
+
+def test_images_of_which_nothing_can_be_examined_are_refused(results: Path, tmp_path: Path) -> None:
+    for change, words in (
+        (np.zeros_like, "are without data or 0"),
+        (lambda pixels: np.full_like(pixels, 255), "have the largest value 255"),
+        (lambda pixels: np.full(pixels.shape, np.nan, dtype=np.float32), "are without data or 0"),
+    ):
+        outcome = aerocal("image-quality", changed_image(results, tmp_path / "a.tif", change))
+        assert outcome.returncode == 2
+        assert words in outcome.stderr
+    wrong = aerocal("image-quality", results.parent / "0.tif", "--set", "image_quality.bands=[3]")
+    assert wrong.returncode == 2
+    assert "Band 3 cannot be examined: the image has 2 bands" in wrong.stderr
+
+
+def test_overexposed_and_scaled_images_are_remarked_on(results: Path, tmp_path: Path) -> None:
+    def overexposed(pixels: NDArray[Any]) -> NDArray[Any]:
+        return np.where(np.arange(pixels.shape[2]) > 400, 255, pixels).astype(np.uint8)
+
+    for change, words in (
+        (overexposed, "of the pixels have the largest value 255: it is overexposed"),
+        (lambda pixels: pixels.astype(np.uint16) * 257, "was scaled from 8 bits"),
+    ):
+        image = changed_image(results, tmp_path / "b.tif", change)
+        outcome = aerocal("image-quality", image, "--json", "--set", "image_quality.bands=[2]")
+        assert outcome.returncode == 0
+        summary = json.loads(outcome.stdout)
+        assert any(words in sentence for sentence in summary["problems"])
+        assert [band["band"] for band in summary["image_quality"]["bands"]] == [2]
+
+
+def test_an_image_without_edges_says_so(results: Path, tmp_path: Path) -> None:
+    def noise(pixels: NDArray[Any]) -> NDArray[Any]:
+        rng = np.random.default_rng(4)
+        return np.rint(rng.normal(100.0, 3.0, pixels.shape)).astype(np.uint8)
+
+    image = changed_image(results, tmp_path / "flat.tif", noise)
+    outcome = aerocal("image-quality", image)
+    assert outcome.returncode == 0
+    assert "Band 1 has 0 edges that can be measured" in outcome.stdout
+    assert "No edge could be measured." in (tmp_path / "image-quality" / "image_quality.html").read_text()
+    limited = aerocal("image-quality", image, "--set", "image_quality.factor_max=1.3")
+    assert limited.returncode == 4
+    assert "Gate largest_factor: none" in limited.stdout
+
+
+def test_a_float_image_with_holes_gives_the_same_factor(results: Path, tmp_path: Path) -> None:
+    def with_holes(pixels: NDArray[Any]) -> NDArray[Any]:
+        values = pixels.astype(np.float32)
+        values[:, 200:204] = np.nan
+        values[:, :, :10] = np.inf
+        return values
+
+    image = changed_image(results, tmp_path / "float.tif", with_holes)
+    assert aerocal("image-quality", image).returncode == 0
+    edges = pd.read_parquet(tmp_path / "image-quality" / "edges.parquet")
+    assert len(edges) > 30
+    assert (edges["row_px"] - 202.0).abs().min() > 9.0
+    for band, factor in enumerate(FACTORS, start=1):
+        assert edges.loc[edges["band"] == band, "factor"].median() == pytest.approx(factor, abs=0.03)
+
+
+def test_limits_of_the_settings_end_with_their_exit_code(results: Path, tmp_path: Path) -> None:
+    image = results.parent / "0.tif"
+    for limit, code in ((1.3, 4), (1.7, 0)):
+        given = f"image_quality.factor_max={limit}"
+        outcome = aerocal("image-quality", image, "--out", tmp_path / str(limit), "--set", given)
+        assert outcome.returncode == code
+    drift = aerocal("image-quality", image, "--set", 'image_quality.fail_on=["drift"]')
+    assert drift.returncode == 2
+    assert "Give image_quality.earlier" in drift.stderr

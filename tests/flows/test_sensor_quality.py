@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,7 +46,7 @@ def light(exposure_ms: float, band: int, rng: np.random.Generator, sensor: Senso
 
 
 def write(path: Path, bands: Floats) -> str:
-    pixels = np.clip(np.rint(bands), 1, 65_534).astype(np.uint16)
+    pixels = np.clip(np.rint(bands), 1, 65_535).astype(np.uint16)
     size = {"width": COLUMNS, "height": ROWS, "count": BANDS, "dtype": "uint16"}
     with raster_environment() as rasterio, rasterio.open(path, "w", driver="GTiff", **size) as file:
         file.write(pixels)
@@ -84,7 +85,9 @@ def write_sensor(folder: Path, sensor: Sensor = AS_BUILT) -> Path:
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sensor")
     outcome = aerocal("image-quality", write_sensor(folder), "--out", folder / "out")
-    assert outcome.returncode == 0
+    # A double column is more than the protocol allows.
+    assert outcome.returncode == 4, outcome.stderr
+    assert "Gate missed_limits_of_sensor: 1" in outcome.stdout
     return folder / "out"
 
 
@@ -166,7 +169,7 @@ def drift_of(sensor: Sensor, earlier: Path, folder: Path) -> pd.DataFrame:
     project = write_sensor(folder, sensor)
     given = f"image_quality.earlier={earlier}"
     outcome = aerocal("image-quality", project, "--out", folder / "out", "--set", given)
-    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.returncode == 4, outcome.stderr
     return pd.read_parquet(folder / "out" / "quality_drift.parquet").set_index(["band", "quantity"])
 
 
@@ -207,7 +210,7 @@ def test_the_registry_keeps_results_and_says_what_has_changed(results: Path, tmp
     assert "the first of its camera" in call("add", results, "--by", "ann")
     assert "in the registry already" in call("add", results, "--by", "ann", code=2)
     write_sensor(tmp_path, Sensor(18, 0.97, 26.0))
-    assert aerocal("image-quality", tmp_path / "sensor.toml", "--out", tmp_path / "out").returncode == 0
+    assert aerocal("image-quality", tmp_path / "sensor.toml", "--out", tmp_path / "out").returncode == 4
     added = call("add", tmp_path / "out", "--by", "ann")
     assert "4 of 10 quantities have changed" in added
     assert "sensitivity of band 1" in added
@@ -230,3 +233,27 @@ def test_a_certificate_that_was_edited_is_not_registered(results: Path, tmp_path
     outcome = aerocal("registry", "add", tmp_path, "--registry", str(tmp_path / "r.sqlite"), "--by", "ann")
     assert outcome.returncode == 2
     assert "not the file that was published" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda pixels: np.where(pixels > 7000, 65_535, pixels), "is overexposed"),
+        (lambda pixels: np.minimum(pixels // 256, 255) * 257, "was scaled from 8 bits"),
+    ],
+)
+def test_flat_images_that_are_not_raw_are_refused(
+    results: Path, tmp_path: Path, change: Callable[[Floats], Floats], words: str
+) -> None:
+    with raster_environment() as rasterio, rasterio.open(results.parent / "bright.tif") as file:
+        pixels = file.read()
+    # Over the whole range, for there are 8 bits of it.
+    stretched = np.linspace(1000.0, 60_000.0, pixels.shape[2])[None, None] * np.ones(pixels.shape)
+    write(tmp_path / "bright.tif", change(pixels if "over" in words else stretched.astype(np.uint16)))
+    project = tmp_path / "sensor.toml"
+    project.write_text(
+        'version = 1\n[image_quality.sensor]\nkind = "pan"\nbright = "bright.tif"\n[image_quality]\n'
+    )
+    outcome = aerocal("image-quality", project)
+    assert outcome.returncode == 2
+    assert words in outcome.stderr

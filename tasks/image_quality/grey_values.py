@@ -1,0 +1,116 @@
+"""Grey values of a band: pixels that are clipped or without data, and values that were scaled from 8 bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from adjust.arrays import Bools
+from tasks.errors import InputError
+from tasks.image_files.image_reader import ImageDescription, Pixels
+
+#: Part of the pixels at the largest value above which a band is called overexposed.
+OVEREXPOSED = 0.01
+#: Of so many rows one is looked at.
+_EVERY = 4
+_EIGHT_BITS, _SIXTEEN_BITS = 256, 65_536
+#: Different grey values at least, and median distance between them, of an image that was scaled.
+_FEWEST, _APART = 16, 8
+
+
+@dataclass(eq=False)
+class GreyValues:
+    """What has been seen of the grey values of a band.
+
+    Attributes
+    ----------
+    about : of its image.
+    pixels, clipped, known : number of pixels, of those at the largest value, and of those that take part.
+    """
+
+    about: ImageDescription
+    pixels: int = 0
+    clipped: int = 0
+    known: int = 0
+    _seen: Bools = field(default_factory=lambda: np.zeros(_SIXTEEN_BITS, dtype=bool))
+
+    def take(self, pixels: Pixels, known: Bools) -> None:
+        """Look at some rows (rows, columns), and at which pixels of them take part."""
+        rows, known = pixels[::_EVERY], known[::_EVERY]
+        self.pixels += rows.size
+        self.known += int(np.count_nonzero(known))
+        if not self.about.dtype.startswith("float"):
+            self.clipped += int(np.count_nonzero(rows >= self.about.largest))
+        if self.about.dtype == "uint16":
+            self._seen[rows[known]] = True
+
+    @property
+    def scaled(self) -> int | None:
+        """Number of different grey values, if they lie so far apart that they come from 8 bits; else None."""
+        values = np.flatnonzero(self._seen)
+        enough = _FEWEST <= len(values) <= _EIGHT_BITS
+        # Not by the range alone: a dark image has few values, and hot pixels far beyond them.
+        return len(values) if enough and np.median(np.diff(values)) >= _APART else None
+
+    @property
+    def overexposed(self) -> float | None:
+        """Part of the pixels at the largest value, if that is too large; else None."""
+        part = self.clipped / max(self.pixels, 1)
+        return part if part > OVEREXPOSED else None
+
+    def sentences(self, band: int) -> Iterator[str]:
+        """What is to be said about a band of which something can be examined."""
+        name = f"{self.about.path.name}, band {band}"
+        if self.overexposed is not None:
+            yield (
+                f"{name}: {100.0 * self.overexposed:.0f} % of the pixels have the largest value "
+                f"{self.about.largest:.0f}: it is overexposed. They take no part."
+            )
+        if self.scaled is not None:
+            yield (
+                f"{name}: {self.scaled} different grey values of 16 bits: it was scaled from 8 bits. Its "
+                "noise is that of the rounding before, too."
+            )
+
+    def require_raw(self, band: int) -> None:
+        """Refuse a flat image that is overexposed, or was scaled from 8 bits.
+
+        Raises
+        ------
+        InputError
+            Saying which of them.
+        """
+        if self.overexposed is not None:
+            raise InputError(
+                f"Band {band} is overexposed: {100.0 * self.overexposed:.0f} % of the pixels have the "
+                f"largest value {self.about.largest:.0f}.",
+                "Expose flat images to about half the range.",
+                file=self.about.path,
+            )
+        if self.scaled is not None:
+            raise InputError(
+                f"Band {band} has {self.scaled} different grey values of 16 bits: it was scaled from 8 bits.",
+                "Give the images as the sensor delivers them.",
+                file=self.about.path,
+            )
+
+    def require_something(self, band: int) -> None:
+        """Refuse a band of which no pixel can be examined.
+
+        Raises
+        ------
+        InputError
+            Saying why.
+        """
+        if self.known:
+            return
+        why = "are without data or 0"
+        if self.clipped:
+            why = f"have the largest value {self.about.largest:.0f}, or no data"
+        raise InputError(
+            f"Band {band} has no pixel that can be examined: all {why}.",
+            "Give another image, or the bands in image_quality.bands.",
+            file=self.about.path,
+        )
