@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,18 +29,20 @@ def by_image(residuals: pd.DataFrame, images: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for image, strip in zip(images["image"], images["strip"], strict=True):
         own = residuals[residuals["image"] == image]
-        rays = own[own["group"] == "image_points"].set_index(["point", "component"])
+        rays: dict[str, dict[str, Any]] = {}
+        for row in own[own["group"] == "image_points"].itertuples():
+            rays.setdefault(str(row.point), {})[str(row.component)] = row
         points: dict[str, list[float]] = {"x": [], "y": []}
         w, rejected = [0.0], 0
-        for point in rays.index.get_level_values(0).unique():
-            both = rays.loc[point]
-            if both["status"].isin(["used", "uncontrolled"]).all():
-                points["x"].append(both.loc["x", "residual"])
-                points["y"].append(both.loc["y", "residual"])
-                w.extend(both["standardized"].abs().dropna())
+        for both in rays.values():
+            status = {one.status for one in both.values()}
+            if status <= {"used", "uncontrolled"}:
+                points["x"].append(both["x"].residual)
+                points["y"].append(both["y"].residual)
+                w += [abs(one.standardized) for one in both.values() if not np.isnan(one.standardized)]
             else:
-                rejected += bool((both["status"] == "rejected").any())
-        row: dict[str, object] = {
+                rejected += "rejected" in status
+        counted: dict[str, object] = {
             "image": image,
             "strip": strip,
             "points": float(len(points["x"])),
@@ -49,8 +52,8 @@ def by_image(residuals: pd.DataFrame, images: pd.DataFrame) -> pd.DataFrame:
         }
         for name, (group, components, factor) in DIRECT.items():
             of_group = own[own["group"] == group].set_index("component")["residual"]
-            row |= {f"{name}_{axis}": of_group.get(axis, np.nan) * factor for axis in components}
-        rows.append(row)
+            counted |= {f"{name}_{axis}": of_group.get(axis, np.nan) * factor for axis in components}
+        rows.append(counted)
     return pd.DataFrame(rows)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,11 +25,12 @@ def plant(folder: Path) -> Path:
 
 
 def test_commands_and_their_workers_import_nothing_from_the_folder_they_are_started_in(
-    tmp_path: Path,
+    tmp_path: Path, run_before: Path
 ) -> None:
     root = tmp_path / "root"
-    for name in ("a", "b"):
-        write_block(root / name)
+    write_block(root / "a")
+    # One worker adjusts, the other finds everything there.
+    shutil.copytree(run_before, root / "b")
     traces = plant(root)
     console = str(Path(sys.executable).with_name("aerocal"))
     for program in (

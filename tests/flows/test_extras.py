@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,25 +15,56 @@ from packaging.utils import canonicalize_name
 
 from flows.command.extras import EXTRA_OF
 from tests.conftest import REPOSITORY
+from tests.flows.conftest import write_block
 
 _EXTRAS = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"][
     "optional-dependencies"
 ]
-#: A process without the libraries of the extras; what it starts is not without them.
+#: Commands one after the other in a process without the libraries of the extras; what it starts has them.
 _SMALL = """\
-import sys
+import json, sys
 for name in {missing!r}:
     sys.modules[name] = None
 if __name__ == "__main__":
+    from typer.testing import CliRunner
     from flows.command.main import app
-    app({arguments!r})
+    for arguments in {commands!r}:
+        done = CliRunner().invoke(app, arguments)
+        if not isinstance(done.exception, SystemExit | None):
+            raise done.exception
+        print(json.dumps([done.exit_code, done.stderr]))
 """
+#: What needs an extra: arguments, extra.
+NEEDING = {
+    "serve": (("serve", "--root", "{tmp}", "--state", "{tmp}"), "server"),
+    "runner": (("runner",), "server"),
+    "notify": (("notify",), "server"),
+    "registry": (("registry", "list", "--registry", "postgresql://user@127.0.0.1/none"), "postgresql"),
+    "batch": (("batch", "--dask", "tcp://127.0.0.1:1", "{block}"), "cluster"),
+}
+#: What needs none.
+WITHOUT = {command: (command, "{block}/project.toml") for command in ("doctor", "run")}
 
 
-def small(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """A command in a process that cannot import any library of an extra."""
-    program = _SMALL.format(missing=sorted(EXTRA_OF), arguments=[*map(str, arguments)])
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+@dataclass(frozen=True)
+class Small:
+    """What the commands have ended with in a small installation: exit code and stderr; the adjusted block."""
+
+    block: Path
+    ended: dict[str, tuple[int, str]]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Small:
+    folder = tmp_path_factory.mktemp("small")
+    block = write_block(folder / "block").parent
+    commands = {**{name: arguments for name, (arguments, _) in NEEDING.items()}, **WITHOUT}
+    made = [[part.format(tmp=folder, block=block) for part in one] for one in commands.values()]
+    program = _SMALL.format(missing=sorted(EXTRA_OF), commands=made)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    ended = [json.loads(line) for line in done.stdout.splitlines()]
+    return Small(block, {name: (code, said) for name, (code, said) in zip(commands, ended, strict=True)})
 
 
 def test_every_library_that_an_extra_declares_is_known_by_it() -> None:
@@ -44,29 +77,15 @@ def test_every_library_that_an_extra_declares_is_known_by_it() -> None:
     assert declared.items() <= known.items()
 
 
-@pytest.mark.parametrize("command", ["doctor", "run"])
-def test_a_project_is_checked_and_adjusted_without_any_extra(command: str, block: Path) -> None:
-    done = small(command, block)
-    assert done.returncode == 0, done.stderr
-    assert command == "doctor" or (block.parent / "results" / "report.html").exists()
+def test_a_project_is_checked_and_adjusted_without_any_extra(small: Small) -> None:
+    for command in WITHOUT:
+        code, said = small.ended[command]
+        assert code == 0, said
+    assert (small.block / "results" / "report.html").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "extra"),
-    [
-        (("serve",), "server"),
-        (("runner",), "server"),
-        (("notify",), "server"),
-        (("registry", "list", "--registry", "postgresql://user@127.0.0.1/none"), "postgresql"),
-        (("batch", "--dask", "tcp://127.0.0.1:1"), "cluster"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else value[0],
-)
-def test_what_needs_an_extra_names_it(
-    arguments: tuple[str, ...], extra: str, block: Path, tmp_path: Path
-) -> None:
-    further = {"serve": ("--root", tmp_path, "--state", tmp_path), "batch": (block.parent,)}
-    done = small(*arguments, *further.get(arguments[0], ()))
-    assert done.returncode == 1
-    assert f"pip install 'aerocal[{extra}]'" in done.stderr
-    assert "Traceback" not in done.stderr
+@pytest.mark.parametrize("command", NEEDING)
+def test_what_needs_an_extra_names_it(command: str, small: Small) -> None:
+    code, said = small.ended[command]
+    assert code == 1
+    assert f"pip install 'aerocal[{NEEDING[command][1]}]'" in said

@@ -156,7 +156,7 @@ def _is_silently_wrong(sound: Sound, found: Sound) -> bool:
     return bool((moved > 3.0 * sigma).any()) and found.problems <= sound.problems
 
 
-@settings(max_examples=30, **_AS_THEY_COME)
+@settings(max_examples=15, **_AS_THEY_COME)
 @given(change=HOSTILE)
 def test_a_changed_input_is_refused_in_one_sentence(block: Block, change: Hostile) -> None:
     try_it(block, change, "doctor")

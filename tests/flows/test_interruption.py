@@ -133,8 +133,15 @@ def run(start: Start, block: Path, out: Path, *arguments: str, **options: object
     return start(*command, stdout=subprocess.DEVNULL, **options)
 
 
-@pytest.mark.parametrize("sent", CODES)
-@pytest.mark.parametrize("server", ["none", pytest.param("", marks=pytest.mark.prefect)])
+@pytest.mark.parametrize(
+    ("server", "sent"),
+    [
+        ("none", signal.SIGTERM),
+        pytest.param("", signal.SIGINT, marks=pytest.mark.prefect),
+        pytest.param("none", signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param("", signal.SIGTERM, marks=[pytest.mark.prefect, pytest.mark.slow]),
+    ],
+)
 def test_a_run_that_waits_for_another_one_can_be_stopped(
     start: Start,
     block: Path,

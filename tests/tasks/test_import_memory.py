@@ -23,9 +23,9 @@ def memory_within_limit(folder: Path, count: int, row: str, refused: str = "") -
     print(f"\n{size / _MB:.0f} MB: {done.memory_mib * _MIB / size:.2f} of the file, {done.processor_s:.1f} s")
 
 
-def test_a_file_of_forty_megabytes(tmp_path: Path) -> None:
+def test_a_file_of_twenty_megabytes(tmp_path: Path) -> None:
     # Of short rows, which need most memory for the size of their file.
-    memory_within_limit(tmp_path, 2_000_000, "{image},{point},{x:.0f},{y:.0f}")
+    memory_within_limit(tmp_path, 1_000_000, "{image},{point},{x:.0f},{y:.0f}")
 
 
 @pytest.mark.slow

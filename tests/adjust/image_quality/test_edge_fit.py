@@ -9,6 +9,7 @@ from adjust.image_quality.edge_fit import EdgeFit, fit_edge, straightness
 from adjust.image_quality.edge_model import resolution_factor
 from adjust.image_quality.edge_samples import EdgeLine, samples_of
 from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
+from tests.grids import diagonal_daily
 
 EDGES = 20
 
@@ -20,9 +21,10 @@ def fits_of(kind: Kind, seed: int, count: int = EDGES) -> list[EdgeFit]:
     return fits
 
 
-@pytest.mark.parametrize("slant", [3.0, 8.0, 15.0, 26.57, 40.0])
-@pytest.mark.parametrize("blur", [0.3, 0.4, 0.6, 0.8])
-@pytest.mark.parametrize("noise", [1.0, 5.0])
+@pytest.mark.parametrize(
+    ("slant", "blur", "noise"),
+    diagonal_daily([3.0, 8.0, 15.0, 26.57, 40.0], [0.3, 0.4, 0.6, 0.8], [1.0, 5.0]),
+)
 def test_the_mean_factor_of_twenty_edges_is_right(slant: float, blur: float, noise: float) -> None:
     fits = fits_of(Kind(blur, slant, noise), seed=20)
     factors = np.array([fit.factor for fit in fits])

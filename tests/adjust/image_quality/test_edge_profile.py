@@ -14,6 +14,7 @@ from adjust.image_quality.edge_profile import edge_profile, normalized
 from adjust.image_quality.edge_samples import samples_of
 from adjust.image_quality.iso_12233 import frequency_response
 from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
+from tests.grids import diagonal_daily
 
 
 def fits_of(kind: Kind, seed: int, count: int = 20) -> list[EdgeFit]:
@@ -35,9 +36,9 @@ def true_width(kind: Kind) -> float:
     return float(above[-1] - above[0])
 
 
-@pytest.mark.parametrize("slant", [3.0, 8.0, 15.0, 40.0])
-@pytest.mark.parametrize("blur", [0.3, 0.5, 0.8])
-@pytest.mark.parametrize("noise", [1.0, 3.0, 5.0])
+@pytest.mark.parametrize(
+    ("slant", "blur", "noise"), diagonal_daily([3.0, 8.0, 15.0, 40.0], [0.3, 0.5, 0.8], [1.0, 3.0, 5.0])
+)
 def test_sharpened_edges_are_flagged_and_their_width_is_right(
     slant: float, blur: float, noise: float
 ) -> None:
@@ -49,9 +50,9 @@ def test_sharpened_edges_are_flagged_and_their_width_is_right(
     assert sigma < 0.1
 
 
-@pytest.mark.parametrize("slant", [3.0, 15.0, 40.0])
-@pytest.mark.parametrize("blur", [0.3, 0.5, 0.8])
-@pytest.mark.parametrize("noise", [1.0, 5.0])
+@pytest.mark.parametrize(
+    ("slant", "blur", "noise"), diagonal_daily([3.0, 15.0, 40.0], [0.3, 0.5, 0.8], [1.0, 5.0])
+)
 def test_edges_that_were_not_sharpened_are_not_flagged(slant: float, blur: float, noise: float) -> None:
     fits = fits_of(Kind(blur, slant, noise), seed=6)
     assert not edge_profile(normalized(fits)).sharpened
@@ -64,8 +65,7 @@ def test_the_stated_sigma_of_a_width_is_that_of_the_scatter() -> None:
     assert 0.7 < ratio < 1.3
 
 
-@pytest.mark.parametrize("slant", [5.0, 15.0, 30.0])
-@pytest.mark.parametrize("blur", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize(("slant", "blur"), diagonal_daily([5.0, 15.0, 30.0], [0.3, 0.5, 0.8]))
 def test_the_response_is_the_transfer_of_blur_and_pixel(slant: float, blur: float) -> None:
     response = frequency_response(normalized(fits_of(Kind(blur, slant, 1.0), seed=9)))
     frequency = np.linspace(0.0, 1.0, 4001)

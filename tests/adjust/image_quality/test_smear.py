@@ -11,6 +11,7 @@ from adjust.image_quality.edge_model import edge_values
 from adjust.image_quality.edge_samples import EdgeLine, samples_of
 from adjust.image_quality.smear import Smear, smear
 from tests.adjust.image_quality.synthetic_edges import unit_edge
+from tests.grids import diagonal_daily
 
 BLUR, NOISE = 0.5, 1.0
 
@@ -46,8 +47,7 @@ def found_with(length: float, direction: float, seed: int) -> Smear:
     return found
 
 
-@pytest.mark.parametrize("direction", [0.0, 35.0, 90.0, -60.0])
-@pytest.mark.parametrize("length", [0.7, 1.0, 1.5])
+@pytest.mark.parametrize(("direction", "length"), diagonal_daily([0.0, 35.0, 90.0, -60.0], [0.7, 1.0, 1.5]))
 def test_length_and_direction_are_those_of_the_movement(length: float, direction: float) -> None:
     found = found_with(length, float(np.deg2rad(direction)), seed=3)
     assert found.significant

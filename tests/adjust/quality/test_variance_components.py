@@ -91,37 +91,43 @@ def large() -> SimulatedBlock:
 
 
 def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(large: SimulatedBlock) -> None:
+    measured = large.measured_again(1)
+    block = measured.block(FREE)
+    result = estimated(block, wrongly_weighted(measured.observations(block)))
+    assert result.reweighted <= 6
+    assert result.test.sigma0 == pytest.approx(1.0, abs=0.01)
+    table = {name: row for name, row in found_over_true(result).items() if row[3] >= 100.0}
+    assert set(table) >= {"image_points", "gnss_positions plan", "ins_attitudes roll and pitch"}
     misses = []
-    for seed in (1, 2, 3):
-        measured = large.measured_again(seed)
-        block = measured.block(FREE)
-        result = estimated(block, wrongly_weighted(measured.observations(block)))
-        assert result.reweighted <= 6
-        assert result.test.sigma0 == pytest.approx(1.0, abs=0.01)
-        table = {name: row for name, row in found_over_true(result).items() if row[3] >= 100.0}
-        assert set(table) >= {"image_points", "gnss_positions plan", "ins_attitudes roll and pitch"}
-        for name, (_, lower, upper, _) in table.items():
-            assert upper / lower < 1.8, f"the interval of {name} says something"
-            if not lower < 1.0 < upper:
-                misses.append((seed, name, lower, upper))
-    # Nine intervals of 99 %: two misses or more have a chance of 0.3 %. The slow test counts them.
+    for name, (_, lower, upper, _) in table.items():
+        assert upper / lower < 1.8, f"the interval of {name} says something"
+        if not lower < 1.0 < upper:
+            misses.append((name, lower, upper))
+    # Three intervals of 99 %: two misses or more have a chance of 0.03 %. The slow test counts them.
     assert len(misses) <= 1, misses
 
 
-def test_the_start_has_no_influence_on_what_is_found(large: SimulatedBlock) -> None:
+@pytest.fixture(scope="module")
+def from_wrong(large: SimulatedBlock) -> AdjustmentResult:
+    """The large block with weights estimated from wrong ones."""
     block = large.block(FREE)
-    observations = large.observations(block)
-    from_truth, from_wrong = (
-        estimated(block, start) for start in (observations, wrongly_weighted(observations))
-    )
+    return estimated(block, wrongly_weighted(large.observations(block)))
+
+
+def test_the_start_has_no_influence_on_what_is_found(
+    large: SimulatedBlock, from_wrong: AdjustmentResult
+) -> None:
+    block = large.block(FREE)
+    from_truth = estimated(block, large.observations(block))
     for a, b in zip(from_truth.variance_components, from_wrong.variance_components, strict=True):
         assert b.sigma == pytest.approx(a.sigma, rel=0.02), a.part.name
 
 
-def test_adjusted_values_are_those_of_the_estimated_weights(large: SimulatedBlock) -> None:
-    block = large.block(FREE)
+def test_adjusted_values_are_those_of_the_estimated_weights(
+    large: SimulatedBlock, from_wrong: AdjustmentResult
+) -> None:
+    block, result = large.block(FREE), from_wrong
     wrong = wrongly_weighted(large.observations(block))
-    result = estimated(block, wrong)
     factors = np.array([item.factor for item in result.variance_components])
     again = adjust_block(block, reweighted(wrong, parts_of(wrong), factors))
     np.testing.assert_allclose(again.state.object_point, result.state.object_point, atol=1e-6)

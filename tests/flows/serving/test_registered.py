@@ -166,8 +166,8 @@ def start_run(start: Start) -> Start:
     return start_one
 
 
-def test_the_command_line_reports_to_a_server(block: Path, start_run: Start) -> None:
-    process = start_run(block, "--set", "gates.sigma0.max=0.71", "--json")
+def test_the_command_line_reports_to_a_server(warm_block: Path, start_run: Start) -> None:
+    process = start_run(warm_block, "--set", "gates.sigma0.max=0.71", "--json")
     shown, log = process.communicate(timeout=200)
     assert process.returncode == 4, log
     assert json.loads(shown)["status"] == "gate_failed"

@@ -139,7 +139,7 @@ def test_line_ends_and_a_byte_order_mark_change_nothing(key, tmp_path):
 def test_damage_is_refused_or_read_but_never_a_crash(key, tmp_path_factory):
     path = tmp_path_factory.mktemp("fuzz") / "file"
 
-    @settings(max_examples=50, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=20, suppress_health_check=list(HealthCheck))
     @given(damaged(content_of(key)))
     def examine(content):
         check(READERS[key[0]][key[1]], path, content)
@@ -152,7 +152,7 @@ def test_damage_within_a_packed_folder_is_refused_or_read(key, tmp_path_factory)
     path = tmp_path_factory.mktemp("fuzz") / "file"
     files = {name: content.encode() for name, content in PACKED[key].items()}
 
-    @settings(max_examples=200, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=80, suppress_health_check=list(HealthCheck))
     @given(st.data())
     def examine(data):
         name = data.draw(st.sampled_from(sorted(files)))

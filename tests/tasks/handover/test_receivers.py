@@ -80,9 +80,11 @@ def test_pyopf_reads_the_project(tmp_path):
 @pytest.mark.parametrize(
     "case",
     [
-        Flight(1000.0, refracted=True, binned=BINNED),
-        Flight(4000.0, refracted=True, longitude_deg=12.0, binned=BINNED),
         Flight(1000.0, 45.0, refracted=True, binned=BINNED),
+        pytest.param(Flight(1000.0, refracted=True, binned=BINNED), marks=pytest.mark.slow),
+        pytest.param(
+            Flight(4000.0, refracted=True, longitude_deg=12.0, binned=BINNED), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_gdal_warps_an_image_by_its_polynomials_onto_the_rigorous_ground(case, tmp_path):

@@ -173,12 +173,17 @@ def test_one_calibration_cannot_drift() -> None:
     assert drift(stored(1, flown(0))) == []
 
 
-def test_an_unchanged_camera_is_called_drifted_as_seldom_as_is_said() -> None:
-    """2,000 cameras with three calibrations each: two comparisons of two tests at 0.1 %."""
+@pytest.mark.parametrize("trials", [400, pytest.param(2_000, marks=pytest.mark.slow)])
+def test_an_unchanged_camera_is_called_drifted_as_seldom_as_is_said(trials: int) -> None:
+    """Cameras with three calibrations each: two comparisons of two tests at 0.1 %.
+
+    Of 2,000 cameras three times as many alarms are noticed with a probability of 82 %; of 400 six times as
+    many with 74 %.
+    """
     random = np.random.default_rng(11)
     factor = np.linalg.cholesky(covariance() / np.outer(SIGMAS, SIGMAS))
     template = [record(flown=FIRST_DAY + timedelta(days=365 * year)) for year in range(3)]
-    trials, alarms, joint = 2000, 0, 0
+    alarms, joint = 0, 0
     for _ in range(trials):
         items = [
             stored(number, _with_values(one, VALUES + SIGMAS * (factor @ random.standard_normal(5))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import rasterio
 
 from adjust.resampling.resampled import Resampling
-from tasks.handover.undistorted.camera_map import camera_map
+from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
 from tests.tasks.handover.undistorted.crosses import centres, distorting_camera, measured_centres, taken_image
@@ -28,10 +29,14 @@ def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@cache
+def map_of(distorted: bool = True) -> CameraMap:
+    return camera_map(distorting_camera(distorted=distorted))
+
+
 def undistorted(taken: Path, to: Path, work: Work, *, distorted: bool = True) -> np.ndarray:
-    found = camera_map(distorting_camera(distorted=distorted))
     with opened_image(taken) as source:
-        undistort_image(source, found.pixels, to, work, lambda _: None)
+        undistort_image(source, map_of(distorted).pixels, to, work, lambda _: None)
     with rasterio.open(to) as file:
         return np.asarray(file.read(1))
 
@@ -51,7 +56,7 @@ def test_crosses_are_where_a_camera_without_distortion_takes_them(
 
 
 def test_the_map_is_stated_to_better_than_a_hundredth_of_a_pixel() -> None:
-    found = camera_map(distorting_camera())
+    found = map_of()
     assert 0.0 < found.pixels.error_px < 0.01
     assert found.largest_shift_px == pytest.approx(15e-6 / 4e-6, rel=0.4)
 
