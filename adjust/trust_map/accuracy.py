@@ -179,7 +179,8 @@ def _fill(
     image = sight.image[sight.start[first] : sight.start[last]]
     cell = np.repeat(np.arange(last - first), np.diff(start))
     state = replace(solution.state, object_point=cells.x_in_local[first:last])
-    rays = new_rays(solution.system.observations.image_points, state, image, cell, measurement.sigma)
+    points = solution.system.observations.image_points
+    rays = new_rays(points, state, image, cell, measurement.sigma, exact=False)
     equations = rays.linearize(state)
     terms = {term.block: term.jacobian for term in equations.terms}
     of_system = np.concatenate(
@@ -218,8 +219,14 @@ def _fill(
     )
 
 
-def new_rays(measured: ImagePoints, state: State, image: Ints, point: Ints, sigma: float) -> ImagePoints:
-    """Image points (r,) at which the object points of a state appear, as if they had been measured."""
+def new_rays(
+    measured: ImagePoints, state: State, image: Ints, point: Ints, sigma: float, *, exact: bool = True
+) -> ImagePoints:
+    """Image points (r,) at which the object points of a state appear, as if they had been measured.
+
+    Where they need not be exact, only the derivatives are wanted: without additional parameters these depend
+    on orientations and object points alone, and the image coordinates stay zero.
+    """
     r = len(image)
     rays = replace(
         measured,
@@ -230,7 +237,7 @@ def new_rays(measured: ImagePoints, state: State, image: Ints, point: Ints, sigm
         active=np.ones(r, dtype=bool),
         offset=None,
     )
-    for _ in range(1 if measured.self_calibration is None else _STEPS):
+    for _ in range(int(exact) if measured.self_calibration is None else _STEPS):
         rays = replace(rays, xy=rays.xy - rays.misclosure(state))
     return rays
 

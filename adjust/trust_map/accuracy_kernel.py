@@ -13,7 +13,7 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.trust_map.joint_kernel import gather, joint_blocks
-from adjust.trust_map.pairs_kernel import invert, same_images
+from adjust.trust_map.pairs_kernel import invert, runs_of_images, same_images
 from adjust.trust_map.relative_kernel import of_common_images, of_unknowns, sigma_of_difference
 
 
@@ -196,7 +196,13 @@ def cell_accuracies(
     normals, inverses, gain = np.zeros((2, most, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 2 * most))
     f, of_errors = np.zeros((2, 3, unknowns)), np.zeros((2, 3, of_known.shape[2]))
     now, begun, gathered, d, pair = 0, -1, -1, 0, -1
-    for j in range(cells):
+    runs = runs_of_images(start, image)
+    run, j = 0, runs[0, 0] - 1 if cells else 0
+    for _ in range(cells):
+        j += 1
+        if j == runs[run, 1]:
+            run += 1
+            j = runs[run, 0]
         first, last = start[j], start[j + 1]
         if last - first < 2:
             continue

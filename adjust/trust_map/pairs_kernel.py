@@ -17,6 +17,29 @@ def same_images(first, last, other_first, other_last, image):
 
 
 @kernel
+def runs_of_images(start, image):
+    """Runs of cells with the same images: first and last + 1 cell (n, 2), equal images one after another.
+
+    Runs with the same images mostly lie in rows above each other. They are brought together by a hash of
+    their images; two sets of images with the same hash do no harm.
+    """
+    cells = start.shape[0] - 1
+    runs, keys = np.empty((cells, 2), np.int64), np.empty(cells, np.int64)
+    count = 0
+    for j in range(cells):
+        first, last = start[j], start[j + 1]
+        if count and same_images(first, last, start[j - 1], first, image):
+            runs[count - 1, 1] = j + 1
+            continue
+        key = 0
+        for a in range(first, last):
+            key = (key * 1_000_003 + image[a] + 1) % 2_147_483_647
+        runs[count, 0], runs[count, 1], keys[count] = j, j + 1, key
+        count += 1
+    return runs[np.argsort(keys[:count], kind="mergesort")]
+
+
+@kernel
 def missing_pairs(start, image, row_start, column, images):
     """Keys row · images + column of pairs of images that see a cell and have no block; with repetitions.
 

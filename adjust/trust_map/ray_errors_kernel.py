@@ -11,7 +11,7 @@ def _row(ray, r, image, first, of_exposure, of_border, x, border, rows, n):
     for b in range(3):
         value = 0.0
         for a in range(6):
-            value += of_exposure[ray, r, a] * x[image, a, first + b]
+            value += of_exposure[ray, r, a] * x[image, a, b]
         for a in range(of_border.shape[2]):
             value += of_border[ray, r, a] * border[a, first + b]
         rows[n, r, b] = value
@@ -45,7 +45,14 @@ def largest_effects(
     k, most = ray_start.shape[0] - 1, 1
     for p in range(k):
         most = max(most, ray_start[p + 1] - ray_start[p])
-    done, listed = np.full(k, -1, np.int64), np.full(image_start.shape[0] - 1, -1, np.int64)
+    images = image_start.shape[0] - 1
+    done, listed, at_hand = (
+        np.full(k, -1, np.int64),
+        np.full(images, -1, np.int64),
+        np.full(images, -1, np.int64),
+    )
+    # The part of x of a cell, side by side, of the images that are asked for.
+    own_x = np.empty((images, 6, 3))
     pulled, y_point, rows = np.empty((3, 3)), np.empty((3, 3)), np.empty((most, 2, 3))
     for cell in range(found.shape[0]):
         first = 3 * cell
@@ -60,9 +67,14 @@ def largest_effects(
                 # y_p = −N_p⁻¹ Cᵀ y, from all rays of the point.
                 pulled[:] = 0.0
                 for own in range(ray_start[p], ray_start[p + 1]):
-                    n = own - ray_start[p]
+                    n, seen_in = own - ray_start[p], image[own]
+                    if at_hand[seen_in] != cell:
+                        at_hand[seen_in] = cell
+                        for a in range(6):
+                            for b in range(3):
+                                own_x[seen_in, a, b] = x[seen_in, a, first + b]
                     for r in range(2):
-                        _row(own, r, image[own], first, of_exposure, of_border, x, border, rows, n)
+                        _row(own, r, seen_in, first, of_exposure, of_border, own_x, border, rows, n)
                         for a in range(3):
                             for b in range(3):
                                 pulled[a, b] += of_point[own, r, a] * rows[n, r, b]
