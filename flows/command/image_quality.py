@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
-from flows.command.options import Data, Json, Overrides
+from flows.command.options import Data, Json, Overrides, Server
 
 
 def image_quality(
@@ -26,6 +26,7 @@ def image_quality(
     ] = None,
     overrides: Overrides = None,
     data: Data = None,
+    server: Server = None,
     json: Json = False,
 ) -> None:
     """Measure the quality of images: effective resolution at edges, and noise.
@@ -48,4 +49,4 @@ def image_quality(
     """
     from flows.command.image_quality_execution import execute_image_quality
 
-    end_with(lambda: execute_image_quality(source, out, tuple(overrides or ()), data, as_json=json))
+    end_with(lambda: execute_image_quality(source, out, tuple(overrides or ()), data, server, as_json=json))

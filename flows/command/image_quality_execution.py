@@ -11,41 +11,50 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.exit_code import OF_STATUS
+from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.living_line import living_line
 from flows.command.progress import show_progress
+from flows.runs.examination_request import ExaminationRequest
+from flows.runs.project_run import RunOutcome, carry_out
+from flows.server.prefect_settings import prepare_prefect, server_to_report_to
 from flows.stories.image_quality import image_quality, stages_of
-from tasks.errors import InputError
-from tasks.files.installation import writing_into
 from tasks.files.json_text import JSON, json_text
-from tasks.results.summary import Summary, failed_summary, write_summary
-from tasks.settings.load_image_quality import load_image_quality
-from tasks.store.run_lock import run_lock
-from tasks.store.store import Store
+from tasks.results.summary import Summary
 
 
 def execute_image_quality(
-    source: Path, out: Path | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
+    source: Path,
+    out: Path | None,
+    overrides: tuple[str, ...],
+    data: Path | None,
+    server: str | None,
+    *,
+    as_json: bool,
 ) -> int:
-    """Run, and show the result; returns the exit code. Wrong input leaves as an InputError."""
-    console = show_progress()
-    wanted = load_image_quality(source, overrides, data)
-    directory = source.parent / "image-quality" if out is None else out
-    store = Store.of(directory)
-    with run_lock(directory):
-        store.begin_run()
-        try:
-            with living_line(console, directory, stages_of(wanted)):
-                summary = image_quality(wanted, store)
-        except InputError as error:
-            with writing_into(directory):
-                write_summary(directory, failed_summary("input_error", str(error), {}))
-            raise
-    if as_json:
-        print(json_text(summary.to_json(), indent=2))
+    """Run, and show the result; returns the exit code. Wrong settings leave as an InputError."""
+    request = ExaminationRequest(source, out, overrides, data)
+    address = server_to_report_to(server, remark)
+    console = show_progress(on_screen=address is None)
+    if address is None:
+        with living_line(console, request.directory, stages_of(request.read())):
+            outcome = carry_out(image_quality, request)
     else:
-        _show(summary, directory)
-    return OF_STATUS[summary.status]
+        outcome = _reported_to(address, request)
+    if as_json:
+        print(json_text(outcome.summary.to_json(), indent=2))
+    elif outcome.error is None:
+        _show(outcome.summary, outcome.directory)
+    if outcome.error is not None:
+        complain(outcome.error)
+    return OF_STATUS[outcome.summary.status]
+
+
+def _reported_to(address: str, request: ExaminationRequest) -> RunOutcome:
+    """Run as a Prefect flow: the work is done here, the server sees states and logs."""
+    prepare_prefect(address)
+    from flows.serving import registered
+
+    return registered.run_and_report(request, registered.image_quality)
 
 
 def _show(summary: Summary, directory: Path) -> None:

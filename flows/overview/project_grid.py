@@ -30,6 +30,12 @@ STAGE_LABELS: Mapping[str, str] = {
     "control_roles": "control roles",
     "sweep_table": "sweep table",
     "sweep_page": "sweep page",
+    "image_quality": "edges, noise",
+    "smear_motion": "smear",
+    "sensor_quality": "sensor",
+    "drift": "drift",
+    "image_quality_page": "quality page",
+    "radiometric_certificate": "radiometric certificate",
 }
 #: Stories as the grid calls them.
 STORY_LABELS: Mapping[str, str] = {
@@ -37,6 +43,7 @@ STORY_LABELS: Mapping[str, str] = {
     "system-calibration": "calibration",
     "direct-georeferencing-check": "direct check",
     "scenario-sweep": "sweep",
+    "image-quality": "image quality",
 }
 Column = dict[str, Any]
 _THEME = (

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
 from tasks.files.delivered_file import is_there
@@ -29,7 +29,8 @@ from tasks.store.run_lock import run_lock
 from tasks.store.stage_record import read_records, timings_s
 from tasks.store.store import Store
 
-Story: TypeAlias = Callable[[Project, Store], Summary]
+#: What is computed of what a request reads, which is a project for all but the examination of images.
+Story: TypeAlias = Callable[[Any, Store], Summary]
 
 _log = logging.getLogger("aerocal")
 
@@ -120,6 +121,10 @@ class RunRequest:
             )
         )
 
+    def read(self) -> Any:
+        """What the story of this request takes; errors as of `project`."""
+        return self.project()
+
     def declared_story(self) -> StoryName:
         """What the project file declares: a calibration, a check, or neither, and so an adjustment.
 
@@ -200,10 +205,10 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     """
     store = request.store()
     try:
-        project = request.project()
+        read = request.read()
         with run_lock(request.directory, request.roots):
             store.begin_run()
-            return RunOutcome.of(request, story(project, store))
+            return RunOutcome.of(request, story(read, store))
     except InputError as error:
         return _without_result(request, store, "input_error", error)
     except NotComputableError as error:

@@ -23,6 +23,7 @@ from prefect.states import Completed, Failed  # noqa: E402
 from pydantic import AfterValidator, Field  # noqa: E402
 
 from flows.runs.clean_up import Act, clean_up_below  # noqa: E402
+from flows.runs.examination_request import ExaminationRequest  # noqa: E402
 from flows.runs.project_run import RunRequest, Story  # noqa: E402
 from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
@@ -46,6 +47,7 @@ from flows.stories.aerial_triangulation import aerial_triangulation as aerial_tr
 from flows.stories.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
+from flows.stories.image_quality import image_quality as image_quality_story  # noqa: E402
 from flows.stories.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.files.installation import InstallationError  # noqa: E402
@@ -90,14 +92,16 @@ def name_outcome(flow: "Flow[..., Any]", flow_run: FlowRun, state: State[Any]) -
         client.update_flow_run(flow_run.id, name=f"{project} · {story} · {state.name}")
 
 
-def _confined(story: Story, project: str, settings: RunForm, output: str) -> State[None]:
+def _confined(
+    story: Story, project: str, settings: RunForm, output: str, requested: type[RunRequest] = RunRequest
+) -> State[None]:
     """Run a story on a project under the configured folders."""
     try:
         roots = configured_roots()
         file = roots.project_file(project)
         out = roots.output_folder(file, output)
         address = configured_results(file, output, roots)
-        request = RunRequest(file, out, settings.overrides(), roots=roots.folders, address=address)
+        request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
         outcome = carry_out_recorded(story, request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))
@@ -153,6 +157,25 @@ direct_georeferencing_check = _story_flow(
     "Check the accuracy of GNSS, INS and a calibration without control points.",
     direct_georeferencing_story,
 )
+
+
+@flow(
+    name="image-quality",
+    description="Examine images: effective resolution, noise, defects of the sensor, with certificate.",
+    flow_run_name=run_name,
+    timeout_seconds=12 * _HOUR_S,
+    persist_result=False,
+    on_completion=[name_outcome],
+    on_failure=[name_outcome],
+)
+def image_quality(project: ProjectParameter, output: OutputParameter = "image-quality") -> State[None]:
+    """Examine the images that a file with a table [image_quality] names.
+
+    Args:
+        project: The file or its folder; absolute, or as seen from a folder of this server.
+        output: Name of the folder of the results, beside the file.
+    """
+    return _confined(image_quality_story, project, AS_IN_PROJECT, output, ExaminationRequest)
 
 
 @flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)
@@ -260,6 +283,7 @@ STORIES: Sequence["Flow[..., State[None]]"] = (
     aerial_triangulation,
     system_calibration,
     direct_georeferencing_check,
+    image_quality,
 )
 #: All that a runner carries out, whatever the server says.
 FLOWS: Sequence["Flow[..., State[None]]"] = (*STORIES, inbox, recalibration_due, clean_up)

@@ -22,6 +22,7 @@ from prefect.client.schemas.objects import State  # noqa: E402
 from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
 
+from flows.runs.examination_request import ExaminationRequest  # noqa: E402
 from flows.runs.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
 from flows.runs.run_artifacts import CONTRADICTS_TRUTH, text_of_outcome  # noqa: E402
@@ -31,6 +32,7 @@ from flows.stories.direct_georeferencing_check import (  # noqa: E402
     direct_georeferencing_check as direct_georeferencing_story,
 )
 from flows.stories.flight_check import flight_check as flight_check_story  # noqa: E402
+from flows.stories.image_quality import image_quality as image_quality_story  # noqa: E402
 from flows.stories.scenario_sweep import sweep_of  # noqa: E402
 from flows.stories.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
@@ -79,7 +81,11 @@ def show(text: ShortText) -> None:
 
 
 def _story_flow(
-    name: str, description: str, story_of: Callable[[RunRequest], Story], hours: int = 12
+    name: str,
+    description: str,
+    story_of: Callable[[RunRequest], Story],
+    hours: int = 12,
+    requested: type[RunRequest] = RunRequest,
 ) -> "Flow[..., State[None]]":
     """The flow of a story on a project file."""
 
@@ -99,7 +105,7 @@ def _story_flow(
         data : a second folder for relative input paths.
         """
         folder = Path(data) if data is not None else None
-        request = RunRequest.of(Path(project_file), out, tuple(overrides or ()), folder)
+        request = requested.of(Path(project_file), out, tuple(overrides or ()), folder)
         outcome = carry_out_recorded(story_of(request), request, identity())
         show(text_of_outcome(outcome, request, identity()))
         return state_of(outcome)
@@ -134,6 +140,12 @@ scenario_sweep = _story_flow(
     "Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.",
     sweep_of,
     hours=24,
+)
+image_quality = _story_flow(
+    "image-quality",
+    "Examine images: effective resolution, noise, defects of the sensor; radiometric certificate.",
+    lambda _request: image_quality_story,
+    requested=ExaminationRequest,
 )
 
 

@@ -24,8 +24,8 @@ def stages_of(wanted: Examination) -> tuple[str, ...]:
     """Names of the stages that an examination needs, in their order."""
     settings = wanted.settings
     needed = {
-        "image_quality": bool(settings.images),
         "import_exposures": settings.motion is not None,
+        "image_quality": bool(settings.images),
         "smear_motion": settings.motion is not None,
         "sensor_quality": settings.sensor is not None,
         "drift": settings.earlier is not None,
@@ -56,12 +56,12 @@ def _scenes(wanted: Examination, store: Store) -> tuple[Outputs, ...]:
     settings, project = wanted.settings, wanted.project
     if not settings.images:
         return ()
-    scenes = examine_images(store, settings=settings.of_scenes())
     if settings.motion is None or project is None:
-        return (scenes,)
+        return (examine_images(store, settings=settings.of_scenes()),)
     read = import_exposures(
         store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
     )
+    scenes = examine_images(store, settings=settings.of_scenes())
     compared = compare_with_motion(
         store,
         edges=scenes["edges"],

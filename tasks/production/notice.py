@@ -32,6 +32,7 @@ _KINDS: Mapping[str, NoticeKind] = {
 _PAGES: Mapping[str, str] = {
     "direct-georeferencing-check": "georeferencing_check.html",
     "scenario-sweep": "sweep.html",
+    "image-quality": "image_quality.html",
 }
 _LONGEST_SUBJECT = 200
 _LONGEST_LINE = 2_000

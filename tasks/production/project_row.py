@@ -27,6 +27,8 @@ DOCUMENTS: Mapping[str, str] = {
     "certificate": "certificate.html",
     "georeferencing_page": "georeferencing_check.html",
     "sweep_page": "sweep.html",
+    "image_quality_page": "image_quality.html",
+    "radiometric_certificate": "radiometric_certificate.html",
 }
 
 

@@ -30,6 +30,15 @@ STAGES_OF: Mapping[str, tuple[str, ...]] = {
         "certificate",
     ),
     "direct-georeferencing-check": (*_PREPARATION, "bundle_adjustment", *_CHECK, "report"),
+    "image-quality": (
+        "import_exposures",
+        "image_quality",
+        "smear_motion",
+        "sensor_quality",
+        "drift",
+        "image_quality_page",
+        "radiometric_certificate",
+    ),
     SWEEP: (*_PREPARATION, "sub_block", "control_roles", "bundle_adjustment", "sweep_table", "sweep_page"),
 }
 #: All of them, in an order that suits every story.
@@ -40,12 +49,14 @@ STAGES: tuple[str, ...] = (
     *STAGES_OF["system-calibration"][len(_PREPARATION) :],
     "sweep_table",
     "sweep_page",
+    *STAGES_OF["image-quality"][1:],
 )
 #: Those that a story may do without, as the project file wants it.
 _OPTIONAL: Mapping[str, frozenset[str]] = {
     "system-calibration": frozenset(("calibrated_cameras", "two_step")),
     "direct-georeferencing-check": frozenset(("bundle_adjustment", "report")),
     SWEEP: frozenset(("sub_block", "control_roles")),
+    "image-quality": frozenset(STAGES_OF["image-quality"]) - {"image_quality_page"},
 }
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -32,7 +32,11 @@ class Examination:
 
 
 def load_image_quality(
-    source: Path, overrides: Sequence[str] = (), data: Path | None = None, roots: Sequence[Path] = ()
+    source: Path,
+    overrides: Sequence[str] = (),
+    data: Path | None = None,
+    roots: Sequence[Path] = (),
+    environment: Mapping[str, str] | None = None,
 ) -> Examination:
     """The examination that a source means.
 
@@ -42,6 +46,7 @@ def load_image_quality(
     overrides : texts ``a.b.c=VALUE``.
     data : a second folder for relative paths.
     roots : folders that every input file must lie under (deployments); empty: anywhere.
+    environment : variables for ``${NAME}``; by default those of the process.
 
     Raises
     ------
@@ -56,8 +61,10 @@ def load_image_quality(
         return _alone(file, overrides, PathContext(Path.cwd(), data, environment={}, roots=roots))
     if not is_project_file(str(source)):
         file = read_settings_file(source, IMAGE_QUALITY_FILE, links=not roots)
-        return _alone(file, overrides, PathContext(source.resolve().parent, data, roots=roots))
-    project = load_project(source, overrides, data, roots=roots)
+        context = PathContext(source.resolve().parent, data, roots=roots)
+        known = context if environment is None else replace(context, environment=environment)
+        return _alone(file, overrides, known)
+    project = load_project(source, overrides, data, environment=environment, roots=roots)
     if project.image_quality is None:
         raise InputError(
             "The project has no table [image_quality].",
