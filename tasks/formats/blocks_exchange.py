@@ -61,7 +61,8 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         If there are none, numbers are missing, or the reference system is none that is read.
     """
     root = parsed_xml(path)
-    image, camera, centre, rotation, at = [], [], [], [], []
+    image, camera, at = [], [], []
+    centre, rotation = array("d"), array("d")
     for number, (name, group, photo) in enumerate(_photos(path, root), start=1):
         pose = photo.find("Pose")
         point, turn = (None, None) if pose is None else (pose.find("Center"), pose.find("Rotation"))
@@ -69,11 +70,13 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             continue
         image.append(name)
         camera.append(group.findtext("Name"))
-        centre.append([_number(path, point, axis) for axis in "xyz"])
-        rotation.append(_world_from_camera(path, turn) @ _camera_from_ours(path, group))
+        centre.extend(_number(path, point, axis) for axis in "xyz")
+        rotation.extend((_world_from_camera(path, turn) @ _camera_from_ours(path, group)).ravel().tolist())
         at.append(number)
     crs, place = _reference(path, root, root.findtext(".//Block/SRSId"))
-    centres, rotations = np.array(centre).reshape(-1, 3), np.array(rotation).reshape(-1, 3, 3)
+    # Its elements have been taken apart.
+    root.clear()
+    centres, rotations = table_of(centre, 3), table_of(rotation, 9).reshape(-1, 3, 3)
     states = FileStatement(crs=crs, order="omega-phi-kappa")
     if place is not None:
         centres, rotations = geographic_poses(*geocentric_poses((*place, 0.0), centres, rotations))

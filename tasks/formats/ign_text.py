@@ -39,6 +39,8 @@ from tasks.plain_text import quoted
 _OPK_COLUMNS = ("NOM", "X", "Y", "Z", "O", "P", "K", "CAMERA")
 _IMAGE_NAME = r"^(?P<flight>.*?)(?P<strip>[xX]\d+)_\d+"
 _FULL_CONTROL = "13"
+# Points that are named.
+_SHOWN = 5
 _ANGLE_UNIT = re.compile(r"^\s*UNITE\s+ANGLE\s*:\s*(\S+)", re.IGNORECASE)
 _UNITS: dict[str, Literal["deg", "gon", "rad"]] = {
     "degre": "deg", "degree": "deg", "degres": "deg", "grade": "gon", "grades": "gon", "gon": "gon",
@@ -87,11 +89,13 @@ def read_ign_app(path: Path) -> ControlRecords:
 
 
 def _code_remark(path: Path, table: TextTable) -> tuple[str, ...]:
-    point, code = table.text("point").to_pylist(), table.text("code").to_pylist()
-    others = [f"{name} ({value})" for name, value in zip(point, code, strict=True) if value != _FULL_CONTROL]
-    if not others:
+    other = pc.fill_null(pc.not_equal(table.text("code"), _FULL_CONTROL), fill_value=True)
+    count = pc.sum(other).as_py()
+    if not count:
         return ()
-    shown = ", ".join(others[:5]) + (", …" if len(others) > 5 else "")
+    point, code = (table.text(name).filter(other)[:_SHOWN].to_pylist() for name in ("point", "code"))
+    listed = ", ".join(f"{name} ({value})" for name, value in zip(point, code, strict=True))
+    shown = listed + (", …" if count > _SHOWN else "")
     return (
         f"{path.name}: control points with another code than {_FULL_CONTROL} are taken as known in x, y "
         f"and z: {shown}. If some of their coordinates are only approximate, deliver them as CSV with those "

@@ -91,7 +91,8 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: no photo, numbers missing.
     """
-    image, camera, strip, values, sigmas, at = [], [], [], [], [], []
+    image, camera, strip, at = [], [], [], []
+    values, sigmas = array("d"), array("d")
     for entry in _entries(path, "photo_parameters"):
         title = entry.title
         if not title:
@@ -100,22 +101,23 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         strip.append(title[2] if len(title) > 2 and title[1].lower() == "strip_id" else None)
         named = entry.values.get("camera_name", (0, []))[1]
         camera.append(" ".join(named) or None)
-        values.append(entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ"))
+        values.extend(entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ"))
         known = "computed_std_devs" in entry.values
         sigma = entry.numbers(path, "computed_std_devs", 6, "six σ") if known else []
         # A photo that was not adjusted has zeros there.
-        sigmas.append([value if value > 0.0 else float("nan") for value in sigma] or [float("nan")] * 6)
+        sigmas.extend([value if value > 0.0 else float("nan") for value in sigma] or [float("nan")] * 6)
         at.append(entry.line)
+    table, known_to = table_of(values, 6), table_of(sigmas, 6)
     return exposures_of(
         path,
         image,
-        [row[:3] for row in values],
-        [row[3:] for row in values],
+        table[:, :3],
+        table[:, 3:],
         at,
         camera=camera,
         strip=strip,
-        sigma_position=[row[:3] for row in sigmas],
-        sigma_angles=[row[3:] for row in sigmas],
+        sigma_position=known_to[:, :3],
+        sigma_angles=known_to[:, 3:],
         unit="deg",
         states=FileStatement(order="omega-phi-kappa"),
     )

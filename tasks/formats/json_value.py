@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,9 +41,21 @@ class JsonValue:
 
     def items(self) -> list[JsonValue]:
         """The elements of a list."""
+        return list(self.each())
+
+    def each(self) -> Iterator[JsonValue]:
+        """The elements of a list, one after the other: a list of many takes no more memory."""
         if not isinstance(self.value, list):
             raise self._trouble("This is no list.")
-        return [JsonValue(self.file, f"{self.where}[{k}]", one) for k, one in enumerate(self.value)]
+        for k, one in enumerate(self.value):
+            yield JsonValue(self.file, f"{self.where}[{k}]", one)
+
+    def taken(self) -> Iterator[JsonValue]:
+        """As `each`; the list forgets every element when the next one is asked for."""
+        for k, one in enumerate(self.each()):
+            yield one
+            assert isinstance(self.value, list)
+            self.value[k] = None
 
     def number(self) -> float:
         """A number."""

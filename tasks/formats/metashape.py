@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from array import array
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -113,9 +114,9 @@ def _similarity(path: Path, item: ElementTree.Element | None) -> tuple[Floats, F
 def _sensor_names(root: ElementTree.Element) -> dict[str, str]:
     """Names of the sensors by their ids: their labels, with the id where two are alike."""
     labels = {item.get("id", ""): item.get("label") or "" for item in root.iter("sensor")}
-    alike = list(labels.values())
+    alike = Counter(labels.values())
     return {
-        number: label if label and alike.count(label) == 1 else f"{label} {number}".strip()
+        number: label if label and alike[label] == 1 else f"{label} {number}".strip()
         for number, label in labels.items()
     }
 
@@ -138,6 +139,8 @@ def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamer
         if chosen is not None:
             name = names[item.get("id", "")]
             found[name] = _sensor(path, item, chosen, name)
+        # It has been taken apart.
+        item.clear()
     if not found:
         raise InputError("There is no camera in the file.", "Export the cameras of an aligned chunk.", path)
     return found
@@ -193,18 +196,20 @@ def read_metashape_markers(path: Path) -> ControlRecords:
     InputError
         If there are none, or numbers are missing.
     """
-    point, position, role, at = [], [], [], []
+    point, role = [], []
+    position, at = array("d"), array("q")
     for number, item in enumerate(parsed_xml(path).iter("marker"), start=1):
         reference = item.find("reference")
         if reference is None or "label" not in item.attrib or "x" not in reference.attrib:
             continue
         values = [number_of(path, reference.get(axis, ""), number, f"its {axis}") for axis in "xyz"]
         point.append(item.attrib["label"])
-        position.append(values)
+        position.extend(values)
         # A marker that is switched off in the reference pane is a check point there.
         role.append("check" if reference.get("enabled") in ("false", "0") else "control")
         at.append(number)
-    return control_of(path, point, position, at, role=role)
+        item.clear()
+    return control_of(path, point, table_of(position, 3), at, role=role)
 
 
 def read_metashape_measurements(path: Path) -> ImagePointRecords:

@@ -18,6 +18,8 @@ from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
 # Both are printed with six decimals and more.
 _SAME_DEG = 1e-3
+# Elements of rotations that are compared together.
+_TOGETHER = 9 * 10_000
 
 
 def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -30,24 +32,41 @@ def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     image: list[str] = []
     values, at = array("d"), array("q")
+    rotations = array("d")
     for number, line in numbered_lines(path):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         fields = line.split("\t") if "\t" in line else line.split()
         image.append(fields[0].strip())
-        values.extend(numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements"))
+        found = numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements")
+        values.extend(found[:6])
+        rotations.extend(found[6:])
         at.append(number)
-    table = table_of(values, 15)
-    angles = degrees_of_rotations(path, table[:, 6:].reshape(-1, 3, 3).transpose(0, 2, 1), image, at)
-    away = np.abs((angles - table[:, 3:6] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
+        if len(rotations) == _TOGETHER:
+            _refuse_other_angles(path, rotations, values, image, at)
+            rotations = array("d")
+    _refuse_other_angles(path, rotations, values, image, at)
+    table = table_of(values, 6)
+    states = FileStatement(order="omega-phi-kappa")
+    return exposures_of(path, image, table[:, :3], table[:, 3:], at, unit="deg", states=states)
+
+
+def _refuse_other_angles(
+    path: Path, rotations: array[float], values: array[float], image: list[str], at: array[int]
+) -> None:
+    """Compare the last rows with the rotations beside them."""
+    count = len(rotations) // 9
+    first = len(image) - count
+    rotation = table_of(rotations, 9).reshape(-1, 3, 3).transpose(0, 2, 1)
+    angles = degrees_of_rotations(path, rotation, image[first:], at[first:])
+    stated = np.array(values[6 * first :]).reshape(-1, 6)[:, 3:]
+    away = np.abs((angles - stated + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
     if (away > _SAME_DEG).any():
         row = int(np.argmax(away))
         raise InputError(
             f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation beside them.",
             "Export the orientations again, as OPK.",
             file=path,
-            line=at[row],
-            entity=image[row],
+            line=at[first + row],
+            entity=image[first + row],
         )
-    states = FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, table[:, :3], table[:, 3:6], at, unit="deg", states=states)

@@ -15,6 +15,7 @@ to the ideal point and is fitted anew as ``brown-forward``; a fit that misses it
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
@@ -27,6 +28,7 @@ from adjust.camera.additional.register import additional_parameters
 from adjust.errors import AdditionalParametersError
 from tasks.errors import InputError
 from tasks.formats.homologous_points import homologous_points
+from tasks.formats.long_columns import table_of
 from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
 from tasks.formats.plain_records import (
     CV_AXES,
@@ -65,7 +67,8 @@ def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         If there are none, or one is not complete.
     """
     folder = packed_folder(path)
-    image, centre, rotation = [], [], []
+    image = []
+    centre, rotation = array("d"), array("d")
     for name in folder.members:
         file = PurePosixPath(name).name
         if not (file.startswith(_HEAD) and file.endswith(_TAIL)):
@@ -73,13 +76,14 @@ def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         outside = _element(path, _parsed(folder, name), "Externe", name)
         matrix = _element(path, outside, "CodageMatr", name)
         image.append(file[len(_HEAD) : -len(_TAIL)])
-        centre.append(_numbers(path, outside, "Centre", 3, name))
-        rotation.append([_numbers(path, matrix, row, 3, name) for row in ("L1", "L2", "L3")])
-    at = list(range(1, len(image) + 1))
-    turn = np.array(rotation).reshape(-1, 3, 3) @ CV_AXES
+        centre.extend(_numbers(path, outside, "Centre", 3, name))
+        for row in ("L1", "L2", "L3"):
+            rotation.extend(_numbers(path, matrix, row, 3, name))
+    at = range(1, len(image) + 1)
+    turn = table_of(rotation, 9).reshape(-1, 3, 3) @ CV_AXES
     angles = degrees_of_rotations(path, turn, image, at)
     states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, image, centre, angles, at, unit="deg", states=states)
+    return exposures_of(path, image, table_of(centre, 3), angles, at, unit="deg", states=states)
 
 
 def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:

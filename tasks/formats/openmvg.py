@@ -12,7 +12,7 @@ Tangential terms t1, t2 are p1, p2.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -49,24 +49,28 @@ def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         If the file is damaged, or a rotation is none.
     """
     file = _opened(path)
-    poses = {one["key"].whole(): one["value"] for one in file["extrinsics"].items()}
-    image, camera, centre, rotation, at = [], [], [], [], []
+    # The value itself: with its place it would take more memory than its file.
+    poses = {one["key"].whole(): one["value"].value for one in file["extrinsics"].each()}
+    image, camera = [], []
+    centre, rotation, at = array("d"), array("d"), array("q")
     for number, view in enumerate(_views(file), start=1):
-        pose = poses.get(view["id_pose"].whole())
-        if pose is None:
+        found = poses.get(view["id_pose"].whole())
+        if found is None:
             continue
+        pose = JsonValue(path, f"pose {view['id_pose'].whole()}", found)
         image.append(view["filename"].text())
         camera.append(str(view["id_intrinsic"].whole()))
-        centre.append(pose["center"].numbers(3))
+        centre.extend(pose["center"].numbers(3))
         rows = pose["rotation"].items()
         if len(rows) != 3:
             raise InputError("The rotation has not three rows.", "Deliver it again.", path, entity=pose.where)
-        rotation.append([row.numbers(3) for row in rows])
+        for row in rows:
+            rotation.extend(row.numbers(3))
         at.append(number)
-    world_from_camera = np.swapaxes(np.array(rotation).reshape(-1, 3, 3), 1, 2)
+    world_from_camera = np.swapaxes(table_of(rotation, 9).reshape(-1, 3, 3), 1, 2)
     angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, image, at)
-    states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+    states, position = FileStatement(crs="local", order="omega-phi-kappa"), table_of(centre, 3)
+    return exposures_of(path, image, position, angles, at, camera=camera, unit="deg", states=states)
 
 
 def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -119,9 +123,9 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
     names = {view["id_view"].whole(): view["filename"].text() for view in _views(file)}
     image, point, xy = LongNames(), LongNames(), array("d")
     for key, prefix in (("structure", ""), ("control_points", "cp")):
-        for one in file[key].items() if file.has(key) else []:
+        for one in file[key].taken() if file.has(key) else []:
             name = f"{prefix}{one['key'].whole()}"
-            for seen in one["value"]["observations"].items():
+            for seen in one["value"]["observations"].each():
                 view = names.get(seen["key"].whole())
                 if view is None:
                     raise InputError(
@@ -141,5 +145,5 @@ def _opened(path: Path) -> JsonValue:
     return found
 
 
-def _views(file: JsonValue) -> list[JsonValue]:
-    return [one["value"][_ENTRY]["data"] for one in file["views"].items()]
+def _views(file: JsonValue) -> Iterator[JsonValue]:
+    return (one["value"][_ENTRY]["data"] for one in file["views"].each())

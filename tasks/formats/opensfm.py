@@ -17,10 +17,11 @@ from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
+from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
@@ -35,6 +36,7 @@ from tasks.formats.plain_records import (
     image_points_of,
     number_of,
     numbers_of,
+    pieces_of,
 )
 from tasks.formats.records import (
     AngleOrder,
@@ -59,27 +61,50 @@ def read_opensfm_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         If the file is no reconstruction, has several, or numbers are missing.
     """
+    shots = _shots(path)
+    image, at = shots.image, range(1, len(shots.image) + 1)
+    centre, angles = np.empty((len(image), 3)), np.empty((len(image), 3))
+    for piece in pieces_of(len(image)):
+        world_from_camera = np.swapaxes(exp(shots.turn[piece]), 1, 2)
+        rotation = world_from_camera @ CV_AXES
+        centre[piece] = -np.einsum("nij,nj->ni", world_from_camera, shots.shift[piece])
+        if shots.reference:
+            poses = geocentric_poses(shots.reference, centre[piece], rotation)
+            centre[piece], rotation = geographic_poses(*poses)
+        angles[piece] = degrees_of_rotations(path, rotation, image[piece], at[piece])
+    # Altitudes are whatever the images came with.
+    on_earth, local = replace(GEOGRAPHIC, heights=None), FileStatement(crs="local", order="omega-phi-kappa")
+    states = on_earth if shots.reference else local
+    return exposures_of(path, image, centre, angles, at, camera=shots.camera, unit="deg", states=states)
+
+
+class _Shots(NamedTuple):
+    """Shots: rotation (axis and angle) and translation camera from world (n, 3), place of the origin."""
+
+    image: list[str]
+    camera: list[str | None]
+    turn: Floats
+    shift: Floats
+    reference: list[float]
+
+
+def _shots(path: Path) -> _Shots:
+    """The shots of a reconstruction, the rest of which is not kept; no reference of a local one."""
     one = _reconstruction(path)
     shots = _table(path, one, "shots")
-    image, at = list(shots), list(range(1, len(shots) + 1))
-    entries = [_as_table(path, shot, name) for name, shot in shots.items()]
-    turn = [_vector(path, shot, "rotation", name) for name, shot in zip(image, entries, strict=True)]
-    shift = np.array(
-        [_vector(path, shot, "translation", name) for name, shot in zip(image, entries, strict=True)]
-    )
-    world_from_camera = np.swapaxes(exp(np.array(turn).reshape(-1, 3)), 1, 2)
-    centre = -np.einsum("nij,nj->ni", world_from_camera, shift.reshape(-1, 3))
-    rotation, states = world_from_camera @ CV_AXES, FileStatement(crs="local", order="omega-phi-kappa")
+    camera: list[str | None] = []
+    turn, shift = array("d"), array("d")
+    for name, given in shots.items():
+        shot = _as_table(path, given, name)
+        turn.extend(_vector(path, shot, "rotation", name))
+        shift.extend(_vector(path, shot, "translation", name))
+        camera.append(str(shot["camera"]) if "camera" in shot else None)
+    reference: list[float] = []
     if "reference_lla" in one:
         place = _table(path, one, "reference_lla")
         names = ("latitude", "longitude", "altitude")
-        lla = [_number(path, place.get(name), f"reference_lla.{name}") for name in names]
-        centre, rotation = geographic_poses(*geocentric_poses(lla, centre, rotation))
-        # Altitudes are whatever the images came with.
-        states = replace(GEOGRAPHIC, heights=None)
-    angles = degrees_of_rotations(path, rotation, image, at)
-    camera = [str(shot["camera"]) if "camera" in shot else None for shot in entries]
-    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+        reference = [_number(path, place.get(name), f"reference_lla.{name}") for name in names]
+    return _Shots(list(shots), camera, table_of(turn, 3), table_of(shift, 3), reference)
 
 
 def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:

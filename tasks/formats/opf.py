@@ -34,6 +34,7 @@ from tasks.formats.plain_records import (
     distances_of,
     exposures_of,
     image_points_of,
+    pieces_of,
 )
 from tasks.formats.records import (
     AngleOrder,
@@ -67,22 +68,27 @@ def read_opf_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         if projected is None:
             return captures_of(path, project, names, sensors)
         return projected_captures_of(path, project, projected, names, sensors)
-    image, camera, position, angles = [], [], [], []
-    for one in calibrated["cameras"].items():
+    image, camera = [], []
+    position, angles = array("d"), array("d")
+    for one in calibrated["cameras"].taken():
         image.append(named(one["id"], names))
         camera.append(named(one["sensor_id"], sensors))
-        position.append(one["position"].numbers(3))
-        angles.append(one["orientation_deg"].numbers(3))
-    at = list(range(1, len(image) + 1))
+        position.extend(one["position"].numbers(3))
+        angles.extend(one["orientation_deg"].numbers(3))
+    del calibrated
+    at = range(1, len(image) + 1)
     scene = project.one("scene_reference_frame", "scene-reference-frame")
     shift = canonical_shift(scene)
     crs = crs_of(scene["crs"])
     local = crs.is_engineering
     states = FileStatement(crs="local" if local else crs.to_wkt(), order="omega-phi-kappa")
-    centre = np.array(position).reshape(-1, 3) - shift
-    turn = from_omega_phi_kappa(np.radians(np.array(angles).reshape(-1, 3)))
-    degrees = degrees_of_rotations(path, turn, image, at)
+    # Angles as they are derived from a rotation: ω and κ within half a turn.
+    degrees, stated = np.empty((len(image), 3)), table_of(angles, 3)
+    for piece in pieces_of(len(image)):
+        turn = from_omega_phi_kappa(np.radians(stated[piece]))
+        degrees[piece] = degrees_of_rotations(path, turn, image[piece], at[piece])
     remarks = (*(() if local else (_IN_MAP,)), *_gps_bias(project))
+    centre = table_of(position, 3) - shift
     return exposures_of(
         path, image, centre, degrees, at, camera=camera, unit="deg", states=states, remarks=remarks
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PureWindowsPath
@@ -74,10 +75,8 @@ class OpfProject:
         """Identifier → name, with the identifier where several have the same."""
         sensors = self.one("input_cameras", "input-cameras")["sensors"].items()
         names = {one["id"].whole(): one["name"].text() for one in sensors}
-        listed = list(names.values())
-        return {
-            number: name if listed.count(name) == 1 else f"{name} {number}" for number, name in names.items()
-        }
+        listed = Counter(names.values())
+        return {number: name if listed[name] == 1 else f"{name} {number}" for number, name in names.items()}
 
 
 def named(number: JsonValue, names: Mapping[int, str]) -> str:

@@ -25,6 +25,8 @@ from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, F
 
 _WIDTH = 16
 _END = "-99"
+# More than any block has.
+_MOST_POINTS = 500_000
 _UNKNOWN = (np.nan, np.nan, np.nan)
 
 
@@ -111,6 +113,13 @@ def read_patb_control(path: Path) -> ControlRecords:
         values = numbers_of(path, fields[1:], len(fields) - 1, number, "a coordinate")
         name, own = fields[0], len(values) - _has_group(fields[1:], 2 if lists == 0 else 1)
         row = rows.setdefault(name, len(at))
+        if row == _MOST_POINTS:
+            raise InputError(
+                f"The lists have more than {_MOST_POINTS:,} points.",
+                "Deliver those of the block. Coordinates of tie points are no control.",
+                file=path,
+                line=number,
+            )
         if row == len(at):
             at.append(number)
             position.extend(_UNKNOWN)

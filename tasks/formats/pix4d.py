@@ -25,6 +25,8 @@ from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, Pi
 _CAMERA_HEAD = "fileName imageWidth imageHeight"
 # Lines of an image: K, radial and tangential distortion, t, R.
 _LINES_OF_CAMERA = 9
+# More than any block has.
+_MOST_CAMERAS = 100_000
 _HEAD = ["imagename", "x", "y", "z", "omega", "phi", "kappa"]
 
 
@@ -88,6 +90,13 @@ def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
         values = (camera.columns, camera.rows, camera.focal_length_px, camera.principal_point_px)
         different = (*values, *sorted(camera.additional_parameters.items()))
         if different not in seen:
+            if len(seen) == _MOST_CAMERAS:
+                raise InputError(
+                    f"The file has more than {_MOST_CAMERAS:,} different cameras.",
+                    "Write the camera into the project file.",
+                    file=path,
+                    line=number,
+                )
             seen.add(different)
             known[" ".join(words[:-2])] = camera
     if not known:

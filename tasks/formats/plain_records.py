@@ -28,6 +28,7 @@ from tasks.plain_text import quoted, trouble_in
 
 # Elements of a rotation that were printed with four decimals and more.
 _ROTATION_TOLERANCE = 1e-3
+_TOGETHER = 20_000
 _REMEDY = "Give a name of ordinary characters."
 #: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
 CV_AXES = np.diag([1.0, -1.0, -1.0])
@@ -182,6 +183,18 @@ def degrees_of_rotations(path: Path, rotation: Floats, image: Sequence[str], lin
         If one is no rotation.
     """
     rotation = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
+    result = np.empty((len(rotation), 3))
+    for piece in pieces_of(len(rotation)):
+        result[piece] = _degrees(path, rotation[piece], image[piece], line[piece])
+    return result
+
+
+def pieces_of(count: int) -> list[slice]:
+    """Rows that are computed together, so that what is computed between takes little memory."""
+    return [slice(begin, begin + _TOGETHER) for begin in range(0, count, _TOGETHER)]
+
+
+def _degrees(path: Path, rotation: Floats, image: Sequence[str], line: Sequence[int]) -> Floats:
     given: Bools = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
     bounded = np.where(given[:, None, None] & (np.abs(rotation) < 2.0), rotation, 0.0)
     away = np.abs(bounded @ np.swapaxes(bounded, 1, 2) - np.eye(3)).max(axis=(1, 2))

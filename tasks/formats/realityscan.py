@@ -17,7 +17,7 @@ from adjust.geometry.rotation import about_x, about_y, about_z
 from tasks.errors import InputError
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of
+from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of, pieces_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
 _NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll")
@@ -61,7 +61,10 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
         )
         at.append(number)
     table = table_of(values, 6)
-    heading, pitch, roll = np.radians(table[:, 3:]).T
-    angles = degrees_of_rotations(path, about_z(-heading) @ about_x(pitch) @ about_y(roll), image, at)
+    angles = np.empty((len(table), 3))
+    for piece in pieces_of(len(table)):
+        heading, pitch, roll = np.radians(table[piece, 3:]).T
+        turn = about_z(-heading) @ about_x(pitch) @ about_y(roll)
+        angles[piece] = degrees_of_rotations(path, turn, image[piece], at[piece])
     states = FileStatement(order="omega-phi-kappa")
     return exposures_of(path, image, table[:, :3], angles, at, unit="deg", states=states)
