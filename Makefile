@@ -28,8 +28,9 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	touch $@
 
 # In random order; its seed is printed. In the order of the files: make test OPTIONS="-p no:randomly".
+# Ordered by their number of tests, files with few long ones would come last, and one processor wait for them.
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not slow and not service and not fault" --numprocesses auto --dist loadfile $(OPTIONS)
+	$(BIN)/python -m pytest -m "not slow and not service and not fault" --numprocesses auto --dist loadfile --no-loadscope-reorder $(OPTIONS)
 
 # Debian's packages that the service tests need; as root.
 service-deps:

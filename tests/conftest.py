@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
 import os
 import signal
@@ -51,6 +52,26 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
+    """The files whose tests need Prefect's server go to one worker, so that there is one such server."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class OneServer(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "prefect" if "mark.prefect" in _text_of(file) else file
+
+    return OneServer(config, log)
+
+
+@functools.cache
+def _text_of(file: str) -> str:
+    return (REPOSITORY / file).read_text(encoding="utf-8")
 
 
 #: A small valid project.

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -24,6 +27,7 @@ from tasks.production.records import Records
 
 T = TypeVar("T")
 START_S = 200.0
+_MADE = tempfile.TemporaryDirectory(prefix="aerocal-tests-database-")
 
 
 def until(what: Callable[[], T], seconds: float, process: subprocess.Popen[bytes] | None = None) -> T:
@@ -125,6 +129,16 @@ def environment(folder: Path) -> dict[str, str]:
     return {**kept, "AEROCAL_STATE": str(folder / "state")}
 
 
+@functools.cache
+def _migrated() -> Path:
+    """An empty database of Prefect with all its tables; making them is half of a first start."""
+    home = Path(_MADE.name)
+    variables = {"PREFECT_HOME": str(home), "PREFECT_SERVER_ANALYTICS_ENABLED": "false", "DO_NOT_TRACK": "1"}
+    upgrade = [sys.executable, "-m", "prefect", "server", "database", "upgrade", "-y"]
+    subprocess.run(upgrade, env={**environment(home), **variables}, capture_output=True, check=True)
+    return home / "prefect.db"
+
+
 def recorded_states(folder: Path) -> dict[str, str]:
     """The state of every run by its name, from the database of a server that has ended."""
     with closing(sqlite3.connect(folder / "state" / "prefect" / "prefect.db")) as database:
@@ -164,13 +178,21 @@ def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[b
 
 
 @contextmanager
-def served(folder: Path, *options: str, cwd: Path | None = None, **variables: str) -> Iterator[Served]:
+def served(
+    folder: Path, *options: str, cwd: Path | None = None, first_start: bool = False, **variables: str
+) -> Iterator[Served]:
     """A server that is ready, over folder/root and folder/inbox; killed with all its children afterwards.
 
-    Its environment has these variables besides; it is started in the folder cwd.
+    Its environment has these variables besides; it is started in the folder cwd. Where it has no state yet it
+    gets a database with Prefect's tables, unless first_start.
     """
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
+    state = folder / "state"
+    if not (first_start or "--database" in options or state.exists()):
+        state.mkdir(mode=0o700)
+        (state / "prefect").mkdir(mode=0o700)
+        shutil.copyfile(_migrated(), state / "prefect" / "prefect.db")
     port = free_port("127.0.0.1")
     overview = free_port("127.0.0.1")
     ports = ["--port", str(port), "--overview-port", str(overview)]

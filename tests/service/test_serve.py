@@ -293,7 +293,7 @@ def test_pages_of_the_dashboard_speak_to_their_own_server_only(server: Served) -
 
 def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: Path) -> None:
     write_block(tmp_path / "root" / "block")
-    with served(tmp_path) as server:
+    with served(tmp_path, first_start=True) as server:
         groups = server.groups()
         waiting = server.start(MANUAL, {"project": "block", "output": "held"})
         with run_lock(server.folder / "root" / "block" / "held"):
