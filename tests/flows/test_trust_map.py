@@ -102,7 +102,7 @@ def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
     assert 0.4 < summary["trust_map"]["unmapped"] < 0.7
     assert summary["trust_map_height_m"] is None
     assert not {gate["name"]: gate for gate in summary["gates"]}["trust_map_height_m"]["passed"]
-    assert any("count as beyond every limit" in problem for problem in summary["problems"])
+    assert any("count as exceeding every limit" in problem for problem in summary["problems"])
     inner = pd.read_parquet(found.directory / "trust_map_cells.parquet")
     assert inner["y_m"].between(south, north).all()
     # The same cells as without the area have the same values.
@@ -115,7 +115,7 @@ def test_an_area_elsewhere_is_an_error(block: Path) -> None:
     block.write_text(block.read_text() + "[trust_map]\narea_m = [[9e5, 0.0], [9e5, 900.0], [9.1e5, 900.0]]\n")
     outcome = carry_out(aerial_triangulation, RunRequest(block))
     assert outcome.error is not None
-    assert "holds nothing of the block" in str(outcome.error)
+    assert "does not overlap the block" in str(outcome.error)
 
 
 def test_a_gate_without_its_map_is_an_error(block: Path) -> None:

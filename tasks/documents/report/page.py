@@ -134,6 +134,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         *worst_residuals.strip_tables(by_image),
         point_precision.point_table(material),
         trust_map.trust_map_table(material),
+        trust_map.limits_table(material),
         system_parameters.parameter_table(material),
         system_parameters.registered_table(material),
         self_calibration.offered_table(material),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from markupsafe import Markup
 
@@ -12,6 +14,7 @@ from tasks.document_kit.legend import Swatch, swatches
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Raster, cells
 from tasks.document_kit.table import Column, Row, Table, components, numbers, text_column
+from tasks.documents.report.key_figures import gate_table
 from tasks.documents.report.material import Material
 from tasks.documents.report.point_precision import height_classes
 from tasks.results.figures import TrustMapGrid
@@ -55,6 +58,12 @@ def trust_map_table(material: Material) -> Table:
         *components("max_{}_m", [f"largest {h}" for h in _HEADINGS], "m", _AXES),
     )
     return Table("trust-map", "Accuracy and reliability of new points over the ground", columns, tuple(rows))
+
+
+def limits_table(material: Material) -> Table:
+    """The limits that the project sets for its trust map, and what became of them."""
+    own = [gate for gate in material.summary.gates if gate.name.startswith("trust_map")]
+    return replace(gate_table(own), name="trust-limits", caption="Limits of the trust map")
 
 
 def _row(pattern: str, words: str, values: Floats, share: float, unmapped: int) -> Row:
