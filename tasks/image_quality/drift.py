@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from tasks.document_kit.table import Number
 from tasks.errors import InputError
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.image_quality import EDGE_DRIFT, EDGE_MEANS
@@ -51,7 +52,8 @@ def drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
     """A sentence about all edges of every band that has drifted."""
     whole = drift[(drift["direction"] == "all") & (drift["zone"] == "all") & drift["drifted"]]
     return tuple(
-        f"The factor of band {row['band']} has changed by {row['change']:+.3f} ± {row['sigma_change']:.3f} "
+        f"The factor of band {row['band']} has changed by {Number(row['change'], 3, plus=True)} ± "
+        f"{row['sigma_change']:.3f} "
         f"since the earlier date, from {row['earlier']:.3f} to {row['factor']:.3f}."
         for _, row in whole.iterrows()
     )

@@ -83,6 +83,7 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
     dark = flat_images(settings.dark, settings.dark_limit, relative=False) if settings.dark else None
     for band, tested in _by_band(bright, dark):
         _defects(tables, band, tested, settings)
+    flat = bright or dark
     if bright is not None:
         _aperture(tables, bright, dark, settings)
     if settings.series:
@@ -96,9 +97,13 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
     )
     for schema, rows in written:
         _write(folder, schema, rows)
-    failed = [f"{row['sheet']} of band {row['band']}" for row in tables.sheets if not row["passed"]]
+    missed = [row for row in tables.sheets if not row["passed"]]
+    failed = [f"{str(row['sheet']).replace('_', ' ')} of band {row['band']}" for row in missed]
     remarks = (f"The sensor misses its thresholds: {', '.join(failed)}.",) if failed else ()
-    figures: JSON = {"passed": not failed, "missed": list(failed), "photon_transfer": tables.transfers}
+    figures: dict[str, JSON] = {"passed": not failed, "missed": list(failed)}
+    figures["photon_transfer"] = tables.transfers
+    if flat is not None:
+        figures |= {"columns": flat.description.columns, "rows": flat.description.rows}
     write_notes(folder, Notes(remarks, {"sensor": figures}))
 
 

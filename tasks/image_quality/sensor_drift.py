@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from tasks.document_kit.table import Number, decimals_for
 from tasks.image_quality.drift import LIMIT
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas import (
@@ -129,8 +130,15 @@ _WORDS = {
 
 def quality_drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
     """A sentence about every quantity that has drifted."""
-    return tuple(
-        f"The {_WORDS[row['quantity']]} of band {row['band']} has changed by {row['change']:+.4g} ± "
-        f"{row['sigma_change']:.2g} since the earlier date, from {row['earlier']:.4g} to {row['value']:.4g}."
-        for _, row in drift[drift["drifted"]].iterrows()
+    return tuple(_remark(row) for _, row in drift[drift["drifted"]].iterrows())
+
+
+def _remark(row: pd.Series) -> str:
+    counted = str(row["quantity"]).startswith("defect")
+    decimals = 0 if counted else decimals_for(row["sigma_change"])
+    then, now, sigma = (Number(row[name], decimals) for name in ("earlier", "value", "sigma_change"))
+    change = Number(row["change"], decimals, plus=True)
+    return (
+        f"The {_WORDS[row['quantity']]} of band {row['band']} has changed by {change}"
+        f"{'' if counted else f' ± {sigma}'} since the earlier date, from {then} to {now}."
     )

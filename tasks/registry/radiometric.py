@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import InputError
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
@@ -157,10 +158,10 @@ class QuantityChange:
     def sentence(self) -> str:
         """The change in words."""
         unit, words = f" {self.unit}" if self.unit else "", self.quantity.replace("_", " ")
-        return (
-            f"{words} of band {self.band}: {self.then:.4g} to {self.now:.4g}{unit}, "
-            f"{self.now - self.then:+.3g} ± {self.sigma:.2g} ({self.t:+.1f} σ)"
-        )
+        decimals = 0 if self.quantity.startswith("defect") else decimals_for(self.sigma)
+        then, now, sigma = (Number(value, decimals) for value in (self.then, self.now, self.sigma))
+        change, t = Number(self.now - self.then, decimals, plus=True), Number(self.t, 1, plus=True)
+        return f"{words} of band {self.band}: {then} to {now}{unit}, {change} ± {sigma} ({t} σ)"
 
 
 def changes(then: RadiometricRecord, now: RadiometricRecord) -> tuple[QuantityChange, ...]:

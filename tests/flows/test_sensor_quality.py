@@ -111,7 +111,7 @@ def test_the_limits_of_the_protocol_are_applied(results: Path) -> None:
     assert sheets.drop((2, "defect_columns_double")).all()
     summary = json.loads((results / "summary.json").read_text())
     assert summary["sensor"]["passed"] is False
-    assert "defect_columns_double of band 2" in summary["problems"][0]
+    assert "defect columns double of band 2" in summary["problems"][0]
 
 
 def test_gain_and_read_noise_are_those_of_the_sensor(results: Path) -> None:

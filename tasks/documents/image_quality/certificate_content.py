@@ -117,6 +117,7 @@ def radiometric_content(
         *([] if passed else [_reasons(sensor)]),
         Section("sheets", "Sheets", (Listing(sheet_table(sensor), wide=("unit",)),)),
         *([] if not len(sensor.transfer) else [_transfer(sensor)]),
+        *([] if not len(sensor.aperture) else [_aperture(sensor)]),
         *([] if scenes is None or not len(scenes.whole) else [_resolution(scenes)]),
         _lists(sensor),
         _verification(),
@@ -173,6 +174,13 @@ def _transfer(sensor: SensorMaterial) -> Section:
     return Section("transfer", "Photon transfer", (Listing(transfer_table(sensor)), figure))
 
 
+def _aperture(sensor: SensorMaterial) -> Section:
+    drawing = plots.aperture_plot(sensor)
+    figure = Figure("aperture", "Aperture", "Light against the distance from the middle", drawing)
+    words = "The table of correction, 32 × 48 cells of each band, is aperture.parquet."
+    return Section("aperture", "Aperture correction", (figure, Words(words, "note")))
+
+
 def _resolution(scenes: SceneMaterial) -> Section:
     columns = (
         Column("band", "band"),
@@ -206,11 +214,16 @@ def _resolution(scenes: SceneMaterial) -> Section:
         for _, row in scenes.means[scenes.means["zone"] == "all"].iterrows()
     )
     table = Table("resolution", "Factor of effective resolution, at slanted edges", columns, rows)
-    edges = Figure("edges", "Edges over the format", "Edges coloured by their factor", plots.edge_map(scenes))
+    edges = tuple(
+        Figure(
+            f"edges-{band}", f"Edges of band {band} over the format", "Edges coloured by their factor", drawn
+        )
+        for band, drawn in plots.edge_maps(scenes).items()
+    )
     response = Figure(
         "response", "Response", "Response against spatial frequency", plots.response_plot(scenes)
     )
-    return Section("resolution", "Effective resolution", (Listing(table), edges, response))
+    return Section("resolution", "Effective resolution", (Listing(table), *edges, response))
 
 
 def _lists(sensor: SensorMaterial) -> Section:

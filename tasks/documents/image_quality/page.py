@@ -58,6 +58,7 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
             problems=material.problems,
             tables={table.name: table for table in tables},
             plots=_plots(material),
+            edge_maps={} if scenes is None else plots.edge_maps(scenes),
         )
     )
     return page
@@ -90,10 +91,11 @@ def _plots(material: QualityMaterial) -> dict[str, Markup]:
     drawn = {}
     scenes, sensor = material.scenes, material.sensor
     if scenes is not None and len(scenes.edges):
-        drawn["edges"] = plots.edge_map(scenes)
         drawn["responses"] = plots.response_plot(scenes)
     if scenes is not None and len(scenes.noise):
         drawn["noise"] = plots.noise_plot(scenes)
     if sensor is not None and len(sensor.transfer):
         drawn["transfer"] = plots.transfer_plot(sensor)
+    if sensor is not None and len(sensor.aperture):
+        drawn["aperture"] = plots.aperture_plot(sensor)
     return drawn

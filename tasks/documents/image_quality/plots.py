@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -18,30 +19,35 @@ from tasks.documents.image_quality.material import SceneMaterial, SensorMaterial
 _LEFT, _TOP, _RIGHT = 78.0, 10.0, axes.WIDTH - 12.0
 _CLASSES = 6
 _HIGHEST = 620.0
+_RINGS = 20
 
 
-def edge_map(material: SceneMaterial) -> Markup:
+def edge_maps(material: SceneMaterial) -> dict[int, Markup]:
+    """A map for each band that has edges."""
+    bands = material.edges.groupby("band")
+    return {int(str(band)): _edge_map(material.size, int(str(band)), edges) for band, edges in bands}
+
+
+def _edge_map(size: tuple[int, int], band: int, edges: pd.DataFrame) -> Markup:
     """Every edge at its place in the format, in its direction, coloured by its factor."""
-    columns, rows = material.size
+    columns, rows = size
     unit = min((_RIGHT - _LEFT) / columns, _HIGHEST / rows)
     x = Scale(0.0, columns, _LEFT, _LEFT + columns * unit)
     y = Scale(0.0, rows, _TOP, _TOP + rows * unit)
-    limits = _limits(material.edges["factor"].to_numpy(np.float64))
+    limits = _limits(edges["factor"].to_numpy(np.float64))
     colours = palette.sequence(_CLASSES)
-    lines = [
-        _edge(row, x, y, colours[_class_of(row["factor"], limits)]) for _, row in material.edges.iterrows()
-    ]
+    lines = [_edge(row, x, y, colours[_class_of(row["factor"], limits)]) for _, row in edges.iterrows()]
     words = [f"{low:.2f} – {high:.2f}" for low, high in pairwise(limits)]
     entries = [Swatch(colour, text) for colour, text in zip(colours, words, strict=True)]
-    legend, end = swatches(_LEFT, y.end + 48, "factor", entries, _RIGHT - _LEFT)
+    legend, end = swatches(_LEFT, y.end + 48, f"factor, band {band}", entries, _RIGHT - _LEFT)
     return markup.svg(
         axes.WIDTH,
         end + 6,
-        "Edges over the format by their factor of effective resolution",
+        f"Edges of band {band} over the format by their factor of effective resolution",
         axes.horizontal_axis(x, y.start, y.end, "column [px]"),
         axes.vertical_axis(y, x.start, x.end, "row [px]"),
         axes.frame(x.start, y.start, x.end, y.end),
-        markup.group("edges", lines),
+        markup.group(f"edges-{band}", lines),
         legend,
     )
 
@@ -114,6 +120,31 @@ def transfer_plot(sensor: SensorMaterial) -> Markup:
         Scale(0.0, max(top, 1e-6), 300.0, _TOP),
         "signal [grey values]",
         "variance [grey values²]",
+    )
+
+
+def aperture_plot(sensor: SensorMaterial) -> Markup:
+    """Light against the distance from the middle of the format, band by band: means of rings of cells."""
+    columns, rows = (int(cast(int, sensor.figures[name])) for name in ("columns", "rows"))
+    curves = []
+    for band, cells in sensor.aperture.groupby("band"):
+        at = [
+            ((cells[name] + 0.5) / (cells[name].max() + 1) - 0.5).to_numpy(np.float64) * size
+            for name, size in (("column", columns), ("row", rows))
+        ]
+        radius = np.hypot(*at) / (0.5 * np.hypot(columns, rows))
+        ring = np.minimum((radius * _RINGS).astype(np.int64), _RINGS - 1)
+        number = np.bincount(ring, minlength=_RINGS)
+        known = number > 0
+        light = np.bincount(ring, cells["light"].to_numpy(np.float64), minlength=_RINGS)[known]
+        middle = np.bincount(ring, radius, minlength=_RINGS)[known] / number[known]
+        curves.append((f"band {band}", middle, light / number[known]))
+    return _curves(
+        curves,
+        Scale(0.0, 1.0, _LEFT, _RIGHT),
+        Scale(0.0, max(1.05, *(float(values.max()) for _, _, values in curves)), 300.0, _TOP),
+        "distance from the middle / half the diagonal",
+        "light / light in the middle",
     )
 
 
