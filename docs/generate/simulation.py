@@ -21,7 +21,7 @@ from tasks.settings.simulated_truth import (
 )
 from tasks.settings.simulation import (
     FlightLines,
-    SimulatedCamera,
+    PlannedCamera,
     SimulatedControl,
     SimulatedHead,
     SimulatedPoints,
@@ -34,7 +34,7 @@ from tasks.settings.simulation import (
 _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("the specification", Simulation, "The top level."),
     ("[project]", SimulatedProject, ""),
-    ("[camera]", SimulatedCamera, ""),
+    ("[camera]", PlannedCamera, ""),
     ("[[head]]", SimulatedHead, ""),
     ("[[flight]]", FlightLines, ""),
     ("[trajectory]", SimulatedTrajectory, ""),

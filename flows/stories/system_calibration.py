@@ -27,7 +27,7 @@ from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.stages import calibrated_cameras as applied_cameras
 from tasks.stages import calibration as describe
-from tasks.stages import certificate
+from tasks.stages import certificate, platform
 from tasks.stages import judgement as judge
 from tasks.store.artifact import Artifact
 from tasks.store.notes import read_notes
@@ -35,6 +35,7 @@ from tasks.store.store import Outputs, Store
 
 judge_release = stage(judge.judge_release)
 apply_to_cameras = stage(applied_cameras.apply_to_cameras)
+describe_platform = stage(platform.describe_platform)
 describe_calibration = stage(describe.describe_calibration)
 write_certificate = stage(certificate.write_certificate)
 publish = stage(publishing.publish)
@@ -80,6 +81,8 @@ def system_calibration(project: Project, store: Store) -> Summary:
     checked = is_georeferenced(project) and not project.has_heads
     if checked:
         stages = (*stages, checked_block(one.project, store, stages))
+    if one.project.has_heads:
+        stages = (*stages, described_platform(one, store, block))
     described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
     stages = (*stages, described, *statements_of(one.project, store, stages))
     pages = (page_of_check(one.project, store, stages),) if checked else ()
@@ -201,6 +204,17 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ou
     again = block.with_cameras(cameras["cameras"])
     calibrated = one.adjusted["parameters"], one.adjusted["correlations"]
     return adjusted_block(control_alone(one.project), store, again, calibrated)
+
+
+def described_platform(one: OneStep, store: Store, block: PreparedBlock) -> Outputs:
+    """Heads of a platform that takes no pictures, and the virtual image composed of theirs."""
+    return describe_platform(
+        store,
+        parameters=one.adjusted["parameters"],
+        correlations=one.adjusted["correlations"],
+        cameras=block.exposures["cameras"],
+        images=block.approximate["images"],
+    )
 
 
 def described_calibration(

@@ -192,6 +192,7 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
     for one in chosen:
         free[one.family][:, one.components] = True
     is_reference = mountings.reference == np.arange(len(mountings.reference))
+    _refuse_platform_and_heads(given, settings)
     for name in free:
         if name in OF_HEADS:
             free[name][is_reference] = False
@@ -209,6 +210,24 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         SystemParameters(FAMILIES[name], entities[FAMILIES[name].entity_kind], array, free[name])
         for name, array in values.items()
     )
+
+
+def _refuse_platform_and_heads(given: GivenOrientations, settings: AdjustmentSettings) -> None:
+    """A platform that takes no pictures is where its heads say: only they or it can be estimated.
+
+    Known positions of the heads hide it: pivots look sound.
+    """
+    mountings, free = given.mountings, set(settings.free)
+    silent = np.setdiff1d(mountings.reference[given.camera], given.camera)
+    for own, of_heads in (("boresight", "relative_rotation"), ("lever_arm", "relative_position")):
+        known = getattr(settings.priors, f"{of_heads}_{'deg' if own == 'boresight' else 'm'}")
+        if len(silent) and {own, of_heads} <= free and known is None:
+            raise InputError(
+                f"The platform takes no pictures: its {own} and the {of_heads} of all its heads are one and "
+                "the same.",
+                f"Take {own} out of `free`; the heads' values contain it.",
+                entity=f"camera {mountings.names[silent[0]]}",
+            )
 
 
 def block_of(

@@ -47,8 +47,12 @@ def _quarter(given: GivenOrientations, strip: int) -> int | None:
     if np.isfinite(given.time_s[index]).all():
         index = index[np.argsort(given.time_s[index], kind="stable")]
     step = np.diff(given.observed[index], axis=0)
-    track = np.arctan2(step[:, 0], step[:, 1])
-    difference: Floats = np.rad2deg(track - given.headings()[index][:-1])
+    # The heads of a rig are exposed in one place.
+    moved = np.flatnonzero(step[:, :2].any(axis=1))
+    if not len(moved):
+        return None
+    track = np.arctan2(step[moved, 0], step[moved, 1])
+    difference: Floats = np.rad2deg(track - given.headings()[index[moved]])
     turn = np.rad2deg(np.angle(np.mean(np.exp(1j * np.deg2rad(difference))))) % 360.0
     quarter = round(turn / 90.0)
     return quarter % 4 if abs(turn - 90.0 * quarter) < _CRAB_DEG else None

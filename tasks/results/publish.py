@@ -102,7 +102,13 @@ DOCUMENTS = (
 )
 EVERYTHING = (*PUBLISHED, *DOCUMENTS)
 #: What a system calibration publishes; the records of the cameras come with their own names.
-OF_CALIBRATIONS = (*EVERYTHING, "orientation_differences", "orientation_difference_means")
+OF_CALIBRATIONS = (
+    *EVERYTHING,
+    "orientation_differences",
+    "orientation_difference_means",
+    "platform",
+    "virtual_image",
+)
 
 
 def publish(

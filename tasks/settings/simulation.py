@@ -100,6 +100,16 @@ class SimulatedCamera(Settings):
     )
 
 
+class PlannedCamera(SimulatedCamera):
+    """The camera with which the lines are planned."""
+
+    takes_pictures: bool = Field(
+        default=True,
+        description="`false`: it stands for the platform of the heads, such as the virtual image composed of "
+        "theirs, and takes no pictures.",
+    )
+
+
 class SimulatedHead(SimulatedCamera):
     """A head of a rig beside the `[camera]` with which the lines are planned; `[[head]]` for each."""
 
@@ -300,7 +310,7 @@ class Simulation(Settings):
     )
     seed: Annotated[Whole, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
     project: SimulatedProject = Field(description="The project to be written.")
-    camera: SimulatedCamera = Field(description="The camera; of a rig the reference head.")
+    camera: PlannedCamera = Field(description="The camera; of a rig the reference head.")
     head: Annotated[tuple[SimulatedHead, ...], BeforeValidator(one_table_or_several)] = Field(
         default=(), description="Further heads of a rig, which take pictures together with the camera."
     )
@@ -340,6 +350,10 @@ class Simulation(Settings):
         if len(set(names)) < len(names):
             raise trouble(
                 f"Two heads of the rig have the same name ({', '.join(names)}).", "Give each its own name."
+            )
+        if not self.head and not self.camera.takes_pictures:
+            raise trouble(
+                "The camera takes no pictures, and there are no heads that do.", "Add heads (`[[head]]`)."
             )
         if self.head and self.trajectory.sbet_hz is not None:
             raise trouble("Trajectories (trajectory.sbet_hz) are not written for rigs.", "Leave sbet_hz out.")

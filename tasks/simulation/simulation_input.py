@@ -76,7 +76,10 @@ def block_specification(simulation: Simulation) -> BlockSpecification:
         gross_errors=_gross_errors(simulation.noise),
         frame=simulated_frame(simulation.project),
         seed=simulation.seed,
-        heads=tuple(_head(number, head) for number, head in enumerate(simulation.head, start=1)),
+        heads=tuple(
+            _head(number, head, of_platform=not simulation.camera.takes_pictures)
+            for number, head in enumerate(simulation.head, start=1)
+        ),
     )
 
 
@@ -115,7 +118,7 @@ def certified_camera(camera: SimulatedCamera) -> FrameCamera:
     )
 
 
-def _head(number: int, head: SimulatedHead) -> HeadSpecification:
+def _head(number: int, head: SimulatedHead, *, of_platform: bool) -> HeadSpecification:
     return HeadSpecification(
         number,
         0,
@@ -125,6 +128,7 @@ def _head(number: int, head: SimulatedHead) -> HeadSpecification:
         _radians(head.rotation_change_deg),
         head.position_change_m,
         head.synchronisation_offset_change_s,
+        of_platform,
     )
 
 

@@ -57,6 +57,7 @@ from tasks.tables.schemas.parameters import (
     PARAMETERS,
     SELF_CALIBRATION,
 )
+from tasks.tables.schemas.platform import PLATFORM, VIRTUAL_IMAGE
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tasks.tables.schemas.sweep import SWEEP
 from tasks.tables.schemas.trust_map import TRUST_MAP_CELLS
@@ -117,6 +118,8 @@ SCHEMAS: dict[str, TableSchema] = {
         DEFECT_COLUMNS,
         PHOTON_TRANSFER,
         APERTURE,
+        PLATFORM,
+        VIRTUAL_IMAGE,
     )
 }
 
@@ -154,6 +157,7 @@ __all__ = [
     "PARAMETERS",
     "PARAMETER_INFLUENCES",
     "PHOTON_TRANSFER",
+    "PLATFORM",
     "QUALITY_DRIFT",
     "RESIDUALS",
     "RESIDUAL_AUTOCORRELATION",
@@ -168,6 +172,7 @@ __all__ = [
     "SWEEP",
     "TRAJECTORIES",
     "TRUST_MAP_CELLS",
+    "VIRTUAL_IMAGE",
     "Y_PARALLAXES",
     "Column",
     "ColumnType",

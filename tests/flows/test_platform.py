@@ -1,0 +1,106 @@
+"""The platform calibration of a DMC from its burn-in flight, beside the published attitudes of its heads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.stats
+
+from adjust.arrays import Floats
+from adjust.calibration.platform import joint_test, with_mean_rotation
+from adjust.camera.virtual_image import PlatformHeads
+from adjust.geometry import rotation
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
+from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+from tests.adjust.platform_scenes import PUBLISHED, dmc_heads
+
+_NAMES = ("omega", "phi", "kappa")
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of the preset: forty exposures of four heads."""
+    folder = tmp_path_factory.mktemp("platform")
+    project = simulate_project(load_simulation("dmc-heads", (), 1), folder / "flight").project_file
+    found = carry_out(system_calibration, RunRequest(project, folder / "out"))
+    assert found.error is None, found.error
+    return found.directory
+
+
+def platform_of(results: Path) -> AdjustedPlatform:
+    names = ("parameters", "correlations", "cameras", "images")
+    tables = {name: pd.read_parquet(results / f"{name}.parquet") for name in names}
+    (platform,) = adjusted_platforms(**tables)
+    return platform
+
+
+def true_angles(given: PlatformHeads) -> tuple[Floats, Floats]:
+    """The published attitudes in the datum of the calibration, and as small rotations of the given ones."""
+    turn = with_mean_rotation(dmc_heads().platform_from_head, given.platform_from_head)
+    small = rotation.log(turn @ np.swapaxes(given.platform_from_head, 1, 2))
+    return np.rad2deg(rotation.to_omega_phi_kappa(turn)), small
+
+
+def test_the_published_attitudes_are_found_together_within_their_standard_deviations(
+    calibrated: Path,
+) -> None:
+    platform = platform_of(calibrated)
+    _, expected = true_angles(platform.given)
+    size, freedom = joint_test((platform.change - expected).ravel(), platform.covariance)
+    assert freedom == 9
+    assert scipy.stats.chi2.ppf(0.01, 9) < size < scipy.stats.chi2.ppf(0.99, 9)
+
+
+def test_the_table_has_them_beside_the_published_ones(calibrated: Path) -> None:
+    table = pd.read_parquet(calibrated / "platform.parquet").sort_values("head")
+    assert list(table["head"]) == ["PAN1", "PAN2", "PAN3", "PAN4"]
+    found, sigma, given = (
+        table[[pattern.format(name) for name in _NAMES]].to_numpy()
+        for pattern in ("{}_deg", "sigma_{}_deg", "given_{}_deg")
+    )
+    # The published ones are stated to ± 0.001°.
+    assert np.all(sigma < 0.001)
+    assert np.all(sigma > 2e-5)
+    expected, _ = true_angles(platform_of(calibrated).given)
+    assert np.abs((found - expected) / sigma).max() < 4.0
+    # In this datum all heads together are a little turned against the published ones.
+    np.testing.assert_allclose(found, PUBLISHED, atol=0.003)
+    assert np.abs(given - PUBLISHED).max() > 0.003
+    assert np.all(table["probability"] < 1e-3)
+    np.testing.assert_allclose(table[["x_m", "y_m", "z_m"]].to_numpy(), dmc_heads().position, atol=1e-9)
+
+
+def test_the_map_of_the_virtual_image_says_what_the_given_attitudes_leave(calibrated: Path) -> None:
+    grid = pd.read_parquet(calibrated / "virtual_image.parquet")
+    assert grid["head"].notna().all()
+    assert set(grid["head"]) == {"PAN1", "PAN2", "PAN3", "PAN4"}
+    error = grid[["dx_um", "dy_um"]].abs().to_numpy()
+    assert 1.0 < np.sqrt(np.mean(error**2)) < 10.0
+    sigma = grid[["sigma_x_um", "sigma_y_um"]].to_numpy()
+    assert np.all((sigma > 0.05) & (sigma < 0.3))
+    # A tenth nearer than 2,000 m: f t (1/1800 − 1/2000) of heads that stand 64 and 79 mm aside.
+    np.testing.assert_allclose(grid["seam_x_um"].abs(), 0.120e6 * 0.064 * (1 / 1800 - 1 / 2000), rtol=0.01)
+    np.testing.assert_allclose(grid["seam_y_um"].abs(), 0.120e6 * 0.079 * (1 / 1800 - 1 / 2000), rtol=0.01)
+    problems = json.loads((calibrated / "summary.json").read_text())["problems"]
+    assert any("The attitudes of the 4 heads of platform are determined" in sentence for sentence in problems)
+
+
+def test_the_flight_is_accepted(calibrated: Path) -> None:
+    figures = json.loads((calibrated / "summary.json").read_text())["calibration"]
+    assert figures["reasons"] == []
+    assert figures["verdict"] == "accepted"
+
+
+def test_boresight_of_a_platform_beside_all_its_heads_is_refused(tmp_path: Path) -> None:
+    changes = ("flight.exposures=3", "points.count=200")
+    project = simulate_project(load_simulation("dmc-heads", changes, 1), tmp_path / "flight").project_file
+    free = 'calibration.free=["boresight", "relative_rotation"]'
+    found = carry_out(system_calibration, RunRequest(project, tmp_path / "out", overrides=(free,)))
+    assert "its boresight and the relative_rotation of all its heads are one and the same" in str(found.error)
