@@ -14,7 +14,9 @@ import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
+from tasks.deliveries.head_certificates import USES, stated_covariance
 from tasks.errors import InputError
+from tasks.formats.head_certificate import read_head_certificate
 from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
@@ -24,11 +26,6 @@ from tasks.tables.schemas import CAMERAS
 
 _MM = 1e-3
 _BODY = ("roll", "pitch", "yaw")
-_USES = {
-    "consider": "Their errors are part of every σ.",
-    "prior": "They are observed with their covariance.",
-    "held": "They count as exact.",
-}
 _UM = 1e-6
 # From the smallest detectors to coarsely scanned film, and the longest side of an aerial film.
 _PIXELS_UM = (0.3, 300.0)
@@ -62,6 +59,8 @@ def camera_record(camera: CameraInput) -> CameraRecord:
     InputError
         If the camera file cannot be read.
     """
+    if camera.head_certificate is not None:
+        return read_head_certificate(camera.head_certificate).camera
     if camera.file is not None and camera.format is not None:
         elsewhere = () if camera.principal_point_mm is None else ("x0_mm", "y0_mm")
         layout = replace(camera.table.layout, elsewhere=elsewhere)
@@ -163,7 +162,7 @@ def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int |
             {**record.additional_parameters, **camera.additional_parameters}, sort_keys=True
         ),
     }
-    known = camera.covariance
+    known = stated_covariance(camera)
     row |= {
         "calibration_use": None if known is None else camera.calibration_use,
         "calibration_covariance": None if known is None else json.dumps(asdict(known)),
@@ -229,7 +228,7 @@ def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
         f"Camera {name} has {source.rpartition(', ')[0]} of the registry: c {camera.focal_length_mm:.4f} mm, "
         f"principal point {_listed(camera.principal_point_mm or (), 4)} mm, boresight "
         f"{_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} m. "
-        f"{_USES[camera.calibration_use]} A GNSS shift belongs to the flight it was found in and is not "
+        f"{USES[camera.calibration_use]} A GNSS shift belongs to the flight it was found in and is not "
         "taken over."
         for name, camera in cameras.items()
         for kind, _, source in (str(camera.calibration or "").partition(", "),)

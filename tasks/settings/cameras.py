@@ -114,6 +114,22 @@ class CameraTable(TableSettings):
     format: ClassVar[str] = "csv"
 
 
+def _refuse_beside_certificate(camera: CameraInput, given: list[str]) -> None:
+    """A certificate of a head says all there is of its pictures, and nothing of a composed image."""
+    also = [*given, *(name for name in ("file", "pixel_um") if getattr(camera, name) is not None)]
+    if also or camera.calibration == REGISTRY:
+        raise trouble(
+            f"The camera has a head_certificate and also {', '.join(also) or 'a registered calibration'}.",
+            "Keep one of the two, so that they cannot differ.",
+        )
+    if camera.identity.product != "camera_head":
+        raise trouble(
+            "A head_certificate is of one camera head, and the images of this camera are virtual_image: "
+            "composed images have no distortion left, and a head's calibration must not be applied to them.",
+            'Leave it out; or give identity.product = "camera_head" if these are the pictures of the head.',
+        )
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -121,6 +137,13 @@ class CameraInput(Settings):
     format: Annotated[str, AfterValidator(one_of(CAMERA_FORMATS, "format of cameras"))] | None = Field(
         default=None,
         description=f"Format of `file`: {', '.join(f'`{name}`' for name in CAMERA_FORMATS.own)}.",
+    )
+    head_certificate: InputPath | None = Field(
+        default=None,
+        description="Calibration certificate of a single camera head, with standard deviations (see "
+        "[rigs](rigs.md#certificates-of-heads)); instead of a `file` or the values below. What it states is "
+        "used as `calibration_use` says. Only for the pictures of the head itself: "
+        '`identity.product = "camera_head"`.',
     )
     name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="Name (or number) of the camera in `file`, if the file contains several."
@@ -224,6 +247,11 @@ class CameraInput(Settings):
         """How well the values are known, where they are to be anything else than exact."""
         return None if self.calibration_use == "held" else self._covariance
 
+    @property
+    def states_covariance(self) -> bool:
+        """Whether its values come with a covariance."""
+        return self.calibration == REGISTRY or self.head_certificate is not None
+
     def known_with(self, covariance: CalibrationCovariance) -> CameraInput:
         """The same camera with the covariance of its calibration."""
         copy = self.model_copy()
@@ -249,7 +277,7 @@ class CameraInput(Settings):
             )
         if self.file is None and self.name_in_file is not None:
             raise trouble("name_in_file is of a camera `file`, and there is none.", "Leave it out.")
-        if self.calibration == GIVEN and "calibration_use" in self.model_fields_set:
+        if not self.states_covariance and "calibration_use" in self.model_fields_set:
             raise trouble(
                 "calibration_use says what becomes of the covariance of a calibration of the registry, and "
                 "the values of this camera are given here.",
@@ -266,6 +294,8 @@ class CameraInput(Settings):
                 f"The camera is a head of a rig and has {' and '.join(sorted(twice))}, too.",
                 "Leave them out: they follow from those of the reference head, rotation_deg and position_m.",
             )
-        if self.file is None and missing:
+        if self.head_certificate is not None:
+            _refuse_beside_certificate(self, given)
+        elif self.file is None and missing:
             raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them, or give a camera `file`.")
         return self

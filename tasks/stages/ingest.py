@@ -62,6 +62,7 @@ def import_exposures(
         See `tasks.deliveries.exposures` and `tasks.deliveries.cameras`.
     """
     from tasks.deliveries.cameras import taken_from_registry, write_cameras
+    from tasks.deliveries.head_certificates import about_head_certificates
     from tasks.tables.parquet import write_table
 
     frame = project_frame(project)
@@ -72,7 +73,8 @@ def import_exposures(
         from tasks.deliveries.trajectory_path import path_columns
 
         write_table(folder / "trajectories.parquet", TRAJECTORIES, path_columns(paths), frame)
-    write_notes(folder, replace(notes, problems=(*taken_from_registry(cameras), *notes.problems)))
+    of_cameras = (*taken_from_registry(cameras), *about_head_certificates(cameras))
+    write_notes(folder, replace(notes, problems=(*of_cameras, *notes.problems)))
 
 
 def _exposures(

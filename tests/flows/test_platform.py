@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ from adjust.calibration.platform import joint_test, with_mean_rotation
 from adjust.camera.virtual_image import PlatformHeads
 from adjust.geometry import rotation
 from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.adjust.platform_scenes import PUBLISHED, dmc_heads
+from tests.tasks.formats.printed_certificates import PAN, PRINTED, certificate
 
 _NAMES = ("omega", "phi", "kappa")
 
@@ -104,3 +107,38 @@ def test_boresight_of_a_platform_beside_all_its_heads_is_refused(tmp_path: Path)
     free = 'calibration.free=["boresight", "relative_rotation"]'
     found = carry_out(system_calibration, RunRequest(project, tmp_path / "out", overrides=(free,)))
     assert "its boresight and the relative_rotation of all its heads are one and the same" in str(found.error)
+
+
+def with_certificates(project: Path) -> None:
+    """Every head has a certificate in the place of its values."""
+    text = project.read_text()
+    inline = re.compile("columns = 7168(?s:.)*?(?=pixel_origin)")
+    for number, serial in enumerate(PAN, start=1):
+        printed = {**dict.fromkeys(PRINTED[serial], "eliminated"), "dc": [1e-7, 1.4e-6]}
+        own = certificate(serial, "m", **printed)
+        (project.parent / f"{serial}.toml").write_text(own)
+        begin = text.index(f"[cameras.PAN{number}]")
+        own_values = inline.sub(f'head_certificate = "{serial}.toml"\n', text[begin:], count=1)
+        identity = f'[cameras.PAN{number}.identity]\nproduct = "camera_head"\n\n[cameras.PAN{number}.head]'
+        text = text[:begin] + own_values.replace(f"[cameras.PAN{number}.head]", identity, 1)
+    project.write_text(text)
+
+
+def test_certificates_of_the_heads_are_observed_in_the_adjustment(tmp_path: Path) -> None:
+    changes = ("flight.exposures=5", "flight.lines=3", "points.count=500")
+    project = simulate_project(load_simulation("dmc-heads", changes, 1), tmp_path / "flight").project_file
+    with_certificates(project)
+    overrides = (
+        'adjustment.free=["relative_rotation", "focal_length"]',
+        *(f'cameras.PAN{number}.calibration_use="prior"' for number in range(1, 5)),
+    )
+    found = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", overrides=overrides))
+    assert found.error is None, found.error
+    table = pd.read_parquet(found.directory / "parameters.parquet").set_index(["parameter", "entity"])
+    lengths = table.loc["focal_length"].loc[["PAN1", "PAN2", "PAN3", "PAN4"]]
+    # The laboratory knows them to 1.4 µm; with the flight they are known better.
+    np.testing.assert_allclose(lengths["sigma_prior"], 1.4e-3, rtol=1e-6)
+    assert np.all(lengths["sigma"] < 1.4e-3)
+    assert np.all(np.abs(lengths["value"] - 120.0) < 3.0 * lengths["sigma"])
+    problems = json.loads((found.directory / "summary.json").read_text())["problems"]
+    assert any("parameters of the certificate of head 00110011" in sentence for sentence in problems)

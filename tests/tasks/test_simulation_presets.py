@@ -50,9 +50,12 @@ VAIHINGEN = {
     "vaihingen-dmc-low": "dmc-8cm",
 }
 
+#: Flights with several heads.
+RIGS = ("dmc-heads", "penta")
+
 
 def test_every_preset_but_the_combined_ones_is_in_the_table() -> None:
-    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield", "penta"}
+    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield", *RIGS}
 
 
 @pytest.mark.parametrize(("name", "flight"), list(VAIHINGEN.items()))
