@@ -101,7 +101,7 @@ READ = {
         names=(("bingo_points.csv", "point_there"), ("bingo_images.csv", "image_there")),
     ),
     "corrected-csv": Read(
-        "csv", "image_points.csv", control=("control_points.csv",),
+        "csv", "image_points.csv", cameras="cameras.csv", control=("control_points.csv",),
         image_point_um=6e-5, control_m=6e-5, unit="mm", incomplete=True,
     ),
 }  # fmt: skip
@@ -228,6 +228,15 @@ def test_cameras_see_as_they_did_over_their_whole_format(written: Written):
         pytest.skip("the format has no camera that is read")
     found = CAMERA_FORMATS[written.read.reader](written.folder / written.read.cameras)
     assert len(found) == len(written.results.cameras)
+    if not written.delivery.lenses.models:
+        # Without distortion, for corrected image points; seven decimals of a millimetre.
+        for read, ours in zip(found.values(), written.results.cameras, strict=True):
+            frame, lengths = ours.frame, np.array([ours.frame.focal_length, *ours.frame.principal_point])
+            assert (read.columns, read.rows, read.additional_parameters) == (frame.columns, frame.rows, {})
+            found_mm = [read.focal_length_mm, *read.principal_point_mm]
+            np.testing.assert_allclose(found_mm, 1e3 * lengths, rtol=0, atol=1e-7)
+            assert read.pixel_um == pytest.approx(1e6 * frame.pixel_size)
+        return
     for read, ours, model in zip(
         found.values(), written.results.cameras, written.delivery.lenses.models, strict=True
     ):

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import rasterio
 from rasterio import warp
+from scipy import ndimage
 
 from adjust.geometry.earth import CartesianFrame
+from adjust.geometry.rotation import from_omega_phi_kappa
+from tasks.formats.colmap import read_colmap_cameras, read_colmap_exposures
 from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
+from tests.tasks.handover.test_ground_through_files import seen as seen_by
 
 CASES = [Flight(), Flight(4000.0, 45.0)]
 BINNED = 20
@@ -36,11 +43,19 @@ def test_colmap_projects_the_points_where_they_were_measured(case, tmp_path):
     found = pycolmap.Reconstruction(str(tmp_path))
     assert (len(found.images), len(found.points3D), found.num_reg_images()) == (4, 300, 4)
     stated = {number: point.error for number, point in found.points3D.items()}
+    exposures = read_colmap_exposures(tmp_path / "images.txt", "omega-phi-kappa")
+    cameras = list(read_colmap_cameras(tmp_path / "cameras.txt").values())
     for image in found.images.values():
         for measured in image.points2D:
             seen = image.project_point(found.points3D[measured.point3D_id].xyz)
             # Image points have four decimals, points six decimals of a metre.
             assert np.abs(seen - measured.xy).max() < 2e-4
+        k = exposures.image.to_pylist().index(image.name)
+        ground = np.array([found.points3D[one.point3D_id].xyz for one in image.points2D])
+        turn = from_omega_phi_kappa(np.radians(exposures.angles[k]))
+        ours = seen_by(cameras[image.camera_id - 1], exposures.position[k], turn, ground)
+        theirs = np.array([image.project_point(place) for place in ground])
+        assert np.abs(ours - theirs).max() < 1e-6
     found.update_point_3d_errors()
     assert max(abs(point.error - stated[number]) for number, point in found.points3D.items()) < 1e-4
 
@@ -76,6 +91,25 @@ def test_pyopf_reads_the_project(tmp_path):
     np.testing.assert_allclose(seen, measured[~points.is_surveyed], atol=2e-3)
 
 
+def image_of_the_ground(results, path):
+    """Write an image (2, rows, columns) of the first camera that shows where on the ground it is."""
+    frame, one = results.cameras[0].frame, results.images.only(0)
+    row, column = np.indices((frame.rows, frame.columns)) + 0.5
+    xy = (
+        np.column_stack([column.ravel(), -row.ravel()]) * frame.pixel_size
+        + np.array([-1.0, 1.0]) * frame.half_format
+    )
+    ideal = results.cameras[0].ideal(xy)
+    ground = one.ground(ideal[None], np.full((1, len(xy)), GROUND))[0, :, :2]
+    middle = ground.mean(axis=0)
+    image = np.moveaxis((ground - middle).reshape(frame.rows, frame.columns, 2), 2, 0).astype(np.float32)
+    with rasterio.open(
+        path, "w", driver="GTiff", width=frame.columns, height=frame.rows, count=2, dtype="float32"
+    ) as file:
+        file.write(image)
+    return image, middle
+
+
 @pytest.mark.filterwarnings("ignore:Dataset has no geotransform", "ignore::PendingDeprecationWarning")
 @pytest.mark.parametrize(
     "case",
@@ -90,27 +124,7 @@ def test_pyopf_reads_the_project(tmp_path):
 def test_gdal_warps_an_image_by_its_polynomials_onto_the_rigorous_ground(case, tmp_path):
     results, points = flown(case)
     write(delivered(results, points, "rpc"), "rpc", tmp_path)
-    # An image that shows where on the ground its pixels are.
-    frame, one = results.cameras[0].frame, results.images.only(0)
-    row, column = np.indices((frame.rows, frame.columns)) + 0.5
-    xy = (
-        np.column_stack([column.ravel(), -row.ravel()]) * frame.pixel_size
-        + np.array([-1.0, 1.0]) * frame.half_format
-    )
-    ideal = results.cameras[0].ideal(xy)
-    ground = one.ground(ideal[None], np.full((1, len(xy)), GROUND))[0, :, :2]
-    middle = ground.mean(axis=0)
-    image = np.moveaxis((ground - middle).reshape(frame.rows, frame.columns, 2), 2, 0).astype(np.float32)
-    with rasterio.open(
-        tmp_path / "1 a.tif",
-        "w",
-        driver="GTiff",
-        width=frame.columns,
-        height=frame.rows,
-        count=2,
-        dtype="float32",
-    ) as file:
-        file.write(image)
+    frame, (image, middle) = results.cameras[0].frame, image_of_the_ground(results, tmp_path / "1 a.tif")
     with rasterio.open(tmp_path / "1 a.tif") as file:
         polynomials = file.rpcs
     # Squares of the ground of about a pixel, from the middle.
@@ -129,6 +143,41 @@ def test_gdal_warps_an_image_by_its_polynomials_onto_the_rigorous_ground(case, t
     away = np.hypot(*(warped - expected)) / pixel_m
     assert np.isfinite(away).mean() > 0.8
     assert np.nanmax(away) < 0.1
+
+
+@pytest.mark.filterwarnings("ignore:Dataset has no geotransform", "ignore::PendingDeprecationWarning")
+@pytest.mark.parametrize("above", [1000.0, 2000.0, 4000.0])
+def test_orthority_rectifies_an_image_onto_the_rigorous_ground(above, tmp_path):
+    """It is AGPL, never imported, and started as a program of an environment of its own."""
+    program = os.environ.get("AEROCAL_ORTHORITY", shutil.which("oty"))
+    if program is None:
+        pytest.skip("orthority is not installed: AEROCAL_ORTHORITY names its program oty")
+    results, _ = flown(Flight(above, refracted=True, binned=BINNED))
+    write(delivered(results, no_points(), "orthority"), "orthority", tmp_path)
+    _, middle = image_of_the_ground(results, tmp_path / "1 a.tif")
+    frame = results.cameras[0].frame
+    pixel_m, half = above * frame.pixel_size / frame.focal_length, 1.5 * above
+    place = rasterio.transform.from_origin(middle[0] - half, middle[1] + half, half / 10.0, half / 10.0)
+    with rasterio.open(
+        tmp_path / "dem.tif", "w", driver="GTiff", width=20, height=20, count=1, dtype="float32",
+        crs="EPSG:25832", transform=place,
+    ) as file:  # fmt: skip
+        file.write(np.full((1, 20, 20), GROUND, np.float32))
+    command = [
+        program, "frame", "--dem", "dem.tif", "--int-param", "interior.yaml", "--ext-param",
+        "exterior.geojson", "--res", str(pixel_m), "--full-remap", "--interp", "bilinear",
+        "--dem-interp", "nearest", "--compress", "deflate", "--dtype", "float32", "1 a.tif",
+    ]  # fmt: skip
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    with rasterio.open(tmp_path / "1 a_ORTHO.tif") as file:
+        found, valid, transform = file.read(), file.dataset_mask() > 0, file.transform
+    rows, columns = np.indices(valid.shape) + 0.5
+    expected = np.stack(transform * (columns, rows)) - middle[:, None, None]
+    away = np.hypot(*(found - expected)) / pixel_m
+    assert valid.mean() > 0.8
+    # Beside the border of the image there is nothing to interpolate with.
+    inside = ndimage.binary_erosion(valid, iterations=2)
+    assert np.max(away[inside]) < 0.1
 
 
 @pytest.mark.parametrize("local", [False, True])
