@@ -1,6 +1,6 @@
 """Cameras as programs of computer vision take them: pixels, and distortion from the ideal to the measured point.
 
-Such programs know neither correction polynomials nor refraction. Both go into Brown's coefficients and, for refraction,
+Such programs know neither correction polynomials nor mean residuals nor refraction. All go into Brown's coefficients and, for refraction,
 the focal length and principal point, fitted over the format with the ground at middle height below the camera's images; what is left is
 the misfit, which is computed for every image at three heights of its own ground.
 """  # noqa: E501
@@ -120,7 +120,7 @@ def _fit(results: Results, camera: CalibratedCamera, of_camera: Ints, terms: tup
     """Focal length and principal point of straight rays, then the distortion."""
     frame, x0 = camera.frame, np.array(camera.frame.principal_point)
     xy = refuse_folded(_with_format(camera), camera.values, x0)
-    ideal = camera.ideal(xy + x0)
+    ideal = camera.corrected(xy + x0)
     straight, c, shift = ideal, frame.focal_length, np.zeros(2)
     if results.images.refracted:
         chosen = of_camera[np.linspace(0, len(of_camera) - 1, min(len(of_camera), _AVERAGED)).astype(int)]
@@ -132,7 +132,7 @@ def _fit(results: Results, camera: CalibratedCamera, of_camera: Ints, terms: tup
         found = np.linalg.lstsq(columns.reshape(-1, 4), (ideal - straight).ravel(), rcond=None)[0]
         c, shift = c * (1.0 + found[0]), found[2:]
     wanted = _wanted(camera, float(c), terms)
-    if not len(camera.values) and not results.images.refracted:
+    if not len(camera.values) and camera.grid is None and not results.images.refracted:
         return _Fitted(wanted, np.zeros(len(terms)), x0)
     return _of_conversion(fitted(wanted, xy - shift, straight * (c / frame.focal_length)), x0 + shift)
 
@@ -141,7 +141,7 @@ def _fit_with_pose(camera: CalibratedCamera, c: float, k1: float, terms: tuple[s
     """The distortion from points of the program's own pinhole to measured ones."""
     x0 = np.array(camera.frame.principal_point)
     xy = refuse_folded(_with_format(camera), camera.values, x0)
-    straight = _without_radial(camera.ideal(xy + x0), c, k1)
+    straight = _without_radial(camera.corrected(xy + x0), c, k1)
     return _of_conversion(fitted(_wanted(camera, c, terms), xy, straight), x0)
 
 
@@ -154,7 +154,7 @@ def _misfit_with_pose(camera: CalibratedCamera, c: float, k1: float, fit: _Fitte
     """Largest difference of measured points over the format, pixels."""
     steps = np.linspace(-1.0, 1.0, _SIDE)
     xy = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * np.array(camera.frame.half_format)
-    straight = _without_radial(camera.ideal(xy), c, k1)
+    straight = _without_radial(camera.corrected(xy), c, k1)
     found, _ = measured_from_ideal(fit.parameters, fit.values, straight)
     return float(np.linalg.norm(found + fit.principal_point - xy, axis=1).max() / camera.frame.pixel_size)
 
@@ -189,7 +189,7 @@ def _straight(results: Results, image: int, ideal: Floats, level: int) -> Floats
 def _misfit(results: Results, camera: CalibratedCamera, image: int, fit: _Fitted) -> float:
     """Largest difference of measured points, pixels."""
     xy = results.images.only(image).grid_of_image_points(_SIDE)[0]
-    ideal = camera.ideal(xy)
+    ideal = camera.corrected(xy)
     scale = fit.parameters.image_format.needed_focal_length / camera.frame.focal_length
     away = []
     for level in range(3):

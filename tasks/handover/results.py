@@ -62,7 +62,7 @@ class CalibratedCamera:
     def ideal(self, xy: Floats) -> Floats:
         """Ideal image points (n, 2) from the principal point, of measured ones from the centre; metres.
 
-        Without the mean residuals, which models of a lens cannot take.
+        Without the mean residuals.
         """
         reduced = xy - np.array(self.frame.principal_point)
         return ideal_from_measured(self.additional, self.values, reduced)

@@ -139,6 +139,8 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
 def _contained(form: DeliveryFormat) -> str:
     if form.grid:
         return "are contained in the distortion grids"
+    if form.lens:
+        return "are fitted into the coefficients of the lens; what these cannot take is in its misfit"
     return "are contained in the image points" if form.corrected else "are NOT contained"
 
 

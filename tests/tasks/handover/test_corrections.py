@@ -18,7 +18,9 @@ from tasks.coordinates.local_frame import local_from_grid, local_from_map
 from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.distortion_grid import distortion_grids
+from tasks.handover.formats.exchange import LENS
 from tasks.handover.formats.register import REGISTER
+from tasks.handover.lens import lens_models
 from tasks.handover.receiver import hand_over
 from tasks.handover.statement import statement
 from tests.tasks.handover.flown_block import Flight, delivered, flown, points_of
@@ -184,11 +186,28 @@ def test_a_camera_without_corrections_has_a_grid_of_zeros_and_no_gridgroup():
     assert set(REGISTER["isat"].write(delivered(plain, no_points(), "isat"))) == {"photo", "camera"}
 
 
+@pytest.mark.parametrize("refracted", [False, True])
+def test_mean_residuals_of_the_shape_of_a_lens_are_in_its_coefficients(refracted):
+    results, _ = flown(Flight(1000.0, refracted=refracted))
+    cameras = []
+    for one in results.cameras:
+        cells = FormatCells.of(one.frame.half_format, 25, Seams())
+        reduced = (cells.middles - np.array(one.frame.principal_point)) / np.hypot(*one.frame.half_format)
+        value = 5e-6 * reduced * (reduced**2).sum(axis=1, keepdims=True)
+        cameras.append(replace(one, grid=CorrectionField(cells, value)))
+    plain, moved = lens_models(results, LENS), lens_models(replace(results, cameras=tuple(cameras)), LENS)
+    for k, one in enumerate(cameras):
+        assert one.largest_mean_residual > 3e-6
+        # Between sub-areas the grid is bilinear, at the borders it is constant.
+        assert moved.models[k].misfit_um < plain.models[k].misfit_um + 0.5
+        assert abs(moved.models[k].distortion["k1"] - plain.models[k].distortion["k1"]) > 1e-5
+
+
 def test_the_statement_says_where_mean_residuals_and_refraction_are():
     results, points = with_mean_residuals(Flight(refracted=True, corrections=True))
     texts = {
         name: " ".join(statement(delivered(results, points, name), REGISTER[name], "flown").split())
-        for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc")
+        for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc", "colmap")
     }
     for name, words in {
         "corrected-csv": "taken from the image points: switch such a correction OFF",
@@ -196,6 +215,7 @@ def test_the_statement_says_where_mean_residuals_and_refraction_are():
         "isat": "are contained in the distortion grids",
         "eo-csv": "are NOT contained",
         "rpc": "are NOT contained",
+        "colmap": "are fitted into the coefficients of the lens; what these cannot take is in its misfit",
     }.items():
         assert words in texts[name], name
     assert "mean residuals" in texts["corrected-csv"]
