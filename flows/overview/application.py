@@ -1,44 +1,29 @@
-"""The page as an application: layout, what answers its questions, and what protects it."""
+"""The page as an application: layout, answers, what it does by itself, and what protects it."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import waitress
-from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
+from dash import ALL, ClientsideFunction, Dash, Input, Output, State, html
 
-from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
-from flows.overview.layout import cards, no_projects, page, revision_data
+from flows.overview.answers import Answers, places
+from flows.overview.layout import page
 from flows.overview.metrics import add_metrics
-from flows.overview.project_grid import GRID, row_data
-from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
 from tasks.errors import AerocalError
-from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
-from tasks.production.documents import documents_of
-from tasks.production.project_row import trend_of
+from tasks.production.board import Changes, Revision
 
 _INDEX = """<!DOCTYPE html>
 <html lang="en">
     <head>{%metas%}<title>{%title%}</title>{%favicon%}{%css%}</head>
     <body>{%app_entry%}<footer>{%config%}{%scripts%}{%renderer%}</footer></body>
 </html>"""
-_FAILED = ("GateFailed", *WRONG_INPUT, *BROKEN)
-_FAILURES = 15
-_OLDER_RUNS = 20
-#: Parts of the page at which a plot stands, and what draws it.
-_PLOT: Any = {
-    "displaylogo": False,
-    "responsive": True,
-    "plotlyServerURL": "",
-    "modeBarButtons": [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
-}
 
 
 def application(sources: Sources) -> Dash:
@@ -57,7 +42,7 @@ def application(sources: Sources) -> Dash:
         meta_tags=[{"name": "viewport", "content": "width=device-width, initial-scale=1"}],
     )
     app.layout = lambda: _page(sources)
-    _answer(app, sources)
+    Answers(sources).register(app)
     _act_in_the_browser(app)
 
     app.server.add_url_rule("/health", view_func=_health)
@@ -97,169 +82,8 @@ def _page(sources: Sources) -> Any:
     except AerocalError as error:
         changes = Changes(Revision("", 0), True, (), (), ())
         # The next look says it as well, where it stays until it is over.
-        return html.Div([html.Div(str(error), className="silent"), page(changes, *_places(sources))])
-    return page(changes, *_places(sources))
-
-
-def _places(sources: Sources) -> tuple[str, list[str]]:
-    return sources.dashboard, [str(folder) for folder in sources.roots.folders]
-
-
-def _answer(app: Dash, sources: Sources) -> None:
-    """What the page asks its server for."""
-
-    @app.callback(
-        Output("news", "data"),
-        Output("no-projects", "children"),
-        Output("revision", "data"),
-        Output("cards", "children"),
-        Output("said", "children"),
-        Output("trouble", "children"),
-        Output("refreshed", "data"),
-        Output("queue", "children"),
-        Input("tick", "n_intervals"),
-        State("revision", "data"),
-    )
-    def _refresh(ticks: int | None, revision: dict[str, Any]) -> tuple[Any, ...]:
-        now = datetime.now(UTC)
-        try:
-            changes = sources.board.changes(Revision(str(revision["board"]), int(revision["number"])))
-            view, watch = sources.server(), sources.calibrations().watch
-        except AerocalError as error:
-            trouble = html.Div(str(error), className="silent")
-            return (*(no_update,) * 5, trouble, now.isoformat(), no_update)
-        rows = sources.board.rows()
-        said = [
-            html.Span("server answers")
-            if view.reachable
-            else html.Span("server DOES NOT ANSWER", className="down"),
-            html.Span(f"refreshed {now.astimezone():%H:%M:%S}"),
-        ]
-        due = None if watch is None else len(watch.due)
-        return (
-            _news(changes),
-            no_projects(*_places(sources)) if not rows else None,
-            no_update if changes.is_empty and ticks else revision_data(changes),
-            cards(tally_of(rows), due, now),
-            said,
-            None,
-            now.isoformat(),
-            queue_part(view, sources.inbox(), now, sources.dashboard),
-        )
-
-    @app.callback(
-        Output("sigma0-trend", "children"),
-        Output("rmse-trend", "children"),
-        Output("failures", "children"),
-        Input("revision", "data"),
-    )
-    def _follow(_revision: dict[str, Any]) -> tuple[Any, Any, Any]:
-        rows = sources.board.rows()
-        points = trend_of(rows)
-        try:
-            failed = sources.records.runs(states=_FAILED, most=_FAILURES)
-        except AerocalError as error:
-            return no_update, no_update, html.Div(str(error), className="empty")
-        passed = {(row.project_file, row.story): row.changed for row in rows if row.state == "Completed"}
-        since = {
-            run.id
-            for run in failed
-            if (last := passed.get((run.project_file, run.story))) is not None and last > run.scheduled
-        }
-        return (
-            _plot(
-                plots.sigma0_figure(points),
-                "No project has been adjusted yet.",
-                {"trend": "sigma0"},
-            ),
-            _plot(
-                plots.rmse_figure(points),
-                "No project with check points has been adjusted yet.",
-                {"trend": "rmse"},
-            ),
-            failures_part(failed, since, datetime.now(UTC), sources.dashboard),
-        )
-
-    @app.callback(Output("detail", "children"), Input(GRID, "selectedRows"))
-    def _tell(selected: list[dict[str, Any]] | None) -> Any:
-        return _detail(sources, str(selected[0].get("run"))) if selected else None
-
-    @app.callback(Output("picked", "children"), Input({"trend": ALL}, "clickData"), prevent_initial_call=True)
-    def _pick(_clicks: list[Any]) -> Any:
-        point: dict[str, Any] = next(iter((ctx.triggered[0]["value"] or {}).get("points", ())), {})
-        told = point.get("customdata")
-        return _detail(sources, str(told[2])) if isinstance(told, list) and len(told) > 2 else no_update
-
-    @app.callback(
-        Output("camera", "options"),
-        Output("camera", "value"),
-        Output("due", "children"),
-        Input("slow", "n_intervals"),
-        State("camera", "value"),
-    )
-    def _watch(_ticks: int | None, chosen: str | None) -> tuple[Any, Any, Any]:
-        found = sources.calibrations()
-        if found.watch is None:
-            return [], None, _no_calibrations(found.trouble)
-        options = plots.cameras_of(found.watch)
-        keys = [option["value"] for option in options]
-        value = chosen if chosen in keys else next(iter(keys), None)
-        kind = "due" if found.watch.due else "fine"
-        said = [html.Div(sentence, className=kind) for sentence in found.watch.sentences]
-        return options, value, said
-
-    @app.callback(Output("calibrations", "children"), Input("camera", "value"))
-    def _draw(chosen: str | None) -> Any:
-        watch = sources.calibrations().watch
-        if watch is None or chosen is None:
-            return None
-        shown = [series for series in watch.series if series.camera_key == chosen]
-        return [
-            _plot(plots.series_figure(series, watch.today), "", {"series": str(number)})
-            for number, series in enumerate(shown)
-        ]
-
-
-def _detail(sources: Sources, run_id: str) -> Any:
-    """What is told about a run that somebody has picked."""
-    try:
-        run = sources.records.run(run_id)
-        if run is None:
-            return None
-        older = sources.records.runs_of_project(run.project_file, _OLDER_RUNS) if run.project_file else ()
-        there = documents_of(run, sources.roots.folders) if sources.records.holds_results(run) else ()
-    except AerocalError as error:
-        return html.Div(str(error), className="detail")
-    return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
-
-
-def _news(changes: Changes) -> Any:
-    """What the grid does not show yet; the browser knows best what it has and what it has not."""
-    if changes.is_empty:
-        return no_update
-    rows = [row_data(row) for row in (*changes.added, *changes.updated)]
-    return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed)}
-
-
-def _plot(figure: dict[str, Any] | None, without: str, name: str | dict[str, str]) -> Any:
-    if figure is None:
-        return html.Div(without, className="empty")
-    return dcc.Graph(figure=figure, config=_PLOT, id=name, style={"width": "100%"})
-
-
-def _no_calibrations(trouble: str | None) -> Any:
-    if trouble is not None:
-        return html.Div(trouble, className="due")
-    return html.Div(
-        [
-            "This server knows no registry of calibrations. Start it with ",
-            html.Code("aerocal serve --registry ADDRESS"),
-            "; ",
-            html.Code("aerocal registry add"),
-            " makes one from the results of a calibration flight.",
-        ],
-        className="empty",
-    )
+        return html.Div([html.Div(str(error), className="silent"), page(changes, *places(sources))])
+    return page(changes, *places(sources))
 
 
 def _act_in_the_browser(app: Dash) -> None:
