@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -12,6 +14,7 @@ from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
+from adjust.parameters import State
 from adjust.quality.control_checks import ControlCheck, k_fold, leave_one_out
 from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.detectability import UNCONTROLLED
@@ -24,8 +27,8 @@ from adjust.quality.variance_components import VarianceComponent, variance_compo
 from adjust.result import AdjustmentResult, FreeNetwork, GroupResult, ObservationStatus
 from adjust.solve.datum import datum_shares
 from adjust.solve.defect import open_directions
-from adjust.solve.gauss_newton import Estimate, Progress, converge
-from adjust.solve.system import Observations, System
+from adjust.solve.gauss_newton import Estimate, Progress, Solution, converge
+from adjust.solve.system import Observations, System, with_known_basis
 from adjust.weighting import Weighted, estimate_weights
 
 
@@ -35,6 +38,7 @@ def adjust_block(
     options: AdjustmentOptions | None = None,
     progress: Progress | None = None,
     rejected: Rejection | None = None,
+    start: State | None = None,
 ) -> AdjustmentResult:
     """Adjust a block by least squares and state how good the result is.
 
@@ -49,6 +53,7 @@ def adjust_block(
     progress : called after every iteration.
     rejected : what begins as rejected, from an adjustment of nearly the same block; it comes back where it
         fits.
+    start : where the iteration begins; None: at the approximate values.
 
     Raises
     ------
@@ -59,16 +64,87 @@ def adjust_block(
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
     with threadpool_limits(limits=1):
-        left = observations if rejected is None else without_rejected(observations, rejected)
-        system = System.of(block, left, options.threads, options.free_network)
-        search = Search.start(observations, adjuster.adjust(system, block.approximate_state()), rejected)
-        rule, weighted = _rule(options), None
-        if options.variance_components or options.correlation_times:
-            weighted = estimate_weights(adjuster, search, rule)
-            search = weighted.search
-        elif rule is not None:
-            search = snoop(adjuster, search, rule)
-        return _result(search, weighted, options)
+        return _result(*_searched(adjuster, block, observations, rejected, start), options)
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedValues:
+    """The values that ``adjust_block`` finds, and what it would go on from to say how good they are.
+
+    Attributes
+    ----------
+    adjuster : with the options.
+    search, weighted : the searches; the last adjustment of theirs may count as stalled.
+    solution : that adjustment, converged.
+    """
+
+    adjuster: Adjuster
+    search: Search
+    weighted: Weighted | None
+    solution: Solution
+
+    @classmethod
+    def of(
+        cls,
+        block: Block,
+        observations: Observations,
+        options: AdjustmentOptions,
+        progress: Progress | None = None,
+    ) -> AdjustedValues:
+        """Adjust a block; parameters and errors as of :func:`adjust_block`."""
+        adjuster = Adjuster(options, progress)
+        with threadpool_limits(limits=1):
+            search, weighted = _searched(adjuster, block, observations, complete=False)
+            return cls(adjuster, search, weighted, adjuster.values_to_the_end(search.adjusted))
+
+    @property
+    def state(self) -> State:
+        """Adjusted values."""
+        return self.solution.state
+
+    @property
+    def system(self) -> System:
+        """The unknowns, and the observations that are left."""
+        return self.search.adjusted.system
+
+    @property
+    def rejected(self) -> Rejection:
+        """What has been rejected."""
+        return Rejection(self.search.rejected, self.search.given_up)
+
+    def result(self) -> AdjustmentResult:
+        """Everything that ``adjust_block`` says."""
+        options, search, rule = self.adjuster.options, self.search, _rule(self.adjuster.options)
+        with threadpool_limits(limits=1):
+            if search.adjusted.solution.stalled:
+                complete = self.adjuster.completed(search.adjusted, self.solution)
+                search = replace(search, adjusted=complete)
+                search = search if rule is None else snoop(self.adjuster, search, rule)
+            return _result(search, self.weighted, options)
+
+
+def _searched(
+    adjuster: Adjuster,
+    block: Block,
+    observations: Observations,
+    rejected: Rejection | None = None,
+    start: State | None = None,
+    complete: bool = True,
+) -> tuple[Search, Weighted | None]:
+    """The searches for gross errors and weights; ``complete`` as of :func:`snoop`."""
+    options, rule = adjuster.options, _rule(adjuster.options)
+    observations = with_known_basis(block, observations)
+    left = observations if rejected is None else without_rejected(observations, rejected)
+    system = System.of(block, left, options.threads, options.free_network)
+    weighting = options.variance_components or options.correlation_times
+    # Of the same block adjusted twice, neither search has to begin where an iteration ends.
+    near = rule is not None and not weighting and (rejected is not None or not complete)
+    adjusted = adjuster.adjust(system, start or block.approximate_state(), near=near)
+    search = Search.start(observations, adjusted, rejected)
+    if weighting:
+        weighted = estimate_weights(adjuster, search, rule)
+        return weighted.search, weighted
+    return search if rule is None else snoop(adjuster, search, rule, complete), None
 
 
 def _rule(options: AdjustmentOptions) -> SnoopingRule | None:

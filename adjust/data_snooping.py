@@ -104,8 +104,12 @@ def without_rejected(given: Observations, gone: Rejection) -> Observations:
     )
 
 
-def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:
+def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool = True) -> Search:
     """Reject until no controlled observation exceeds the critical value, then take back what fits.
+
+    Parameters
+    ----------
+    complete : adjust what is left to the end, and look at it again; otherwise it may count as stalled.
 
     Raises
     ------
@@ -127,7 +131,7 @@ def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule) -> Search:
         back = search.fitting_again(rule)
         if back.count:
             search = search.more(adjuster, back)
-        elif search.adjusted.solution.stalled:
+        elif complete and search.adjusted.solution.stalled:
             search = replace(search, adjusted=adjuster.to_the_end(search.adjusted))
         else:
             return search

@@ -73,7 +73,9 @@ class Adjuster:
     options: AdjustmentOptions
     progress: Progress | None = None
 
-    def adjust(self, system: System, state: State, may_stall: bool | None = None) -> Adjusted:
+    def adjust(
+        self, system: System, state: State, may_stall: bool | None = None, near: bool = False
+    ) -> Adjusted:
         """Adjust from approximate values.
 
         With a critical value it may stall: the gross errors in its way are found from where it stands.
@@ -81,6 +83,8 @@ class Adjuster:
         Parameters
         ----------
         may_stall : otherwise than that.
+        near : end as soon as linear equations say which observations are wrong. The solution then counts as
+            stalled: ``to_the_end`` completes it.
 
         Raises
         ------
@@ -88,10 +92,8 @@ class Adjuster:
         """
         if may_stall is None:
             may_stall = self.options.critical_value is not None
-        solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall)
-        quality = replace(cofactor(system, solution), considered=considered_errors(system, solution))
-        residuals = group_residuals(system, solution.state, quality)
-        return Adjusted(system, solution, quality, residuals, (solution.iterations,))
+        solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall, near)
+        return _with_quality(system, solution, ())
 
     def again(self, before: Adjusted, observations: Observations, state: State | None = None) -> Adjusted:
         """Adjust other observations of the same block, from the values before or from a given state."""
@@ -135,5 +137,26 @@ class Adjuster:
         ------
         DivergenceError : it does not converge.
         """
-        found = self.adjust(before.system, before.state, may_stall=False)
-        return replace(found, history=before.history + found.history)
+        return self.completed(before, self.values_to_the_end(before))
+
+    def values_to_the_end(self, before: Adjusted) -> Solution:
+        """The solution that ``to_the_end`` finds, without cofactors; as it is if it has converged.
+
+        Raises
+        ------
+        DivergenceError : it does not converge.
+        """
+        if not before.solution.stalled:
+            return before.solution
+        return iterate(before.system, before.state, self.options.most_iterations, self.progress)
+
+    def completed(self, before: Adjusted, solution: Solution) -> Adjusted:
+        """With the solution of ``values_to_the_end``."""
+        return _with_quality(before.system, solution, before.history)
+
+
+def _with_quality(system: System, solution: Solution, history: tuple[tuple[Iteration, ...], ...]) -> Adjusted:
+    """A solution with its cofactors and residuals; history is that of the adjustments before it."""
+    quality = replace(cofactor(system, solution), considered=considered_errors(system, solution))
+    residuals = group_residuals(system, solution.state, quality)
+    return Adjusted(system, solution, quality, residuals, (*history, solution.iterations))

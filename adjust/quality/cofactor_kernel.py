@@ -12,7 +12,7 @@ import numpy as np
 
 from adjust.compiled import kernel
 from adjust.observations.image_point_kernel import linearize_ray
-from adjust.solve.border_columns_kernel import nonzero_columns, open_row
+from adjust.solve.border_columns_kernel import nonzero_columns, open_row, open_rows
 from adjust.solve.covisibility_kernel import find_block
 
 
@@ -88,9 +88,9 @@ def point_cofactors(
                     gain[a, k, q] = (
                         mixed[0] * inverse[0, q] + mixed[1] * inverse[1, q] + mixed[2] * inverse[2, q]
                     )
+            touched = open_rows(a, counts[a], found, touched, local, position, gain_border)
             for s in range(counts[a]):
                 g = found[a, s]
-                touched = open_row(g, touched, local, position, gain_border)
                 for q in range(3):
                     mixed[q] = of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]
                 for q in range(3):

@@ -22,6 +22,7 @@ from adjust.selection.linear_estimate import ParameterNormals
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import SingularNormalsError, factorize
 from adjust.solve.free_network import open_movements
+from adjust.solve.gauss_newton import Solution
 from adjust.solve.helmert_blocking import HelmertFactor
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals
 from adjust.solve.system import System
@@ -45,6 +46,23 @@ def normals_of_result(result: AdjustmentResult) -> ParameterNormals:
         tuple(direct),
         result.test.weighted_squares,
         result.test.redundancy,
+    )
+
+
+def normals_of_solution(system: System, solution: Solution) -> ParameterNormals:
+    """The same before anything else is known of the adjustment; not of a network with an open datum."""
+    g, normals = system.layout.border, solution.normals
+    normal = solution.factorization.factor.border_normal()
+    mixed, joins = normal[:g, g:], normal[g:, g:]
+    return _normals(
+        system.layout,
+        solution.state,
+        normal[:g, :g] - mixed @ np.linalg.solve(joins, mixed.T),
+        np.zeros(g),
+        np.diagonal(normals.corner)[:g].copy(),
+        system.observations.others,
+        normals.weighted_squares,
+        system.redundancy,
     )
 
 

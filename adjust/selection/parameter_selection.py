@@ -12,22 +12,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.adjustment import adjust_block
+from adjust.adjustment import AdjustedValues, adjust_block
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
 from adjust.data_snooping import without_rejected
 from adjust.errors import DatumDefectError, DivergenceError
 from adjust.observations.direct import DirectObservations
 from adjust.options import AdjustmentOptions
-from adjust.parameters import ADDITIONAL_PARAMETERS, ParameterLayout
+from adjust.parameters import ADDITIONAL_PARAMETERS, ParameterLayout, State
 from adjust.quality.rejection import Rejection
-from adjust.result import AdjustmentResult, ObservationStatus
+from adjust.result import AdjustmentResult
 from adjust.selection.elimination import Elimination, eliminate
 from adjust.selection.elimination_rules import EliminationRules
 from adjust.selection.linear_estimate import LinearEstimate
-from adjust.selection.parameter_normals import normals_at, normals_of_result
+from adjust.selection.parameter_normals import normals_at, normals_of_result, normals_of_solution
 from adjust.solve.gauss_newton import Progress
-from adjust.solve.system import Observations, System
+from adjust.solve.system import Observations, System, with_known_basis
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +80,18 @@ def adjust_with_selection(
         result = adjust_block(block, observations, options, progress)
         full = LinearEstimate.of(normals_of_result(result))
         return SelectedAdjustment(block, result, full, layout, None, sigma0)
-    start, full, first, rejected = _all_together(block, observations, options, candidates, progress)
+    observations = with_known_basis(block, observations)
+    values, full = _all_together(block, observations, options, candidates, progress)
     elimination = eliminate(full, candidates, rules, sigma0)
     if tell is not None:
         tell(elimination)
-    if first is not None and not elimination.eliminated.any():
-        return SelectedAdjustment(block, first, full, layout, elimination, sigma0)
-    reduced = with_held(start, layout, elimination.eliminated)
+    if values.system.layout.border == layout.border and not elimination.eliminated.any():
+        return SelectedAdjustment(block, values.result(), full, layout, elimination, sigma0)
+    reduced = with_held(_started_from(block, values.state), layout, elimination.eliminated)
     kept = without_priors_of_held(reduced, observations)
-    result = adjust_block(reduced, kept, options, progress, _of_same(kept, observations, rejected))
+    rejected = _of_same(kept, values.search.given, values.rejected)
+    start = _with_own_values(reduced, values.state)
+    result = adjust_block(reduced, kept, options, progress, rejected, start)
     # The values to start from are no longer the given ones.
     left = with_held(block, layout, elimination.eliminated)
     return SelectedAdjustment(left, result, full, layout, elimination, sigma0)
@@ -118,29 +121,24 @@ def _all_together(
     options: AdjustmentOptions,
     candidates: Bools,
     progress: Progress | None,
-) -> tuple[Block, LinearEstimate, AdjustmentResult | None, Rejection]:
-    """The block at the values of a first adjustment, all parameters as far as they are determined.
-
-    Also the result, if it has all parameters, and what of the observations it has rejected.
-    """
+) -> tuple[AdjustedValues, LinearEstimate]:
+    """A first adjustment, and all parameters as far as they are determined; the rest it holds."""
     try:
-        result = adjust_block(block, observations, options, progress)
-        estimate = LinearEstimate.of(normals_of_result(result))
-        return _started_from(block, result), estimate, result, _rejected(result)
+        values = AdjustedValues.of(block, observations, options, progress)
+        if values.solution.movements is None:
+            return values, LinearEstimate.of(normals_of_solution(values.system, values.solution))
+        return values, LinearEstimate.of(normals_of_result(values.result()))
     except (DatumDefectError, DivergenceError):
         held = with_held(block, block.layout, candidates)
         kept = without_priors_of_held(held, observations)
-        result = adjust_block(held, kept, options, progress)
-        rejected = _of_same(observations, kept, _rejected(result))
-        left = without_rejected(observations, rejected)
+        values = AdjustedValues.of(held, kept, options, progress)
+        left = without_rejected(observations, _of_same(observations, kept, values.rejected))
         system = System.of(block, left, options.threads, options.free_network)
-        estimate = LinearEstimate.of(normals_at(system, result.state), last=candidates)
-        return _started_from(block, result), estimate, None, rejected
+        return values, LinearEstimate.of(normals_at(system, values.state), last=candidates)
 
 
-def _started_from(block: Block, result: AdjustmentResult) -> Block:
+def _started_from(block: Block, state: State) -> Block:
     """The block with adjusted orientations and points as approximate values."""
-    state = result.state
     return replace(
         block,
         projection_centre=state.projection_centre,
@@ -149,12 +147,16 @@ def _started_from(block: Block, result: AdjustmentResult) -> Block:
     )
 
 
-def _rejected(result: AdjustmentResult) -> Rejection:
-    """What an adjustment has rejected of its observations."""
-    gone = tuple((group.status == ObservationStatus.REJECTED).any(axis=1) for group in result.groups)
-    given_up = np.zeros(result.layout.points, dtype=bool)
-    given_up[result.given_up] = True
-    return Rejection(gone, given_up)
+def _with_own_values(block: Block, state: State) -> State:
+    """The approximate state of a block with the adjusted values of what is free in it."""
+    start = block.approximate_state()
+    own = {
+        parameters.family.name: np.where(
+            parameters.free, state.system[parameters.family.name], parameters.values
+        )
+        for parameters in block.system
+    }
+    return replace(start, system=own)
 
 
 def _of_same(wanted: Observations, before: Observations, rejected: Rejection) -> Rejection:

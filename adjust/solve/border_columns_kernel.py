@@ -20,6 +20,23 @@ def open_row(column, touched, local, position, rows):
 
 
 @small_kernel
+def open_rows(a, count, found, touched, local, position, rows):
+    """The same for the columns found[a, :count] of a ray.
+
+    All of them in one call: each call counts the references to its arrays, which takes longer than the work.
+    """
+    for s in range(count):
+        column = found[a, s]
+        if position[column] < 0:
+            position[column] = touched
+            local[touched] = column
+            for q in range(rows.shape[1]):
+                rows[touched, q] = 0.0
+            touched += 1
+    return touched
+
+
+@small_kernel
 def nonzero_columns(a, e, of_system, columns, found):
     """Free parameters of a ray with a derivative other than zero; returns how many.
 

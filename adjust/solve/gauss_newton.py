@@ -24,6 +24,8 @@ from adjust.solve.updated_normals import updated_normals
 
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3
+# Nor by more than this: near enough for linear equations to say which observations are wrong.
+_NEAR = 1.0
 _FIRST_DAMPING = 1e-4
 # Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
 _LONG, _STALLED = 30.0, 1e-3
@@ -124,15 +126,28 @@ def single_step(before: System, solution: Solution, system: System, start: State
 
 
 def iterate(
-    system: System, start: State, most: int, progress: Progress | None = None, may_stall: bool = False
+    system: System,
+    start: State,
+    most: int,
+    progress: Progress | None = None,
+    may_stall: bool = False,
+    near: bool = False,
 ) -> Solution:
     """Iterate to convergence and factorise the normal equations of the adjusted state.
 
-    Parameters and errors are those of :func:`converge`.
+    Other parameters and errors are those of :func:`converge`.
+
+    Parameters
+    ----------
+    near : stop after a step that moves no unknown by more than its standard deviation. The solution then
+        counts as stalled, with the normal equations from which that step was made.
     """
-    estimate = converge(system, start, most, progress, may_stall)
-    found = solution_at(system, estimate.state)
-    return replace(found, iterations=estimate.iterations, stalled=estimate.stalled)
+    end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED)
+    if near and not end.stalled:
+        factorization, movements = end.last.factorization, end.last.movements
+        return Solution(end.state, end.normals, factorization, end.iterations, True, movements, end.before)
+    found = solution_at(system, end.state)
+    return replace(found, iterations=end.iterations, stalled=end.stalled)
 
 
 def solution_at(system: System, state: State) -> Solution:
@@ -164,38 +179,8 @@ def converge(
     DivergenceError : no convergence within ``most`` steps.
     DatumDefectError : singular normal equations, explained.
     """
-    state, damping = start, 0.0
-    normals = reduced_normals(system, state)
-    history: list[Iteration] = []
-    for number in range(1, most + 1):
-        increments = _increments(system, state, normals)
-        step = Iteration(number, normals.weighted_squares, increments.largest_move, damping)
-        history.append(step)
-        if progress is not None:
-            progress(step)
-        moved = increments.applied(system, state)
-        if step.largest_move < _CONVERGED and damping == 0.0 and increments.datum_settled:
-            # Whether vPv falls or rises in so small a step is decided by rounding alone.
-            squares = weighted_squares(system, moved)
-            if np.isfinite(squares):
-                return Estimate(moved, squares, tuple(history))
-        following = _try(system, moved)
-        if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
-            damping = max(10.0 * damping, _FIRST_DAMPING)
-            normals = reduced_normals(system, state, damping)
-            continue
-        lowered = following.weighted_squares <= (1.0 - _STALLED) * normals.weighted_squares
-        if may_stall and step.largest_move > _LONG and not lowered:
-            return Estimate(moved, following.weighted_squares, tuple(history), stalled=True)
-        state, normals = moved, following
-        damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
-        if damping > 0.0:
-            normals = reduced_normals(system, state, damping)
-    if may_stall:
-        return Estimate(state, normals.weighted_squares, tuple(history), stalled=True)
-    raise DivergenceError(
-        most, tuple(item.weighted_squares for item in history), _largest(system, increments)
-    )
+    end = _iterated(system, start, most, progress, may_stall, _CONVERGED)
+    return Estimate(end.state, end.weighted_squares, end.iterations, end.stalled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +232,65 @@ def _increments(system: System, state: State, normals: ReducedNormals) -> _Incre
         factorization,
         movements,
         settled(normals, exposures),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where an iteration has ended, and the normal equations of its last step.
+
+    Attributes
+    ----------
+    state, weighted_squares, iterations, stalled : as of an estimate.
+    before, normals : the state before the last step, and its normal equations.
+    last : the last step.
+    """
+
+    state: State
+    weighted_squares: float
+    iterations: tuple[Iteration, ...]
+    stalled: bool
+    before: State
+    normals: ReducedNormals
+    last: _Increments
+
+
+def _iterated(
+    system: System, start: State, most: int, progress: Progress | None, may_stall: bool, limit: float
+) -> _End:
+    """As ``converge``, until no unknown moves by more than ``limit`` of its standard deviation."""
+    state, damping = start, 0.0
+    normals = reduced_normals(system, state)
+    history: list[Iteration] = []
+    for number in range(1, most + 1):
+        increments = _increments(system, state, normals)
+        step = Iteration(number, normals.weighted_squares, increments.largest_move, damping)
+        history.append(step)
+        if progress is not None:
+            progress(step)
+        moved = increments.applied(system, state)
+        if step.largest_move < limit and damping == 0.0 and increments.datum_settled:
+            # Whether vPv falls or rises in so small a step is decided by rounding alone.
+            squares = weighted_squares(system, moved)
+            if np.isfinite(squares):
+                return _End(moved, squares, tuple(history), False, state, normals, increments)
+        following = _try(system, moved)
+        if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
+            damping = max(10.0 * damping, _FIRST_DAMPING)
+            normals = reduced_normals(system, state, damping)
+            continue
+        lowered = following.weighted_squares <= (1.0 - _STALLED) * normals.weighted_squares
+        if may_stall and step.largest_move > _LONG and not lowered:
+            squares = following.weighted_squares
+            return _End(moved, squares, tuple(history), True, state, normals, increments)
+        state, normals = moved, following
+        damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
+        if damping > 0.0:
+            normals = reduced_normals(system, state, damping)
+    if may_stall:
+        return _End(state, normals.weighted_squares, tuple(history), True, state, normals, increments)
+    raise DivergenceError(
+        most, tuple(item.weighted_squares for item in history), _largest(system, increments)
     )
 
 

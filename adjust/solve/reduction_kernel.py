@@ -12,7 +12,7 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.observations.image_point_kernel import linearize_ray
-from adjust.solve.border_columns_kernel import nonzero_columns, open_row
+from adjust.solve.border_columns_kernel import nonzero_columns, open_row, open_rows
 from adjust.solve.covisibility_kernel import find_block
 
 # A pivot below this part of the original diagonal element means that the point is not determined.
@@ -259,9 +259,9 @@ def reduce_points(
                     a, e, count, found, misclosure, of_exterior, of_system, border, corner, rhs_border,
                     diagonal_border,
                 )  # fmt: skip
+                touched = open_rows(a, count, found, touched, local, position, reduced_border)
                 for s in range(count):
                     g = found[a, s]
-                    touched = open_row(g, touched, local, position, reduced_border)
                     for q in range(3):
                         reduced_border[position[g], q] += (
                             of_system[a, 0, s] * of_point[a, 0, q] + of_system[a, 1, s] * of_point[a, 1, q]

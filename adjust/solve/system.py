@@ -36,7 +36,8 @@ class Observations:
     @property
     def count(self) -> int:
         """Number n of scalar observations that take part."""
-        return int(sum(int(group.stochastic.present.sum()) for group in self.groups))
+        of_rays = 2 * int(np.count_nonzero(self.image_points.active))
+        return of_rays + sum(int(group.stochastic.present.sum()) for group in self.others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ class System:
         InconsistentBlockError : if an observation belongs to an image or object point that is not there.
         """
         _refuse_unknown_indices(block, observations)
-        observations = _with_known_basis(block, observations)
+        observations = with_known_basis(block, observations)
         events, points = len(block.events), len(block.points)
         active = determined_points(block, observations)
         pattern = covisibility(observations.image_points, events, points)
@@ -177,8 +178,11 @@ class System:
         return self.observations.count - self.unknowns
 
 
-def _with_known_basis(block: Block, observations: Observations) -> Observations:
-    """With what the additional parameters do at the measured points, where those points stay."""
+def with_known_basis(block: Block, observations: Observations) -> Observations:
+    """With what the additional parameters do at the measured points, where those points stay.
+
+    What is made of such observations, rejected or not, need not find it again.
+    """
     if ray_columns(block.layout, observations.image_points).principal_point_is_free:
         return observations
     rays = observations.image_points.with_known_basis(block.approximate_state())
