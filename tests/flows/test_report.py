@@ -12,6 +12,7 @@ from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -515,6 +516,19 @@ def test_control_that_is_not_observed_stands_among_the_check_points(block: Path)
     assert len(reported.page.tables["check-points"].keys) == 5
     assert "control-points" not in reported.page.tables
     assert reported.html.count("<title>check point ") == 5
+
+
+def test_the_first_screen_names_flight_and_version_and_the_figures_of_check_points(block: Path) -> None:
+    reported = run(block, 'project.flown="2026-05-24"')
+    summary = json.loads((reported.folder / "summary.json").read_text())
+    first = re.sub(r"<[^>]+>", " ", reported.html.partition("<body>")[2].partition("<nav>")[0])
+    assert f"flown 2026-05-24 · aerocal {version('aerocal')}" in first
+    x, y, z = summary["rmse_check_m"]
+    assert f"{x:.3f} {y:.3f} {z:.3f} m" in first
+    assert f"RMS at {summary['counts']['check']} check points: east, north, up" in first
+    groups = {group["group"]: group["sigma0"] for group in summary["groups"]}
+    assert f"σ0 by group: image points {groups['image_points']:.2f}, " in first
+    assert f"GNSS positions {groups['gnss_positions']:.2f}" in first
 
 
 def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
