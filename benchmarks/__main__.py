@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.record import RESULTS, Record, keep, read_records, show
-from benchmarks.workload import COMMANDS, GROWTH, SELECTIONS, TRUST_MAPS, WORKLOADS, Workload
+from benchmarks.workload import COMMANDS, GROWTH, RIGS, SELECTIONS, TRUST_MAPS, WORKLOADS, Workload
 
 
 def main() -> None:
@@ -52,6 +52,10 @@ def _records(options: argparse.Namespace) -> Iterable[Record]:
         from benchmarks.trust_map import trust_map
 
         yield from map(trust_map, _chosen(TRUST_MAPS, options.workload, options.large))
+    elif options.command == "rigs":
+        from benchmarks.rigs import rigs
+
+        yield from map(rigs, _chosen(RIGS, options.workload, options.large))
     elif options.command == "sweep":
         from benchmarks.sweep import sweep
 
@@ -73,13 +77,14 @@ def _options() -> argparse.Namespace:
         "import",
         "selection",
         "trust-map",
+        "rigs",
         "sweep",
         "show",
     ]
     parser.add_argument("command", choices=commands)
     parser.add_argument("--workload", action="append", default=[], metavar="NAME", help="only this one")
     parser.add_argument("--runs", type=int, default=5, help="timed runs of each side")
-    parser.add_argument("--large", action="store_true", help="growth, trust-map: the largest blocks, too")
+    parser.add_argument("--large", action="store_true", help="growth, trust-map, rigs: the largest, too")
     parser.add_argument("--results", type=Path, default=RESULTS, help="file of the results")
     return parser.parse_args()
 

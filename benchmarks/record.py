@@ -20,6 +20,8 @@ IMPORT = "import-"
 SELECTION = "selection-"
 #: How the names of trust maps begin.
 TRUST_MAP = "trust-map-"
+#: How the names of rigs begin.
+RIG = "rig-"
 #: How the names of the whole command begin.
 COMMAND = "command-"
 
@@ -105,7 +107,8 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
     imports = [record for record in records if record.name.startswith(IMPORT)]
     selections = [record for record in records if record.name.startswith(SELECTION)]
     maps = [record for record in records if record.name.startswith(TRUST_MAP)]
-    others = [*sweeps, *imports, *selections, *maps]
+    of_rigs = [record for record in records if record.name.startswith(RIG)]
+    others = [*sweeps, *imports, *selections, *maps, *of_rigs]
     plain = [record for record in records if record.phases_s is None and record not in others]
     commands = [record for record in records if record.name.startswith(COMMAND)]
     grown = [record for record in records if record.phases_s is not None and record not in commands]
@@ -117,6 +120,8 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
         console.print(_imports(imports))
     if selections:
         console.print(_multiples("12 parameters selected, data snooping", "bare adjustment", selections))
+    if of_rigs:
+        console.print(_multiples("events of five heads", "single cameras", of_rigs))
     if maps:
         console.print(_multiples("trust map of a million cells", "adjustment with statistics", maps))
     if commands:

@@ -78,6 +78,9 @@ COMMANDS = (Workload("18", 3, 6), Workload("2448", 36, 68))
 #: Trust maps of a million cells.
 TRUST_MAPS = (Workload("2448", 36, 68), Workload("50000", 200, 250, large=True))
 
+#: Events of five heads.
+RIGS = (Workload("200", 8, 25), Workload("2000", 40, 50), Workload("10000", 100, 100, large=True))
+
 #: Selection of additional parameters with data snooping.
 SELECTIONS = (Workload("608", 8, 76), Workload("2448", 36, 68))
 

@@ -15,6 +15,7 @@ import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
 from tasks.calibration.evidence import Evidence
+from tasks.calibration.head_boresight import HeadBoresight, head_boresights, without_reference
 from tasks.calibration.held_quantities import held_sigmas, with_held
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
 from tasks.calibration.record import (
@@ -132,6 +133,7 @@ def describe_calibration(
         images,
         read_table(outputs["cameras"]),
         known.held,
+        head_boresights(table, pairs, read_table(outputs["cameras"])),
     )
     files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
     digests = {path.name: digest_of_file(path) for path in files}
@@ -153,7 +155,12 @@ def describe_calibration(
             verdict=of_flight.verdict,
             reasons=of_flight.reasons,
             restrictions=of_flight.restrictions,
-            remarks=(*of_flight.remarks, *remarks, *([steps.sentence] if steps is not None else [])),
+            remarks=(
+                *([material.boresights[camera].sentence] if camera in material.boresights else []),
+                *of_flight.remarks,
+                *remarks,
+                *([steps.sentence] if steps is not None else []),
+            ),
             inputs=digests,
             software=dict(software),
         )
@@ -192,6 +199,7 @@ class _Material:
     images: pd.DataFrame
     cameras: pd.DataFrame
     held: tuple[RecordedHeld, ...]
+    boresights: Mapping[str, HeadBoresight]
 
 
 def heads_of_rigs(cameras: pd.DataFrame, images: pd.DataFrame) -> frozenset[str]:
@@ -205,6 +213,12 @@ def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:
     """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
     own = parameters["camera"].isna() | (parameters["camera"] == camera)
     return parameters[own & parameters["parameter"].map(is_calibrated)]
+
+
+def _rows(material: _Material, camera: str) -> pd.DataFrame:
+    """Those of a record; boresight and lever arm of a head are those of its reference head."""
+    rows = rows_of(material.parameters, camera)
+    return without_reference(rows) if camera in material.boresights else rows
 
 
 def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
@@ -276,13 +290,13 @@ def _parameters(material: _Material, camera: str) -> tuple[CalibratedParameter, 
             verdict=verdict.verdict,
             because=verdict.because,
         )
-        for row in rows_of(material.parameters, camera).to_dict("records")
+        for row in _rows(material, camera).to_dict("records")
         for verdict in (material.verdicts[row["parameter"], row["entity"]],)
     )
 
 
 def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ...]:
-    rows = rows_of(material.parameters, camera)
+    rows = _rows(material, camera)
     rows = rows[rows["sigma"].notna()]
     keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
     matrix = covariance_of(keys, sigmas_of(rows), correlation_pairs(material.correlations))

@@ -213,6 +213,9 @@ def test_the_preset_is_accepted_as_a_calibration_flight_at_one_height(tmp_path: 
     figures = json.loads((found.directory / "summary.json").read_text())["calibration"]
     assert figures["verdict"] == "accepted"
     assert any("follow from heads that look in different directions" in one for one in figures["remarks"])
+    left = json.loads((found.directory / "calibration_left.json").read_text())
+    assert not any(item["parameter"].startswith(("boresight", "lever_arm")) for item in left["parameters"])
+    assert "the boresight of this head is roll 45.0" in left["remarks"][0]
     keys = ["parameter", "entity"]
     truth = pd.read_parquet(project.parent / "truth" / "parameters.parquet").set_index(keys)["value"]
     estimated = pd.read_parquet(found.directory / "parameters.parquet").set_index(keys)
