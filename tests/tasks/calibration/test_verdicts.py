@@ -160,7 +160,7 @@ def test_a_second_height_is_asked_for_where_heads_do_not_replace_it(
 ) -> None:
     _, flight = judged(parameters, pattern(heights=(780.0,)), heads=heads)
     assert flight.verdict == "refused"
-    assert any("the focal length from GNSS positions needs heights" in reason for reason in flight.reasons)
+    assert any("focal length from GNSS positions requires flying heights" in one for one in flight.reasons)
 
 
 def test_what_was_flown_already_is_not_asked_for() -> None:
