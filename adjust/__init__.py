@@ -85,7 +85,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> object:
-    """A name of the list above, loaded when it is asked for: who needs one module waits for no other."""
+    """A name of the list above, loaded when it is requested: who needs one module waits for no other."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_MODULES[name]), name)

@@ -44,7 +44,7 @@ def adjust_block(
 
     Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
     pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
-    all statistics come. Where variance components or correlation times are asked for, they are estimated
+    all statistics come. Where variance components or correlation times are requested, they are estimated
     in turn with the rejection. The linear algebra library runs on one thread, and what runs on several sums
     in an order of its own, so that the result does not depend on their number.
 
@@ -162,7 +162,7 @@ def estimate_block(
     """Adjusted values only: no rejection, no covariances, no redundancy numbers.
 
     The same values as :func:`adjust_block` finds without a critical value, in less than half the time.
-    Parameters and errors as there; ``critical_value`` takes no part.
+    Parameters and errors as there; ``critical_value`` is not used.
     """
     options = options or AdjustmentOptions()
     with threadpool_limits(limits=1):
@@ -228,7 +228,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
 
 
 def _joint_cofactor(adjusted: Adjusted, wanted: tuple[int, ...]) -> JointCofactor | None:
-    """Joint cofactors of the wanted points that take part; None in a free network with open directions."""
+    """Joint cofactors of the wanted points that are used; None in a free network with open directions."""
     points = np.array(wanted, dtype=np.int64)
     points = points[adjusted.system.active_point[points]]
     if len(points) == 0 or adjusted.solution.movements is not None:
@@ -252,7 +252,7 @@ def _free_network(adjusted: Adjusted) -> FreeNetwork | None:
 def _control_checks(
     search: Search, options: AdjustmentOptions
 ) -> tuple[ControlCheck | None, ControlCheck | None]:
-    """The control points left out one at a time, and, if asked for, a fold at a time."""
+    """The control points left out one at a time, and, if requested, a fold at a time."""
     for group, rejected in zip(search.given.others, search.rejected[1:], strict=True):
         if isinstance(group, ControlPoints):
             by_fold = None

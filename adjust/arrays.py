@@ -1,4 +1,4 @@
-"""Names of the array types used in signatures; shapes and units stand in the docstrings."""
+"""Names of the array types used in signatures; shapes and units are in the docstrings."""
 
 from __future__ import annotations
 

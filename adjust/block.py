@@ -67,7 +67,7 @@ class Block:
         }
         for name, (found, expected) in shapes.items():
             if found != expected:
-                raise InconsistentBlockError(f"{name} has the shape {found}; {expected} is needed.")
+                raise InconsistentBlockError(f"{name} has the shape {found}; expected: {expected}.")
         for name, values in (
             ("projection centres", self.projection_centre),
             ("rotations", self.local_from_camera),
@@ -78,7 +78,7 @@ class Block:
         free = {parameters.family.name: parameters.free for parameters in self.system}
         for place in () if self.considered is None else self.considered.places:
             if free[place.family][place.entity, place.component]:
-                raise InconsistentBlockError(f"A parameter of {place.family} is free and considered, too.")
+                raise InconsistentBlockError(f"A parameter of {place.family} is both free and considered.")
         if self.rig is not None:
             self._refuse_wrong_rig(self.rig)
 
@@ -92,10 +92,10 @@ class Block:
             raise InconsistentBlockError("The heads of the rig are not the cameras of the block.")
         reference = rig.reference[self.camera_of_image]
         if np.any(reference != rig.camera_of_event[event]):
-            raise InconsistentBlockError("The heads that took the images of an event are of different rigs.")
+            raise InconsistentBlockError("The images of an event are from heads of different rigs.")
         taken = event * cameras + self.camera_of_image
         if len(np.unique(taken)) < n:
-            raise InconsistentBlockError("A head took two images of one event.")
+            raise InconsistentBlockError("An event contains two images of one head.")
         if np.any(self.flight_of_image != self.flight_of_event[event]):
             raise InconsistentBlockError("The images of an event are of different flights.")
         given = {parameters.family.name: parameters for parameters in self.system}
@@ -107,7 +107,7 @@ class Block:
             held = rig.is_reference
             if np.any(parameters.free[held]) or np.any(parameters.values[held] != 0.0):
                 raise InconsistentBlockError(
-                    f"The {parameters.family.name} of a reference head is its own zero, and held."
+                    f"The {parameters.family.name} of a reference head is zero by definition and held fixed."
                 )
         offset = given[SYNCHRONISATION_OFFSET]
         if rig.motion is None and (offset.free.any() or offset.values.any()):

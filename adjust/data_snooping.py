@@ -136,9 +136,10 @@ def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool
         else:
             return search
     raise InconsistentBlockError(
-        f"After {adjuster.options.most_passes} passes of rejection there are still standardized residuals "
-        f"above {rule.critical_value}. σ0 of what is left: {_sigmas0(search.adjusted)}. σ of a group far "
-        "above 1 are stated too small; if none is, the critical value is too small."
+        f"After {adjuster.options.most_passes} passes of rejection there are still standardized "
+        f"residuals above {rule.critical_value}. σ0 of what is left: {_sigmas0(search.adjusted)}. If σ0 "
+        "of a group is far above 1, its stated σ are too small; otherwise the critical value is too "
+        "small."
     )
 
 

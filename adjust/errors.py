@@ -15,7 +15,7 @@ class AdjustmentError(Exception):
 
 @dataclass
 class InconsistentBlockError(AdjustmentError):
-    """The block contradicts itself: an index out of range, a shape or a value that cannot be."""
+    """The block contradicts itself: an index out of range, or an impossible shape or value."""
 
     message: str
 
@@ -46,8 +46,8 @@ class DatumDefectError(AdjustmentError):
             (
                 f"The normal equations have a rank defect of {self.defect}.",
                 *self.explanation,
-                "Add observations that fix them, or hold the parameters named.",
-                *(("A free network takes movements of the whole block from the approximate values.",))
+                "Add observations that determine them, or hold the named parameters fixed.",
+                *(("In a free network, the approximate values fix movements of the whole block.",))
                 * self.of_block,
             )
         )
@@ -72,7 +72,7 @@ class DivergenceError(AdjustmentError):
         history = ", ".join(f"{value:.4g}" for value in self.weighted_squares)
         return (
             f"No convergence after {self.iterations} iterations (vPv {history}). "
-            f"The largest change is still at {self.largest}. "
+            f"The largest remaining change is at {self.largest}. "
             "Check the approximate values, units and angle conventions of the input."
         )
 
@@ -96,11 +96,11 @@ class AdditionalParametersError(AdjustmentError):
 
 @dataclass
 class UnknownNameError(AdjustmentError, KeyError):
-    """A name that is asked for does not exist.
+    """A name that is requested does not exist.
 
     Attributes
     ----------
-    message : what was asked for and what there is, sentences.
+    message : what was requested and what there is, sentences.
     known : the names that exist.
     """
 

@@ -90,7 +90,7 @@ def installed_extensions() -> tuple[Extension, ...]:
 
 
 class Extended(Mapping[str, _Value]):
-    """A register of what this program has and what extensions add; these are loaded when they are asked for.
+    """A register of what this program has and what extensions add; these are loaded when they are requested.
 
     Parameters
     ----------
@@ -114,7 +114,9 @@ class Extended(Mapping[str, _Value]):
         found = {item.name: item for item in installed_extensions() if item.kind == self._kind}
         for name, item in found.items():
             if name in self._own:
-                raise item.refused("has a name that aerocal uses itself. Uninstall it, or have it renamed.")
+                raise item.refused(
+                    "has a name that aerocal uses itself. Uninstall it, or ask its author to rename it."
+                )
         return found
 
     def __getitem__(self, name: str) -> _Value:

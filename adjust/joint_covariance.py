@@ -1,4 +1,4 @@
-"""Joint covariance matrix of any unknowns of an adjusted block, asked for by their names."""
+"""Joint covariance matrix of any unknowns of an adjusted block, requested by their names."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class JointCovariance:
 
     Attributes
     ----------
-    unknowns : the u unknowns, in the order in which they were asked for: images, parameters, object points.
+    unknowns : the u unknowns, in the order in which they were requested: images, parameters, object points.
         Centres and points in local axes; the small rotation of an image in its camera frame.
     matrix : (u, u), in the products of their units.
     sigma0 : the factor of the standard deviations that is in it.
@@ -90,7 +90,7 @@ def joint_covariance(
 
     Raises
     ------
-    UnknownNameError : a name does not exist, comes twice, or is of something that is no unknown.
+    UnknownNameError : a name does not exist, comes twice, or is of something that is not an unknown.
     """
     chosen, unknowns = _chosen(system, *names)
     with threadpool_limits(limits=1):
@@ -130,12 +130,13 @@ def _chosen(
     for j in at_points:
         if not system.active_point[j]:
             raise UnknownNameError(
-                f"The object point {block.points[j]!r} took no part in the adjustment: it has no covariance.",
+                f"The object point {block.points[j]!r} was not used in the adjustment, so it has no "
+                "covariance.",
                 tuple(name for name, active in zip(block.points, system.active_point, strict=True) if active),
             )
     columns = [column for name in _names("parameters", parameters) for column in _columns(block, name)]
     if len(set(columns)) < len(columns):
-        raise UnknownNameError(f"A parameter is asked for twice by {', '.join(parameters)}.")
+        raise UnknownNameError(f"A parameter is requested twice by {', '.join(parameters)}.")
     of_border = [Unknown(*item) for item in system.layout.border_names()]
     unknowns = (
         *(Unknown(name, block.events[i], unit) for i in at_images for name, unit in _OF_IMAGE),
@@ -177,7 +178,7 @@ def _columns(block: Block, name: str) -> list[int]:
         raise unknown_name("system parameter", name, _known(layout))
     if (found < 0).all():
         estimated = f"Estimated are: {', '.join(free)}." if free else "No system parameter is estimated."
-        held = f"{name!r} is held in this adjustment, so it has no covariance."
+        held = f"{name!r} is held fixed in this adjustment, so it has no covariance."
         raise UnknownNameError(f"{held} {estimated}", tuple(free))
     return [int(column) for column in found if column >= 0]
 

@@ -28,7 +28,7 @@ class Adjusted:
 
     Attributes
     ----------
-    system : unknowns and the observations that took part.
+    system : unknowns and the observations that were used.
     solution, quality, residuals : values, cofactors and residuals.
     history : the iterations of this adjustment and of those before it, oldest first.
     """
@@ -46,7 +46,7 @@ class Adjusted:
 
     @property
     def observations(self) -> Observations:
-        """The observations that took part."""
+        """The observations that were used."""
         return self.system.observations
 
     @property
@@ -104,7 +104,7 @@ class Adjuster:
     def with_other_rejections(
         self, before: Adjusted, observations: Observations, state: State | None = None
     ) -> Adjusted:
-        """Adjust after a few observations were rejected or came back, well enough to go on from there.
+        """Adjust after a few observations were rejected or came back, well enough to continue from there.
 
         One linear step does where it can, with new cofactors for the object points that have lost or gained
         something only. The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere, and where

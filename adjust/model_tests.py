@@ -31,7 +31,7 @@ _LEAST_PART = 0.5
 
 @dataclass(frozen=True)
 class RestoredGroup:
-    """A group of which so much was rejected that all of it took part in the tests.
+    """A group of which so much was rejected that all of it was used in the tests.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ModelTests:
     Attributes
     ----------
     tests : score statistics, for σ0 = 1.
-    restored : the groups whose rejected observations took part.
+    restored : the groups whose rejected observations were used.
     """
 
     tests: AlternativeTests

@@ -124,7 +124,7 @@ class Quantity:
     Attributes
     ----------
     name : of the component, e.g. ``boresight_roll``.
-    camera, flight, strip : what has it, None where it is of none; of a camera and a flight: it holds for the
+    camera, flight, strip : what has it, None where it is of none; of a camera and a flight: it applies to the
         camera in this flight alone. A flight without a name is empty.
     """
 
@@ -183,7 +183,7 @@ class ParameterPlace(NamedTuple):
 class ConsideredParameters:
     """System parameters that are held at values which are known with a covariance matrix only.
 
-    They are no unknowns, and their errors are part of what is said about everything else (Schmidt 1966).
+    They are not unknowns, and their errors are part of what is said about everything else (Schmidt 1966).
 
     Attributes
     ----------

@@ -55,9 +55,9 @@ class GroupResult:
     group : the observations as given (nothing rejected).
     residual : v = adjusted − observed, SI and radians.
     sigma : a-priori standard deviations; where variance components are estimated, those they give.
-    redundancy : redundancy numbers; NaN for what takes no part.
-    standardized : w for an a-priori σ0 of 1; NaN for what takes no part.
-    detectable : minimal detectable bias, SI and radians; NaN for what takes no part.
+    redundancy : redundancy numbers; NaN for what is not used.
+    standardized : w for an a-priori σ0 of 1; NaN for what is not used.
+    detectable : minimal detectable bias, SI and radians; NaN for what is not used.
     status : values of :class:`ObservationStatus`.
     weighted_squares : vᵀPv of the group.
     """
@@ -84,7 +84,7 @@ class GroupResult:
 
     @property
     def taking_part(self) -> ObservationGroup:
-        """The observations that took part, weighted as in the adjustment."""
+        """The observations that were used, weighted as in the adjustment."""
         took_part = np.isin(self.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED))
         return self.group.without(np.asarray(~took_part.any(axis=1)))
 
@@ -151,16 +151,16 @@ class AdjustmentResult:
     groups : residuals of every group, image points first.
     iterations : of every pass, the last one is the final, non-robust adjustment.
     rejected_per_pass : number of observations each pass rejected.
-    active_point : (m,) whether the object point took part.
+    active_point : (m,) whether the object point was used.
     datum : what fixes the block in space.
     system, solution : the last adjustment, of what was not rejected, with its factorised normal equations.
-    variance_components : of every part of the observations; empty where none were asked for.
+    variance_components : of every part of the observations; empty where none were requested.
     reweighted : how often the block was adjusted with changed weights.
     given_up : indices of object points that were taken out because the wrong one of their observations
-        cannot be told, or because too few are left.
+        cannot be determined, or because too few are left.
     taken_back : number of observations that had been rejected and fit in the end.
     left_out_singly : control points from the adjustment without each; None where there are no control points.
-    left_out_by_fold : control points from the adjustment without their fold; None where not asked for.
+    left_out_by_fold : control points from the adjustment without their fold; None where not requested.
     joint_cofactor : of the object points for which it was asked; None without any, and where approximate
         values carry part of the datum: coordinates then mean nothing.
     correlation_times : of the groups with errors correlated over time; empty where none were to be estimated.
@@ -192,7 +192,7 @@ class AdjustmentResult:
 
     @property
     def observations(self) -> Observations:
-        """The observations that took part, weighted as in the adjustment."""
+        """The observations that were used, weighted as in the adjustment."""
         return self.system.observations
 
     @property
@@ -219,7 +219,7 @@ class AdjustmentResult:
 
         Raises
         ------
-        UnknownNameError : a name does not exist, comes twice, or is of something that is no unknown.
+        UnknownNameError : a name does not exist, comes twice, or is of something that is not an unknown.
         """
         factor = self.sigma0 if sigma0 is None else sigma0
         return joint_covariance(

@@ -44,7 +44,7 @@ def sigma_of_images(result: AdjustmentResult) -> Floats:
 
 
 def sigma_of_points(result: AdjustmentResult) -> Floats:
-    """(m, 3) of every object point, local axes, m; NaN for those that took no part."""
+    """(m, 3) of every object point, local axes, m; NaN for those that were not used."""
     return _sigma(result, with_considered(result.cofactor, result.sigma0).of_points)
 
 

@@ -1,7 +1,7 @@
 """Rigs: several heads on one body, which take the pictures of an event together.
 
 The unknowns of an event are one pose, that of the camera frame of its reference head: (X_e, R_e). Head h
-stands at t_h and is turned by M_h, both in the camera frame of the reference head,
+is at t_h and is turned by M_h, both in the camera frame of the reference head,
 
     R_c = R_e D M_h,    X0 = X_e + R_e (v τ_h + D t_h),    M_h = T_rᵀ R(ρ_h) T_h,    t_h = T_rᵀ p_h
 

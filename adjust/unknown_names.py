@@ -1,4 +1,4 @@
-"""Names that are asked for and do not exist: what does exist is said in words."""
+"""Names that are requested and do not exist: what does exist is said in words."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class NamedValues(dict[str, _Value]):
 
     what: str = "family of system parameters"
     remedy: str = (
-        "A family is part of the result where the block has it; give it to the block as SystemParameters, "
+        "The result contains a family only if the block does; give it to the block as SystemParameters, "
         "held or free."
     )
 
@@ -54,11 +54,11 @@ def unknown_name(what: str, name: object, known: Collection[str], remedy: str = 
 
 
 def places_of(what: str, wanted: Collection[str], known: Mapping[str, int]) -> list[int]:
-    """Indices of names, in the order in which they are asked for.
+    """Indices of names, in the order in which they are requested.
 
     Raises
     ------
-    UnknownNameError : for the first name that does not exist, or is asked for twice.
+    UnknownNameError : for the first name that does not exist, or is requested twice.
     """
     found: dict[int, None] = {}
     for name in wanted:

@@ -86,7 +86,7 @@ class Weighted:
         )
 
     def changed(self, adjuster: Adjuster, step: Floats) -> Weighted:
-        """Adjusted anew with the standard deviations of the parts multiplied by (parts,) factors."""
+        """Adjusted again with the standard deviations of the parts multiplied by (parts,) factors."""
         before = self.search.adjusted
         adjusted = adjuster.again(before, reweighted(before.observations, self.parts, step))
         given = reweighted(self.search.given, self.parts, step)
@@ -158,8 +158,8 @@ def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:
         found = found.changed(adjuster, step)
     worst = found.parts[int(np.argmax(np.abs(np.log(step))))]
     raise InconsistentBlockError(
-        f"The variance components do not settle within {_MOST_ROUNDS} rounds; that of {worst.name} still "
-        "changes. The block does not tell the errors of its groups apart: adjust it without them."
+        f"The variance components do not converge within {_MOST_ROUNDS} rounds; that of {worst.name} still "
+        "changes. The block cannot separate the errors of its groups: adjust it without variance components."
     )
 
 

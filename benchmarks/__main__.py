@@ -1,4 +1,4 @@
-"""The command ``python -m benchmarks``: see README.md beside this file."""
+"""The command ``python -m benchmarks``: see README.md next to this file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchmarks.workload import COMMANDS, GROWTH, RIGS, SELECTIONS, TRUST_MAPS, 
 
 
 def main() -> None:
-    """Run what was asked for, write the results and show them."""
+    """Run what was requested, write the results and show them."""
     options = _options()
     file: Path = options.results
     for record in _records(options):

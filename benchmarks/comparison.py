@@ -1,4 +1,4 @@
-"""Ours beside the peer: the same block, the same start, alternating runs, the same final cost."""
+"""Ours next to the peer: the same block, the same start, alternating runs, the same final cost."""
 
 from __future__ import annotations
 

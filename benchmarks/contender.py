@@ -64,7 +64,7 @@ class Statistics(Estimate):
 
 
 def _peer(problem: Problem, threads: int) -> Contender:
-    # An extra: imported where it is asked for, and never in the process of another contender.
+    # An extra: imported where it is requested, and never in the process of another contender.
     from benchmarks.colmap import Peer
 
     return Peer(problem, threads)

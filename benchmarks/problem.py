@@ -102,7 +102,7 @@ def block_of(problem: Problem) -> tuple[Block, Observations]:
     """The problem as ``adjust`` takes it; every system parameter is held."""
     n = len(problem.projection_centre)
     c, x0, y0 = (float(value) for value in problem.interior)
-    # The format takes no part in an adjustment; any that holds all image points will do.
+    # The format is not used in an adjustment; any that holds all image points will do.
     camera = FrameCamera("camera", 10_000, 10_000, 1e-5, c, (x0, y0), "corner", 0)
     held = np.zeros((1, 3), dtype=bool)
     system = tuple(

@@ -1,4 +1,4 @@
-"""The trust map of a million cells, beside the adjustment of the same block with all of its statistics.
+"""The trust map of a million cells, next to the adjustment of the same block with all of its statistics.
 
 Each size is measured in a process of its own: ``python -m benchmarks.trust_map PROBLEM`` prints processor
 seconds and memory as one line of JSON.

@@ -1,4 +1,4 @@
-"""Errors a user can mend, and suspicions a user should see.
+"""Errors that a user can correct, and warnings.
 
 An :class:`InputError` ends a run with exit code 2 and one message: file, line, entity, what is
 wrong, what to do. A :class:`Problem` does not end the run; it is shown first in every report.
@@ -43,7 +43,7 @@ class InputError(AerocalError):
     ----------
     what : what is wrong, a sentence.
     remedy : what to do about it, a sentence.
-    file : the file it stands in, None if it is not about one file.
+    file : the file it is in, None if it is not about one file.
     line : 1-based line of that file.
     entity : the image, point, camera or key concerned.
     declare : ``key = value`` in the table of the input that is read, with which it could be read; only where

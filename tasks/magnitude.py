@@ -1,7 +1,7 @@
-"""Magnitudes that numbers of settings and deliveries can have.
+"""Plausible magnitudes of numbers in settings and deliveries.
 
-Far wider than anything that is measured: what lies outside is a slip of unit or typing, and would come out of
-the computation as an overflow, or as a matrix that has no inverse.
+Far wider than anything that is measured: what lies outside is a mistake of unit or typing, and would come out
+of the computation as an overflow, or as a matrix that has no inverse.
 """
 
 from __future__ import annotations
@@ -25,5 +25,8 @@ def trouble_in_number(value: float) -> str | None:
     if not math.isfinite(value):
         return f"The number {value} is not finite."
     if value != 0.0 and not _TINY <= abs(value) <= HUGE:
-        return f"The number {value:g} is no quantity: too {'large' if abs(value) > HUGE else 'small'}."
+        return (
+            f"The number {value:g} is not possible for a quantity: too "
+            f"{'large' if abs(value) > HUGE else 'small'}."
+        )
     return None

@@ -1,4 +1,4 @@
-"""The known name that is most like a misspelt one, for error messages."""
+"""The known name most similar to a misspelt one, for error messages."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A remedy that names the nearest known name, or some of them when nothing is alike."""
     names = list(known)
     if not names:
-        return "There is none to choose from."
+        return "There are none."
     like = nearest(name, names)
     if like is not None:
         return f"Did you mean '{like}'?"
     shown = ", ".join(f"'{candidate}'" for candidate in names[:_SHOWN])
-    return f"Known are: {shown}{', …' if len(names) > _SHOWN else ''}."
+    return f"Known names: {shown}{', …' if len(names) > _SHOWN else ''}."

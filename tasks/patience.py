@@ -1,4 +1,4 @@
-"""Trying again: after which pauses, and for how long; one policy for whatever may be away for a while."""
+"""Retries: pauses and duration; one policy for everything that may be temporarily unavailable."""
 
 from __future__ import annotations
 

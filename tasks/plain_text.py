@@ -1,4 +1,4 @@
-"""Texts that people can read as they stand: names in deliveries, and messages that quote them.
+"""Safe plain text: names from deliveries, and messages that quote them.
 
 Names are kept verbatim, whatever letters they have. Refused are characters nobody sees: control characters
 (a terminal obeys them), marks that turn the direction of the text around them, line separators, and what is
@@ -36,7 +36,7 @@ def trouble_in(text: str, longest: int = LONGEST_NAME) -> str | None:
     unseen = _UNSEEN.search(text)
     if unseen is None:
         return None
-    return f"The name {quoted(text)} has a character that cannot be seen (U+{ord(unseen.group()):04X})."
+    return f"The name {quoted(text)} contains an invisible character (U+{ord(unseen.group()):04X})."
 
 
 def is_blank(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""The vocabulary of quantities: unit, words, digits and axes of system parameters, one row for each kind.
+"""The vocabulary of quantities: unit, wording, digits and axes of system parameters, one row for each kind.
 
 Which parameters there are, in SI, is said by `adjust.parameters`; what tables, settings and people call them
 is said here. Text is made from a quantity and never read back: whoever needs its kind or axis looks it up.
@@ -70,7 +70,7 @@ def with_unit(number: object, unit: str) -> str:
 
 
 def written_sigma(value: float, unit: str) -> str:
-    """A standard deviation with its unit, in the size people speak of: µm, °, cm, ms."""
+    """A standard deviation with its unit, in the size people refer to: µm, °, cm, ms."""
     name, factor, _ = shown(unit, "sigma")
     if name == "°":
         return f"{np.format_float_positional(value, precision=2, fractional=False, trim='-')}°"
@@ -145,7 +145,9 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "lever_arm", LEVER_ARM, "m", "lever arm",
-            caption="Lever arm from the projection centre to the point the positions are of, body axes",
+            caption=
+                "Lever arm from the projection centre to the point to which the positions refer, "
+                "body axes",
             axes=("forward", "right", "down"), symbols=("l x", "l y", "l z"), short="lever arm",
             sigma_limits=("lever_arm_m",), observed_by="gnss", needs_headings=True,
         ),
@@ -176,7 +178,9 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "relative_position", RELATIVE_POSITION, "m", "relative position of each head of a rig",
-            caption="Position of the heads against the projection centre of the reference head, body axes",
+            caption=
+                "Position of the heads relative to the projection centre of the reference head, body "
+                "axes",
             axes=("forward", "right", "down"), symbols=("t x", "t y", "t z"), short="relative position",
             more="flights at different heights",
         ),
@@ -283,7 +287,7 @@ def entity_words(name: str, entity: str) -> str:
 
 
 def named(name: str, entity: str) -> str:
-    """A quantity in sentences that speak of settings: ``gnss_shift_x of 1``."""
+    """A quantity in sentences that refer to settings: ``gnss_shift_x of 1``."""
     return f"{name} of {entity}"
 
 

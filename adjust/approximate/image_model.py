@@ -166,7 +166,7 @@ def _begun(measured: MeasuredImages, pair: PairModel) -> ImageModel:
 
 
 def _intersected(measured: MeasuredImages, model: ImageModel, limit_px: float) -> ImageModel:
-    """The model with its points intersected anew; those whose rays miss each other by more are not in it."""
+    """The model with its points intersected again; those whose rays miss each other by more are not in it."""
     part = measured.only(model.oriented)
     nothing = np.zeros((measured.points, 3))
     found = intersect(

@@ -27,7 +27,7 @@ _WIDE = np.deg2rad(15.0)
 _NARROW = np.deg2rad(1.0)
 # An object is taken for plane if a homography suits so large a part of what a relative orientation suits.
 _PLANE = 0.8
-# Pairs with the most common points that are looked at.
+# Pairs with the most common points that are checked.
 _CANDIDATES = 40
 
 
@@ -73,7 +73,7 @@ def pairs_by_common_points(measured: MeasuredImages, allowed: Bools) -> Ints:
 
 
 def pair_models(measured: MeasuredImages, one: int, other: int) -> Iterator[PairModel]:
-    """The relative orientations that the common points of two images allow, likeliest first."""
+    """The relative orientations that the common points of two images allow, most likely first."""
     rays = measured.rays
     first, second = measured.rows_of_image[one], measured.rows_of_image[other]
     _, k, q = np.intersect1d(rays.point[first], rays.point[second], return_indices=True)

@@ -10,7 +10,7 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 
-# From so many points on, it can be told which of them are wrong.
+# From so many points on, it can be determined which of them are wrong.
 _JUDGED = 6
 # Triples of points that are tried at most.
 _TRIALS = 500

@@ -84,7 +84,7 @@ def flight_pattern(heading: Floats, height: Floats, strip: Ints) -> FlightPatter
         If there is no exposure, or a heading or height is not finite or a height not positive.
     """
     if len(heading) == 0:
-        raise InconsistentBlockError("There is no exposure whose flight direction could be recognised.")
+        raise InconsistentBlockError("No flight direction could be recognised from the exposures.")
     if not (np.isfinite(heading).all() and np.isfinite(height).all() and np.all(height > 0.0)):
         raise InconsistentBlockError("A heading or a height above ground is missing or not positive.")
     units = [unit for number in np.unique(strip) for unit in _units(heading, np.flatnonzero(strip == number))]
@@ -169,7 +169,7 @@ def _cut_level(height: Floats) -> Bools:
 
 
 def _from(order: Ints, first: int) -> Bools:
-    """The members (k,) that stand in an order at a place or after it."""
+    """The members (k,) that are in an order at a place or after it."""
     chosen = np.zeros(len(order), dtype=bool)
     chosen[order[first:]] = True
     return chosen

@@ -43,7 +43,7 @@ class IndicatedLeverArms:
     ----------
     value : (c, 3) forward, right, down, metres.
     sigma : (c, 3) their standard deviations for the given weights, at least; metres, large where a component
-        cannot be told from the shift.
+        cannot be separated from the shift.
     """
 
     value: Floats
@@ -132,7 +132,7 @@ def _of_others(group: ObservationGroup) -> ObservationGroup:
 
 
 def _taking_part(item: GroupResult) -> ObservationGroup:
-    """The observations that took part; positions also if they were rejected by the dozen."""
+    """The observations that were used; positions also if they were rejected by the dozen."""
     status = item.status
     left_out = np.isin(status, (ObservationStatus.REJECTED, ObservationStatus.NOT_USED)).all(axis=1)
     if isinstance(item.group, GnssPositions) and item.rejected > _MOST_REJECTED * len(status):

@@ -1,11 +1,11 @@
 """Which strips were flown with one mounting of the camera, and which with another.
 
 A camera is taken out and put back between flights, so flights are compared first: their boresights by the
-t-test, their lever arms in plan by the F-test beside a GNSS shift of each flight (`strip_offsets`), both with
-the scatter of the strips. Within a flight a mount can slip: the strips before and behind every strip are
-compared alike. Flights may have no names: strips that fall apart into two clusters, whichever they are, are
-divided (`clusters`). Single strips are found by the test of Rosner (1983). Each of the four has a quarter of
-the error probability.
+t-test, their lever arms in plan by the F-test in addition to a GNSS shift of each flight (`strip_offsets`),
+both with the scatter of the strips. Within a flight a mount can slip: the strips before and behind every
+strip are compared alike. Flights may have no names: strips that fall apart into two clusters, whichever they
+are, are divided (`clusters`). Single strips are found by the test of Rosner (1983). Each of the four has a
+quarter of the error probability.
 
 Significant is not enough. Between flights and clusters the difference must exceed what the calibration has to
 keep, for less would not change what is certified. Before and behind a strip, and of single strips, it must

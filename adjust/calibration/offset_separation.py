@@ -38,9 +38,10 @@ class OffsetSeparation:
     Attributes
     ----------
     verdict : ``body``: of a lever arm; ``map``: of a shift; ``both``; ``neither``: there is no offset;
-        ``undecided``: there is one, and it cannot be told which.
-    tests : by what is tested: ``offset`` (anything at all), ``lever_arm`` (beside a shift), ``shift`` (beside
-        a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (beside a
+        ``undecided``: there is one, and it cannot be determined which.
+    tests : by what is tested: ``offset`` (anything at all), ``lever_arm`` (next to a shift), ``shift``
+    (beside
+        a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (next to a
         shift of each flight), ``roll_by_flight`` … ``yaw_by_mounting``.
     lever_arm, shift : (2,) forward, right and east, north, metres, estimated together; the shift is that of
         all flights. NaN where the headings do not separate them.
@@ -114,7 +115,7 @@ def _verdict(tests: Mapping[str, NestedTest]) -> Verdict:
     }
     separable = tests["lever_arm"].testable and tests["shift"].testable
     if not separable:
-        # Shifts that differ from flight to flight say nothing about a lever arm beside them.
+        # Shifts that differ from flight to flight say nothing about a lever arm in addition.
         return "neither" if tests["offset"].testable and not significant["offset"] else "undecided"
     if significant["lever_arm"] and significant["shift"]:
         return "both"

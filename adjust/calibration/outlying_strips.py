@@ -12,7 +12,7 @@ from scipy import special
 
 from adjust.arrays import Bools, Floats
 
-#: Strips below which one outlier cannot be told from the scatter.
+#: Strips below which one outlier cannot be separated from the scatter.
 LEAST_STRIPS = 5
 
 

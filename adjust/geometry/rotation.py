@@ -214,7 +214,7 @@ def from_roll_pitch_yaw(angles: Floats) -> Floats:
 def roll_pitch_yaw_jacobian(angles: Floats) -> Floats:
     """E (..., 3, 3) with R_B(b + db) = exp(E db) R_B(b), b = roll, pitch, yaw in radians.
 
-    The small rotation stands on the left: it is expressed in the axes of the inertial unit.
+    The small rotation is on the left: it is expressed in the axes of the inertial unit.
     """
     angles = np.asarray(angles, dtype=np.float64)
     yaw = about_z(angles[..., 2])

@@ -58,7 +58,7 @@ def predicted_rms(errors: Sensitivity, own_variance: Floats) -> PredictedRms:
     by_sources = errors.variance()
     trace = float(by_sources.sum() + own_variance.sum())
     if q == 0 or not trace > 0.0:
-        raise ValueError("There is nothing to predict a root mean square of.")
+        raise ValueError("There is no quantity for which a root mean square could be predicted.")
     trace_of_square = float(
         errors.trace_of_square() + 2.0 * own_variance @ by_sources + own_variance @ own_variance
     )
@@ -78,7 +78,7 @@ def rms_of_covariance(covariance: Floats) -> PredictedRms:
     """
     q, trace = len(covariance), float(np.trace(covariance))
     if q == 0 or not trace > 0.0:
-        raise ValueError("There is nothing to predict a root mean square of.")
+        raise ValueError("There is no quantity for which a root mean square could be predicted.")
     return PredictedRms(
         float(np.sqrt(trace / q)),
         trace**2 / float(np.sum(covariance**2)),

@@ -21,7 +21,7 @@ from adjust.georeferencing.y_parallax import YParallaxes
 
 #: Elements of a relative orientation.
 ELEMENTS = 5
-# With fewer points above the five elements an error cannot be told from the others.
+# With fewer points above the five elements an error cannot be separated from the others.
 _LEAST_REDUNDANCY = 3
 _UNCONTROLLED = 0.1
 _MOST_ROUNDS = 50

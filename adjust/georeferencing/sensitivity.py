@@ -32,7 +32,7 @@ class Sensitivity:
     strips : (q, 6 s) errors common to strips.
     parameters : (q, k) system parameters in their own units.
     factor : (k, k) L; L Lᵀ is the part of their covariance that is independent of all else.
-    survey : (q, 3 c) surveyed coordinates that took part in the calibration; None: there are none.
+    survey : (q, 3 c) surveyed coordinates that were used in the calibration; None: there are none.
     taken : (k, 6 n + 6 s + 3 c) what the parameters take from images, strips and survey, or (k, 0): nothing.
     """
 

@@ -1,4 +1,4 @@
-"""Orientations fitted anew to a program that takes the map as Cartesian.
+"""Orientations refitted to a program that takes the map as Cartesian.
 
 Every image has a grid of ideal image points and, for each, where it really sees the ground, in map
 coordinates. The six elements of its orientation, and where the program takes our camera one focal length and
@@ -29,7 +29,7 @@ _AT_ONCE = 500
 
 @dataclass(frozen=True)
 class Freed:
-    """What is fitted beside the orientations, one value for each camera."""
+    """What is fitted in addition to the orientations, one value for each camera."""
 
     focal_length: bool = False
     radial: bool = False
@@ -105,7 +105,7 @@ def _step(
     n, cameras = len(camera), int(camera.max()) + 1
     columns = freed.columns
     d = len(columns)
-    scale = np.array([1.0, 1e3])[columns]  # metres beside a number of 1e-4
+    scale = np.array([1.0, 1e3])[columns]  # metres compared with a number of 1e-4
     own, eliminated = np.zeros((n, 6)), np.zeros((n, 6, d))
     normal, right = np.zeros((cameras, d, d)), np.zeros((cameras, d))
     for first in range(0, n, _AT_ONCE):

@@ -7,7 +7,7 @@ Which neighbours are meant is not printed in the certificate of the DMC (2010) t
 eight around a pixel, five are defects in a double column, and their median would hide it; so the median of
 the 7 × 7 pixels around is taken, without those that are defects themselves.
 
-A column with more than 12 defect pixels is defective; columns beside each other count as one that is double.
+A column with more than 12 defect pixels is defective; columns side by side count as one that is double.
 Defect pixels outside of columns that touch each other, also at corners, are a cluster.
 """
 
@@ -28,7 +28,7 @@ from adjust.arrays import Bools, Ints
 MARGIN = 3
 _SIDE = 2 * MARGIN + 1
 _ROUNDS = 4
-#: Columns that a protocol allows beside each other in one defect column.
+#: Columns that a protocol allows side by side in one defect column.
 DOUBLE = 2
 _AT_ONCE = 100_000
 
@@ -60,7 +60,7 @@ def _beyond(grey: Image, around: Image, limit: float, relative: bool) -> Bools:
 
 
 def _suspects(image: Image, limit: float, relative: bool) -> Bools:
-    """Pixels that deviate from one of four beyond the widest defect column; who does not is no defect."""
+    """Pixels that deviate from one of four beyond the widest defect column; who does not is not a defect."""
     found = np.zeros(image.shape, dtype=bool)
     for axis in (0, 1):
         near = image[MARGIN:] if axis == 0 else image[:, MARGIN:]
@@ -74,7 +74,7 @@ def _suspects(image: Image, limit: float, relative: bool) -> Bools:
 
 
 def _around(image: Image, found: Bools, places: Ints) -> Image:
-    """Median (k,) of the pixels around places (k, 2) that are no defects; of all if there are no others."""
+    """Median (k,) of the pixels around places (k, 2) that are not defects; of all if there are no others."""
     sound = np.pad(np.where(found, np.nan, image), MARGIN, constant_values=np.nan)
     window, middle = np.arange(_SIDE), _SIDE * _SIDE // 2
     median: Image = np.empty(len(places), dtype=np.float32)
@@ -110,7 +110,7 @@ class Defects:
 
     @property
     def widths(self) -> Ints:
-        """(m,) number of columns beside each other."""
+        """(m,) number of columns side by side."""
         return np.asarray(self.columns[:, 3] - self.columns[:, 1] + 1)
 
     @property

@@ -131,7 +131,7 @@ class _State:
         return float(self.residual @ self.residual)
 
     def stepped(self, damping: float) -> Floats:
-        """The unknowns after a step, damped in the manner of Levenberg and Marquardt."""
+        """The unknowns after a step, damped following Levenberg and Marquardt."""
         normal = self.design.T @ self.design
         normal[np.diag_indices(len(normal))] *= 1.0 + damping
         values = self.values + np.linalg.lstsq(normal, self.design.T @ self.residual, rcond=None)[0]
@@ -175,7 +175,7 @@ class Straightness:
 
     @property
     def bend(self) -> float:
-        """How far the middle lies beside the line through the ends, px, of a parabola through the slices."""
+        """How far the middle lies from the line through the ends, px, of a parabola through the slices."""
         half = 0.5 * float(np.ptp(self.along)) or 1.0
         coefficients = np.polynomial.polynomial.polyfit(self.along / half, self.shift, 2, w=1.0 / self.sigma)
         return float(abs(coefficients[2]))

@@ -28,7 +28,7 @@ _SOFTEST = 2.5
 _CROSSED, _FROM_DIAGONAL = 1.0, np.deg2rad(2.0)
 
 Refusal = Literal[
-    "beside the image", "not adjusted", "slant", "low contrast", "texture", "not straight", "soft"
+    "outside the image", "not adjusted", "slant", "low contrast", "texture", "not straight", "soft"
 ]
 
 
@@ -57,10 +57,10 @@ class MeasuredEdge:
 def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
     """Adjust an edge found in an image (rows, columns), or say why it is none to measure with."""
     if not _inside(grey.shape, line):
-        return "beside the image"
+        return "outside the image"
     samples = samples_of(grey, line)
     if not np.isfinite(samples_of(grey, line, LEVELS_TO).grey).all():
-        return "beside the image"
+        return "outside the image"
     fit = fit_edge(samples)
     turned = abs(fit.angle - line.angle)
     if not fit.converged or abs(fit.values[OFFSET]) > _MOVED or turned > _TURNED or fit.contrast <= 0.0:
@@ -81,7 +81,7 @@ def measured_edge(grey: NDArray[Any], line: EdgeLine) -> MeasuredEdge | Refusal:
 
 
 def _inside(shape: tuple[int, ...], line: EdgeLine) -> bool:
-    """Whether all pixels beside the edge are in the image."""
+    """Whether all pixels next to the edge are in the image."""
     sine, cosine = abs(np.sin(line.angle)), abs(np.cos(line.angle))
     half_width = LEVELS_TO * cosine + 0.5 * line.length * sine
     half_height = LEVELS_TO * sine + 0.5 * line.length * cosine

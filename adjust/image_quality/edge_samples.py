@@ -74,7 +74,7 @@ class EdgeSamples:
 
 
 def samples_of(grey: Floats, line: EdgeLine, reach: float = REACH) -> EdgeSamples:
-    """The pixels of a window (rows, columns) no farther than `reach` from an edge and beside its length."""
+    """The pixels of a window (rows, columns) no farther than `reach` from an edge and next to its length."""
     rows, columns = _box(grey.shape, line, reach)
     row, column = np.meshgrid(rows - line.row, columns - line.column, indexing="ij")
     across = column * np.cos(line.angle) + row * np.sin(line.angle)
@@ -85,7 +85,7 @@ def samples_of(grey: Floats, line: EdgeLine, reach: float = REACH) -> EdgeSample
 
 
 def _box(shape: tuple[int, ...], line: EdgeLine, reach: float) -> tuple[Ints, Ints]:
-    """Rows and columns of the window that the pixels beside an edge lie in; at least one of each."""
+    """Rows and columns of the window that the pixels next to an edge lie in; at least one of each."""
     sine, cosine = abs(np.sin(line.angle)), abs(np.cos(line.angle))
     half_width = reach * cosine + 0.5 * line.length * sine
     half_height = reach * sine + 0.5 * line.length * cosine

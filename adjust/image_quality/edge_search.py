@@ -79,7 +79,7 @@ class EdgeSearch:
             if self._take(found, line, first_row):
                 self._taken.flat[cell] += 1
             else:
-                self._tried.flat[cell] += found != "beside the image"
+                self._tried.flat[cell] += found != "outside the image"
 
     def search_given(self, grey: NDArray[Any], noise: float, first_row: int, given: GivenEdges) -> None:
         """Measure the edges of a strip that are given, and the nearest one to each point that is given.

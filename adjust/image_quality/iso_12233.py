@@ -1,4 +1,4 @@
-"""Spatial frequency response of slanted edges in the manner of ISO 12233 (edge-based SFR).
+"""Spatial frequency response of slanted edges following ISO 12233 (edge-based SFR).
 
 The pixels are projected along the edge into bins of a quarter pixel and averaged; the derivative by central
 differences is multiplied by a window and transformed. The average over a bin and the difference over

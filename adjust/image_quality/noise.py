@@ -35,7 +35,7 @@ def masked(grey: NDArray[Any]) -> Floats:
 def noise_of(grey: NDArray[Any]) -> float:
     """Standard deviation of the noise of an image (rows, columns), grey values; NaN if it is too small.
 
-    Pixels that are NaN take no part. In an image of whole grey values the quantisation is a part of it.
+    Pixels that are NaN are not used. In an image of whole grey values the quantisation is a part of it.
     """
     if min(grey.shape) < 3:
         return float("nan")

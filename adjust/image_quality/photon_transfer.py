@@ -32,7 +32,7 @@ class PhotonTransfer:
     Attributes
     ----------
     signal, variance : (m,) mean above the dark level and variance of a pixel, grey values.
-    used : (m,) whether the level takes part in the line.
+    used : (m,) whether the level is used in the line.
     gain, sigma_gain : electrons for one grey value.
     read_noise, sigma_read_noise : electrons.
     full_well : electrons at the largest variance; None if the variance still rises at the last level.

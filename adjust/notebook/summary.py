@@ -13,7 +13,7 @@ from adjust.result_columns import parameter_rows
 if TYPE_CHECKING:
     from adjust.result import AdjustmentResult
 
-# So many parameters are shown; a table of hundreds is no summary.
+# So many parameters are shown; a table of hundreds is not a summary.
 _SHOWN = 30
 
 

@@ -52,7 +52,7 @@ def _images(result: AdjustmentResult) -> pd.DataFrame:
 
 
 def _points(result: AdjustmentResult) -> pd.DataFrame:
-    """Object points and their σ, m; missing for those that took no part."""
+    """Object points and their σ, m; missing for those that were not used."""
     sigma = sigma_of_points(result)
     found = pd.DataFrame({"point": result.block.points})
     for k, axis in enumerate(_AXES):

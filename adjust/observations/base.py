@@ -73,7 +73,7 @@ class StochasticModel:
     ----------
     whitener : (n, m, m) W with Wᵀ W = P, the weight matrix of each observation by itself (a-priori σ0 = 1).
         Rows and columns of absent components are zero.
-    present : (n, m) which components were observed and take part.
+    present : (n, m) which components were observed and are used.
     sigma : (n, m) a-priori standard deviations; NaN where never observed.
     over_time : how the errors are correlated over time; None: not at all.
     """
@@ -144,9 +144,7 @@ class StochasticModel:
         InconsistentBlockError : if an observation has some of its components only.
         """
         if np.any(self.taking_part & ~self.present.all(axis=1)):
-            raise InconsistentBlockError(
-                "An observation with errors correlated over time must have all its components."
-            )
+            raise InconsistentBlockError("An observation with errors correlated over time must be complete.")
         return replace(self, over_time=over_time)
 
     def with_correlation_time(self, seconds: float) -> Self:
@@ -157,12 +155,12 @@ class StochasticModel:
 
     @cached_property
     def neighbours(self) -> Neighbours | None:
-        """Who follows whom among the observations that take part; None without correlation over time."""
+        """Who follows whom among the observations that are used; None without correlation over time."""
         return None if self.over_time is None else self.over_time.neighbours(self.taking_part)
 
     @property
     def taking_part(self) -> Bools:
-        """(n,) observations of which any component takes part."""
+        """(n,) observations of which any component is used."""
         return np.asarray(self.present.any(axis=1))
 
     def standardized(self, vectors: Floats) -> Floats:
@@ -175,7 +173,7 @@ class StochasticModel:
         return alone if neighbours is None else neighbours.combined(neighbours.whitening, alone)
 
     def unwhitened(self, white: Floats) -> Floats:
-        """Errors (n, m) whose whitened values are given; zero for what takes no part."""
+        """Errors (n, m) whose whitened values are given; zero for what is not used."""
         alone = np.where(self.present, white, 0.0)
         if self.neighbours is not None:
             alone = self.neighbours.correlated(alone)
@@ -189,7 +187,7 @@ class StochasticModel:
         return np.asarray(np.einsum("nji,nj->ni", self.whitener, alone))
 
     def weight_diagonal(self, observations: Ints | None = None) -> Floats:
-        """Diagonal (k, m) of P of some observations (k,), None: of all; zero for what takes no part."""
+        """Diagonal (k, m) of P of some observations (k,), None: of all; zero for what is not used."""
         rows = slice(None) if observations is None else observations
         alone: Floats = np.sum(self.whitener[rows] ** 2, axis=1)
         return alone if self.neighbours is None else self.neighbours.weights.own[rows, None] * alone

@@ -8,7 +8,7 @@ and after (a),
     T_ii = 1/(1 − φ_b²) + φ_a²/(1 − φ_a²),    T_ib = −φ_b/(1 − φ_b²),    T_ia = −φ_a/(1 − φ_a²)
 
 and T = DᵀD with the bidiagonal D that makes the errors white: row i holds 1/√(1 − φ_b²) for itself and
-−φ_b/√(1 − φ_b²) for the one before. Where there is no neighbour φ is 0. What takes no part is skipped:
+−φ_b/√(1 − φ_b²) for the one before. Where there is no neighbour φ is 0. What is not used is skipped:
 its neighbours become each other's, with the times between them added up.
 """
 
@@ -36,16 +36,16 @@ class Stencil:
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """Every observation between the nearest ones of its strip that take part.
+    """Every observation between the nearest ones of its strip that are used.
 
-    One that takes no part has neighbours, too: those it would have if it did.
+    One that is not used has neighbours, too: those it would have if it did.
 
     Attributes
     ----------
     before, after : (n,) indices; an observation's own index where there is none.
     of_before, of_after : (n,) correlations φ with them, 0 where there is none.
     free_of_before, free_of_after : (n,) 1 − φ².
-    sequence : (k,) those that take part, strip by strip in the order of time.
+    sequence : (k,) those that are used, strip by strip in the order of time.
     """
 
     before: Ints
@@ -58,20 +58,20 @@ class Neighbours:
 
     @cached_property
     def taking_part(self) -> Bools:
-        """(n,) the observations that take part."""
+        """(n,) the observations that are used."""
         mask = np.zeros(len(self.before), dtype=bool)
         mask[self.sequence] = True
         return mask
 
     @cached_property
     def whitening(self) -> Stencil:
-        """Rows of D; zero for what takes no part."""
+        """Rows of D; zero for what is not used."""
         scale = np.where(self.taking_part, 1.0 / np.sqrt(self.free_of_before), 0.0)
         return Stencil(scale, -self.of_before * scale, np.zeros_like(scale))
 
     @cached_property
     def weights(self) -> Stencil:
-        """Rows of T; for what takes no part the row it would have if it did."""
+        """Rows of T; for what is not used the row it would have if it did."""
         return Stencil(
             1.0 / self.free_of_before + self.of_after**2 / self.free_of_after,
             -self.of_before / self.free_of_before,
@@ -79,7 +79,7 @@ class Neighbours:
         )
 
     def weights_derivative(self, before: Floats, after: Floats) -> Stencil:
-        """Rows of dT for changes (n,) of φ towards the neighbours; zero for what takes no part."""
+        """Rows of dT for changes (n,) of φ towards the neighbours; zero for what is not used."""
         before, after = (np.where(self.taking_part, change, 0.0) for change in (before, after))
         return Stencil(
             2.0 * self.of_before * before / self.free_of_before**2
@@ -178,11 +178,11 @@ class GaussMarkov:
         return replace(self, correlation_time=seconds)
 
     def neighbours(self, taking_part: Bools) -> Neighbours:
-        """The neighbours of all observations among those (n,) that take part."""
+        """The neighbours of all observations among those (n,) that are used."""
         order = self._order
         place = np.arange(len(order))
         there = taking_part[order]
-        # Last place before, and first place after, that takes part; −1 and n for none.
+        # Last place before, and first place after, that is used; −1 and n for none.
         last = np.maximum.accumulate(np.where(there, place, -1))
         following = np.minimum.accumulate(np.where(there, place, len(order))[::-1])[::-1]
         earlier = np.concatenate([[-1], last[:-1]])[: len(order)]

@@ -1,6 +1,6 @@
 """The collinearity equations of one image point and their derivatives, compiled.
 
-Every other kernel calls this one, so the model stands in one place:
+Every other kernel calls this one, so the model is in one place:
 
     p = Rᵀ (X − X0),    u = −(p1, p2)/p3,    x̄ + Δ + v = c u + D
 
@@ -77,7 +77,7 @@ def linearize_ray(
     (·, 2, 3 + t) for c, x0, y0 and t additional parameters, and of_point (·, 2, 3), each multiplied by its
     1/σ. With heads (n, 3, 14) of a rig of_exterior is by the pose of the event, and of_system may have seven
     more columns for the head; None without a rig. ideal, slope and basis count from the image point ``base``;
-    one slope alone holds for all.
+    one slope alone applies to all.
 
     Whole arrays and the places in them are handed over: a slice for every ray would cost more than its
     equations, because slices count the references to their array.

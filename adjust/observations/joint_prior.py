@@ -22,7 +22,7 @@ class JointPrior:
     ----------
     source : what the values belong to, such as the name of a camera.
     components, units : names of the parameters, and the unit of each in the adjustment.
-    places : where they stand in the families.
+    places : where they are in the families.
     given : (1, m) given values, SI and radians, or the family's own units.
     stochastic : one observation of m components.
     """

@@ -118,7 +118,7 @@ def _summed(term: Term, columns: Floats) -> tuple[Ints, Floats]:
 
 
 def _present(group: ObservationGroup, equations: Linearization) -> Linearization:
-    """The equations with zeros for what takes no part."""
+    """The equations with zeros for what is not used."""
     present = group.stochastic.present
     if present.all():
         return equations

@@ -25,7 +25,7 @@ class Cofactor:
     Attributes
     ----------
     reduced : of exposures (with each other where they see common points) and system parameters.
-    of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that took no part.
+    of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that were not used.
     hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
     of_joins : (k, 3, 3) between the two object points of every join, local axes, m²; zero where one takes no
         part.

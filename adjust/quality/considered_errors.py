@@ -77,7 +77,7 @@ class ConsideredErrors:
         return errors @ np.swapaxes(errors, 1, 2)
 
     def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
-        """The same (n, 2, 2) of image points in units of their σ; zero for those that take no part."""
+        """The same (n, 2, 2) of image points in units of their σ; zero for those that are not used."""
         covariance = np.empty((len(rays.image), 2, 2))
         for first in range(0, len(covariance), _AT_ONCE):
             part = rays.only(np.arange(first, min(first + _AT_ONCE, len(covariance))))
@@ -88,7 +88,7 @@ class ConsideredErrors:
     def contradiction(self, members: Sequence[int], sigma0: float = 1.0) -> Contradiction:
         """Whether the block contradicts the values of some of the parameters, by their numbers."""
         chosen = list(members)
-        # In units of the σ, beside the others' errors.
+        # In units of the σ, compared with the others' errors.
         sigma = np.sqrt(np.diagonal(self.known.covariance)[chosen])
         normal, own = (
             sigma[:, None] * matrix[np.ix_(chosen, chosen)] * sigma for matrix in (self.information, self.own)

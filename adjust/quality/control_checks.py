@@ -74,7 +74,7 @@ class _Whitened:
     errors : (n, 3, k) of v by k independent errors in the considered parameters.
     jacobian : (n, 3, 3) with respect to the object point.
     unwhitener : (n, 3, 3) back to metres.
-    used : (n,) whether the point took part (and was not rejected).
+    used : (n,) whether the point was used (and was not rejected).
     known : (n,) whether its object point is an unknown of the adjustment.
     """
 
@@ -92,7 +92,7 @@ def leave_one_out(adjusted: Adjusted, given: ControlPoints, rejected: Bools) -> 
     Parameters
     ----------
     given : all control points with the weights of the adjustment.
-    rejected : (n,) those that took no part.
+    rejected : (n,) those that were not used.
     """
     whitened = _whitened(adjusted, given, rejected)
     cofactor = np.nan_to_num(adjusted.quality.of_points[given.point])
@@ -149,7 +149,7 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools, errors: Floats
     ----------
     residual : (m, 3) whitened residuals.
     hat : (3 m, 3 m) hat matrix A Q Aᵀ of their whitened observations.
-    used : (m,) those that took part in the adjustment.
+    used : (m,) those that were used in the adjustment.
     errors : (m, 3, k) of the residuals by errors of considered parameters; None without any.
     """
     m = len(used)

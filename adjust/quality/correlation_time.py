@@ -16,8 +16,8 @@ with the standard deviation
 
     σ_ζ ~ 1/√(1 − φ² (n − 2)/n)
 
-which grows with φ, because σ and τ are less and less told apart. The confidence limits are those values of ζ
-with whose own σ_ζ the estimate would just be compatible (as Wilson 1927 for a proportion); its size at the
+which grows with φ, because σ and τ are less and less distinguished. The confidence limits are those values of
+ζ with whose own σ_ζ the estimate would just be compatible (as Wilson 1927 for a proportion); its size at the
 estimate comes from S.
 """
 
@@ -148,7 +148,7 @@ def moved(process: GaussMarkov, step: float) -> float:
 
 
 def is_stopped(process: GaussMarkov, uphill: float) -> bool:
-    """Whether ζ stands at a limit and the likelihood rises beyond it."""
+    """Whether ζ is at a limit and the likelihood rises beyond it."""
     lower, upper = limits_of(process)
     zeta = zeta_of(process, process.correlation_time)
     return bool((zeta <= lower and uphill < 0.0) or (zeta >= upper and uphill > 0.0))

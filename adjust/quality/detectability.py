@@ -6,6 +6,7 @@ from __future__ import annotations
 NON_CENTRALITY = 4.132
 #: With less control (without correlations: a smaller redundancy number) w means nothing.
 UNCONTROLLED = 0.1
-#: Part of a column's own squares CᵀC that must be left beside the unknowns: less is rounding and what linear
-#: equations leave out, and the alternative cannot be told from what is estimated.
+#: Part of a column's own squares CᵀC that must be left in addition to the unknowns: less is rounding and what
+# linear
+#: equations leave out, and the alternative cannot be separated from what is estimated.
 INDISTINGUISHABLE = 1e-6

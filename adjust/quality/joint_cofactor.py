@@ -130,7 +130,7 @@ def _loads(system: System, chosen: Chosen, mixed: MixedParts, own: Floats) -> It
         d = len(these)
         rays = np.flatnonzero((mixed.point >= first) & (mixed.point < first + d))
         place = mixed.point[rays]
-        # The axis of the image and that of the point beside each other, as one index wants them.
+        # The axis of the image and that of the point side by side, as one index wants them.
         loads = np.zeros((n, d, 6, 3))
         np.add.at(loads, (mixed.event[rays], place - first), mixed.of_rays[rays] @ own[place])
         of_border = np.moveaxis(mixed.of_border[these] @ own[these], 0, 1)

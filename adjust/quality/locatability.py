@@ -1,4 +1,4 @@
-"""Whether it can be told which ray of an object point is wrong.
+"""Whether it can be determined which ray of an object point is wrong.
 
 A misfit of k rays is explained by an error of ray j in so far as T_j = u_jᵀ R_jj⁻ u_j takes it away. The
 rays along one strip cross-check each other's y-parallax but not which of them is wrong along the base:

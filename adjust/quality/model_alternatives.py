@@ -34,7 +34,7 @@ from adjust.solve.factorization import Factorization
 from adjust.solve.full_vectors import inverse_products
 from adjust.solve.system import System
 
-#: The same beside other alternatives: what is left says nothing of its own.
+#: The same in addition to other alternatives: what is left says nothing of its own.
 _LEFT_OVER = 1e-4
 
 
@@ -101,7 +101,7 @@ class AlternativeTests:
     Attributes
     ----------
     score : (k,) s.
-    normal : (k, k) M; zero rows and columns of those that cannot be told from the unknowns.
+    normal : (k, k) M; zero rows and columns of those that cannot be separated from the unknowns.
     effect : (g, k) what the system parameters that are free change by for b = 1: the columns Q Aᵀ C.
     """
 
@@ -111,12 +111,12 @@ class AlternativeTests:
 
     @property
     def distinguishable(self) -> Bools:
-        """(k,) whether an alternative can be told from the unknowns at all."""
+        """(k,) whether an alternative can be separated from the unknowns at all."""
         return np.asarray(np.diagonal(self.normal) > 0.0)
 
     @property
     def estimate(self) -> Floats:
-        """(k,) b̂ of each alternative alone, its own unit; NaN where it cannot be told."""
+        """(k,) b̂ of each alternative alone, its own unit; NaN where it cannot be determined."""
         return np.asarray(self.score / self._own)
 
     @property
@@ -139,17 +139,17 @@ class AlternativeTests:
 
         Raises
         ------
-        ValueError : if they cannot be told from the unknowns, or from each other.
+        ValueError : if they cannot be separated from the unknowns, or from each other.
         """
         chosen = list(members)
         own = self._own[chosen]
         if np.isnan(own).any():
-            raise ValueError("an alternative cannot be told from the unknowns")
+            raise ValueError("an alternative cannot be separated from the unknowns")
         # Units of many kinds in one matrix: scaled to a unit diagonal first.
         scale = 1.0 / np.sqrt(own)
         correlation = self.normal[np.ix_(chosen, chosen)] * scale[:, None] * scale[None, :]
         if np.linalg.eigvalsh(correlation)[0] < INDISTINGUISHABLE:
-            raise ValueError("the alternatives cannot be told from each other")
+            raise ValueError("the alternatives cannot be separated from each other")
         solved = np.linalg.solve(correlation, scale * self.score[chosen])
         return float(scale * self.score[chosen] @ solved), scale * solved
 
@@ -177,7 +177,8 @@ class AlternativeTests:
         """The alternatives that explain the misclosures together, each after those before it.
 
         The first has the largest |t| of those that exceed their critical value, one or (k,); every further
-        one likewise, beside all before it (detection, identification, adaptation: Teunissen 2006, ch. 4).
+        one likewise, in addition to all before it (detection, identification, adaptation: Teunissen 2006, ch.
+        4).
         """
         found: list[int] = []
         score, normal, own = self.score.copy(), self.normal.copy(), np.nan_to_num(self._own)

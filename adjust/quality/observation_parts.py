@@ -77,8 +77,8 @@ def parts_of(observations: Observations, divisions: tuple[Division, ...] = ()) -
         division = divided.get(group.name)
         if division is not None and len(division.of_observation) != len(group.event):
             raise InconsistentBlockError(
-                f"The division of {group.name} is of {len(division.of_observation)} observations; there are "
-                f"{len(group.event)}."
+                f"The division of {group.name} has {len(division.of_observation)} observations, but "
+                f"there are {len(group.event)}."
             )
         for word, components in _PARTS.get(group.name, whole):
             name = f"{group.name} {word}".strip()

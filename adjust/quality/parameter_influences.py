@@ -34,9 +34,9 @@ class ParameterInfluence:
 
     Attributes
     ----------
-    group : the observations that took part, weighted as in the adjustment.
+    group : the observations that were used, weighted as in the adjustment.
     derivative : (k, n, m) of the parameters by the observed components, SI and radians or the families' own
-        units; zero for what takes no part.
+        units; zero for what is not used.
     """
 
     group: ObservationGroup

@@ -33,7 +33,7 @@ def cofactors_between_pictures(
     event, camera = state.rig.event_of_image, state.rig.camera_of_image
     of_event, of_head = state.pictures.jacobians()
     columns = np.concatenate([layout.columns[family] for family in OF_HEADS], axis=1)[camera]
-    # What is held stands in one more column, of zeros.
+    # What is held is in one more column, of zeros.
     place = np.where(columns >= 0, columns, len(reduced.corner))
     border = np.concatenate([reduced.border, np.zeros((*reduced.border.shape[:2], 1))], axis=2)
     own = np.pad(reduced.corner, (0, 1))[place[one][:, :, None], place[other][:, None, :]]

@@ -1,10 +1,10 @@
 """Which rejected observations fit after all, once the gross errors around them are gone.
 
-The residual of an observation that takes no part is a prediction error with the cofactor Σ + A Q Aᵀ, so
+The residual of an observation that is not used is a prediction error with the cofactor Σ + A Q Aᵀ, so
 its statistic has I + H in place of I − H; where errors are correlated over time, the prediction comes from
 the neighbours that are left, too. A lone rejected observation has the same statistic as before it was
 rejected; what another one's gross error had spoilt has a smaller one. An object point that
-was given up is intersected anew with the present orientations.
+was given up is intersected again with the present orientations.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def fitting_again(
             left.stochastic.taking_part,
         )
         spread = of_present(group.stochastic, found.outside + found.considered)[rows]
-        # The cofactor of an object point that takes no part is not known: it does not come back alone.
+        # The cofactor of an object point that is not used is not known: it does not come back alone.
         known = np.isfinite(spread).all(axis=(1, 2))
         statistic = np.full(len(rows), np.inf)
         statistic[known] = _predicted(found.pull[rows][known], spread[known], rule, variance)

@@ -30,7 +30,7 @@ from adjust.solve.system import System
 
 @dataclass(frozen=True, eq=False)
 class GroupResiduals:
-    """Residuals of one group; arrays (n, m), NaN where a component takes no part.
+    """Residuals of one group; arrays (n, m), NaN where a component is not used.
 
     Attributes
     ----------

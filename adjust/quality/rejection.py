@@ -5,9 +5,9 @@ controlled (without correlations: redundancy number ≥ 0.1) is tested. One gros
 around it: in one pass only the largest observation of each object point is rejected, no two neighbours of a
 strip whose errors are correlated, and none below seven tenths of the largest statistic around it: that of its
 image, and of all observations that are no image points. The others are judged again when these are gone. An
-object point is given up when it is left with too little to determine it, or when it cannot be told which of
-its rays is wrong; with four rays or more only the two likeliest are rejected, and the good one of them fits
-again in the end.
+object point is given up when it is left with too little to determine it, or when it cannot be determined
+which of its rays is wrong; with four rays or more only the two most likely are rejected, and the good one of
+them fits again in the end.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def choose(
 ) -> Rejection:
     """The largest observation of every object point and event whose statistic exceeds a value of its own.
 
-    What is known beforehand of a parameter is no observation that could be gross: it contradicts, or not.
+    What is known beforehand of a parameter is not an observation that could be gross: it contradicts, or not.
     """
     groups = observations.groups
     candidates = [
@@ -242,7 +242,7 @@ def _undetermined(observations: Observations, rejected: tuple[Bools, ...], point
 
 
 def _not_located(observations: Observations, state: State, points: Ints) -> dict[int, Explanations]:
-    """Those of some object points whose wrong ray cannot be told; a survey is there to tell."""
+    """Those of some object points whose wrong ray cannot be determined; a survey is there to tell."""
     surveyed = survey_information(observations, state)
     unsurveyed = np.array([point for point in points if int(point) not in surveyed], dtype=np.int64)
     found = explanations(observations.image_points, state, unsurveyed, surveyed)

@@ -7,7 +7,7 @@ time (the unit matrix without any), an error of observation i alone shows in
 
 because the neighbours' residuals let part of the error of i be expected. The sums run over i and its
 neighbours in the strip, so they need the cofactors of successive exposures and of those on either side of
-one. For an observation that takes no part z_i is T_ii times the difference between it and its prediction
+one. For an observation that is not used z_i is T_ii times the difference between it and its prediction
 from the adjustment and its neighbours, and the second term is added in place of subtracted.
 """
 
@@ -36,7 +36,7 @@ class SingleErrors:
         correlation the hat matrix.
     weight : (n,) T_ii; without correlation 1.
     considered : (n, m, m) what errors of considered parameters add to the cofactor of the pull, whether the
-        observation takes part or not.
+        observation is used or not.
     """
 
     pull: Floats
@@ -47,12 +47,12 @@ class SingleErrors:
 
     @property
     def inside(self) -> Floats:
-        """Cofactor (n, m, m) of the pull of an observation that takes part, without what is considered."""
+        """Cofactor (n, m, m) of the pull of an observation that is used, without what is considered."""
         return self.weight[:, None, None] * np.eye(self.hat.shape[1]) - self.hat
 
     @property
     def outside(self) -> Floats:
-        """Cofactor (n, m, m) of the pull of an observation that takes no part, likewise."""
+        """Cofactor (n, m, m) of the pull of an observation that is not used, likewise."""
         return self.weight[:, None, None] * np.eye(self.hat.shape[1]) + self.hat
 
 

@@ -82,7 +82,7 @@ def directional_statistic(whitened: Floats, remainder: Floats) -> tuple[Floats, 
 
     Parameters
     ----------
-    whitened : (n, m) u, zero for what takes no part; with errors correlated over time the pull.
+    whitened : (n, m) u, zero for what is not used; with errors correlated over time the pull.
     remainder : (n, m, m) its cofactor R; for a prediction I + H.
     """
     values, vectors = np.linalg.eigh(remainder)
@@ -93,11 +93,11 @@ def directional_statistic(whitened: Floats, remainder: Floats) -> tuple[Floats, 
 
 
 def whitened_residuals(model: StochasticModel, residual: Floats) -> Floats:
-    """W v (n, m); zero for what takes no part."""
+    """W v (n, m); zero for what is not used."""
     clean = np.where(model.present, np.nan_to_num(residual), 0.0)
     return model.standardized(clean)
 
 
 def of_present(model: StochasticModel, matrices: Floats) -> Floats:
-    """Matrices (n, m, m) on the components that take part, zero elsewhere."""
+    """Matrices (n, m, m) on the components that are used, zero elsewhere."""
     return np.where(model.present[:, :, None] & model.present[:, None, :], matrices, 0.0)

@@ -47,7 +47,7 @@ _MEDIAN = 0.6745
 _PROBED = 800.0
 _ROUGHLY_PROBED = 200.0
 _MOST_PROBES = 40
-# Step of log σ that is allowed beside one of a correlation time.
+# Step of log σ that is allowed for one of a correlation time.
 _TOGETHER = 0.5
 
 
@@ -261,7 +261,7 @@ def _has_correlation(parts: tuple[Part, ...]) -> bool:
 
 
 def _score(system: System, state: State, quality: Cofactor, part: Part) -> float:
-    """Score of a correlation time; 0 where it stands at a limit that the likelihood would pass."""
+    """Score of a correlation time; 0 where it is at a limit that the likelihood would pass."""
     group = system.observations.groups[part.group]
     uphill = correlation_time.score(system, state, quality, group)
     process = group.stochastic.over_time
@@ -278,7 +278,7 @@ def trace_matrix(
     """S_gh = tr(R K_g R K_h) of the parts, (parts, parts), by probing with random signs from a fixed seed.
 
     K is one on the rows of a part; for a correlation time see :mod:`adjust.quality.correlation_time`.
-    Correlated components of an observation are told apart after whitening.
+    Correlated components of an observation are distinguished after whitening.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ COARSE, FINE = 64, 8
 _ENOUGH_PX = 0.0025
 # So far outside the source a cell is nowhere, pixels.
 _OUTSIDE_PX = 8.0
-# Positions that are asked for at once, so that what is needed for them stays small.
+# Positions that are requested at once, so that what is needed for them stays small.
 _AT_ONCE = 100_000
 _CHECKED = 50_000
 
@@ -152,7 +152,7 @@ def _square(step: int, side: int) -> Floats:
 
 
 def _portions(count: int, of_each: int) -> list[slice]:
-    """All numbers below count in turn, so many at a time that no more than is good is asked for at once."""
+    """All numbers below count in turn, so many at a time that no more than is good is requested at once."""
     edges = [*range(0, count, max(_AT_ONCE // of_each, 1)), count]
     return [slice(*pair) for pair in pairwise(edges)]
 
@@ -167,7 +167,7 @@ def _evaluated(source_of: SourceOf, place: Floats) -> Floats:
 
 
 def _largest_error(found: PixelMap, source_of: SourceOf) -> float:
-    """Largest difference at pixels that are no nodes, of those that have a source both ways."""
+    """Largest difference at pixels that are not nodes, of those that have a source both ways."""
     pixels = found.columns * found.rows
     # Every so many pixels, by a step that has no factor in common with the distance of the nodes.
     flat = np.arange(0, pixels, max(pixels // _CHECKED, 1) | 1)

@@ -53,7 +53,7 @@ class Values:
     ----------
     least, largest : of them.
     nodata : means that there is none; None: no value does.
-    fill : stands where the image has no source.
+    fill : value where the image has no source.
     nearest : numbers of bands that are not interpolated (alpha).
     """
 

@@ -121,7 +121,7 @@ def resample(
 ):  # fmt: skip
     """Rows of out (bands, r, c), whose first is row first_row of the image; returns how many pixels have no source.
 
-    source (bands, h, w) begins with row source_row of source_rows, and has all that is asked for; valid (0, 1
+    source (bands, h, w) begins with row source_row of source_rows, and has all that is requested; valid (0, 1
     or bands, h, w). Bands of is_nearest have the nearest pixel. weights (s + 1, taps) for s steps between two
     pixels. nodata NaN: none. fill is where there is no source; out_valid (1, r, c) is 1 where the nearest
     pixel of the first plane of valid is.

@@ -65,7 +65,7 @@ def autocorrelation(
 
     Parameters
     ----------
-    residual : NaN for a coordinate that takes no part.
+    residual : NaN for a coordinate that is not used.
     """
     order, start = _grouped(image)
     count, total = autocorrelation_kernel.sums_of_products(

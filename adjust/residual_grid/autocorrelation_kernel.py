@@ -10,7 +10,7 @@ def sums_of_products(start, xy, residual, limits):
     """Pairs (b, 2) in every class of distance, and the sums (b, 2) of the products of their residuals.
 
     start : (images + 1,) where the image points of each image begin.
-    residual : (n, 2), NaN for a coordinate that takes no part.
+    residual : (n, 2), NaN for a coordinate that is not used.
     limits : (b,) squares of the upper limits of the classes, ascending.
     """
     classes = limits.shape[0]

@@ -1,8 +1,8 @@
-"""How many sub-areas, and how much smoothing? Every choice tried, and judged by what took no part in it.
+"""How many sub-areas, and how much smoothing? Every choice tried, and judged by what was not used in it.
 
 Many cells follow the errors closely and their own noise as well; few or smoothed ones miss what changes
 quickly, such as steps at seams. The residuals of the adjustment itself always prefer more cells. Two
-judges do not: check points, and the images that took no part in their correction (cross-validation).
+judges do not: check points, and the images that were not used in their correction (cross-validation).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from adjust.result import AdjustmentResult
 
 @dataclass(frozen=True, eq=False)
 class CheckCoordinates:
-    """Surveyed coordinates that take no part in the adjustment.
+    """Surveyed coordinates that are not used in the adjustment.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class GridOutcome:
     candidate : None: without correction.
     steps : iterations the cross-validation allowed.
     sigma0 : of the adjustment with the corrections.
-    gain : part of vᵀPv that it takes from images that took no part in it, see :class:`GridIteration`.
+    gain : part of vᵀPv that it takes from images that were not used in it, see :class:`GridIteration`.
     check_rms : root mean square differences east, north, up at the check points, metres; None without any.
     """
 
@@ -97,7 +97,7 @@ def try_candidates(
     Parameters
     ----------
     result : of the block, without corrections.
-    rule : how each is iterated; its smoothing takes no part.
+    rule : how each is iterated; its smoothing is not used.
     seams : of each camera.
     """
     rule = rule or GridRule()

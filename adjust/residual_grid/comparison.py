@@ -49,7 +49,7 @@ def compare_grids(one: ResidualGrid, other: ResidualGrid, confidence: float = 0.
     both = np.all(np.isfinite(one.mean) & np.isfinite(other.mean), axis=1)
     if both.sum() < 2:
         raise InconsistentBlockError(
-            "The two residual grids have no two sub-areas with image points of both."
+            "The two residual grids have fewer than two sub-areas with image points of both."
         )
     a, b = one.mean[both], other.mean[both]
     noise_a, noise_b = one.sigma[both] ** 2, other.sigma[both] ** 2

@@ -21,7 +21,7 @@ from adjust.selection.readjustment import Readjusted
 
 @dataclass(frozen=True)
 class CrossStep:
-    """The residuals of images that took no part in their correction, after a number of steps.
+    """The residuals of images that were not used in their correction, after a number of steps.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class ImageHalves:
         return fields, self.sets.adjusted(of_halves, self.now[half].state)
 
     def step(self, number: int) -> CrossStep:
-        """What the images say that took no part, each half in the adjustment of the other."""
+        """What the images say that were not used, each half in the adjustment of the other."""
         total = weight = squares = residuals = 0.0
         sets, rays = self.sets, self.sets.readjustment.image_points
         for half in (0, 1):

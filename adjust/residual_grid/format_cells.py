@@ -53,8 +53,8 @@ class Division:
             raise InconsistentBlockError("The seams must be ascending and lie inside the image format.")
         if parts < len(borders) - 1:
             raise InconsistentBlockError(
-                f"{parts} sub-areas cannot be laid between {len(seams)} seams; "
-                f"{len(borders) - 1} are needed at least."
+                f"{parts} sub-areas cannot be arranged between {len(seams)} seams; "
+                f"{len(borders) - 1} are required at least."
             )
         counts = np.ones(len(borders) - 1, dtype=np.int64)
         for _ in range(parts - len(counts)):
@@ -166,7 +166,7 @@ class FormatCells:
         """Values (r, 2) at image points (r, 2) from values (k, 2) of the cells.
 
         ``cell``: that of the cell. ``bilinear``: between the middles of the four nearest cells of the same
-        CCD image, constant beyond the outermost middles. Cells without a value (NaN) take no part; where
+        CCD image, constant beyond the outermost middles. Cells without a value (NaN) are not used; where
         there is none with one the result is zero. Each coordinate by itself.
         """
         if interpolation == "cell":

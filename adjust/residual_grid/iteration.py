@@ -11,7 +11,7 @@ Repeated without end the grid follows the noise. Three things end the iteration:
 
 * the first means are no larger than their standard deviations explain: there is nothing to model;
 * a step that was first tried on halves of the images (``grid_cross_validation``) does not make the means
-  of the images smaller that took no part in it; it is not taken;
+  of the images smaller that were not used in it; it is not taken;
 * the new means are a small part of the noise of the first ones. To stop as soon as they are smaller than
   that noise would be too early: it has been corrected with the rest and is not in the new means.
 """
@@ -67,7 +67,7 @@ class GridIteration:
     before, after : the mean residuals before the first step and after the last.
     state : adjusted values with the corrections.
     steps : before the first step and after each.
-    cross_validation : likewise; empty where it was not asked for or the halves have too few image points.
+    cross_validation : likewise; empty where it was not requested or the halves have too few image points.
     reason : why no further step was taken.
     """
 

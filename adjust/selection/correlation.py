@@ -2,7 +2,7 @@
 
 The total (multiple) correlation R_i of a parameter with others is that with the best linear combination
 of them: R_i² = 1 − 1/(n_ii q_ii), where 1/q_ii is its weight when all others are unknown, and n_ii when they
-are known. Which others are meant makes three versions, told apart by n_ii.
+are known. Which others are meant makes three versions, distinguished by n_ii.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from adjust.selection.linear_estimate import LinearEstimate
 INSEPARABLE = 1e-4
 #: A parameter whose standard deviation is still this part of its prior has learnt nothing from the block.
 PRIOR_ONLY = 0.975
-# Part of the strongest from which a parameter is named among those another one cannot be told from.
+# Part of the strongest from which a parameter is named among those another one cannot be separated from.
 _INVOLVED = 0.3
 _MOST_NAMED = 3
 

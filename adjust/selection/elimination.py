@@ -166,7 +166,7 @@ class _Selection:
         """Decisions about candidates that could not even be estimated together with the others."""
         for d in np.flatnonzero(self.candidates & ~self.estimate.free):
             others = self._names(entangled_with(self.estimate, int(d)))
-            beside = f": it cannot be told from {others}" if others else ": no observation depends on it"
+            beside = f": it cannot be separated from {others}" if others else ": no observation depends on it"
             reason = f"not determinable in this block{beside}"
             yield self._decision(
                 int(d), Action.ELIMINATED, Criterion.DETERMINABILITY, reason, float("nan"), self.limit
@@ -192,7 +192,7 @@ class _Selection:
         if t[d] <= limit:
             return None
         entry = self._probability(self.rules.entry)
-        reason = f"|t| = {t[d]:.2f} beside those that are left exceeds {limit:.2f}{entry}"
+        reason = f"|t| = {t[d]:.2f} among the remaining parameters exceeds {limit:.2f}{entry}"
         return self._decision(d, Action.TAKEN_BACK, Criterion.SIGNIFICANCE, reason, float(t[d]), limit)
 
     def _undetermined(self) -> Decision | None:
@@ -202,7 +202,7 @@ class _Selection:
             d = int(self.tested[worst])
             others = self._names(entangled_with(self.estimate, d))
             left = f"1 − R² = {part[worst]:.1g}"
-            reason = f"not determinable: this block hardly tells it from {others} ({left})"
+            reason = f"not determinable: this block can hardly separate it from {others} ({left})"
         elif np.nanmax(of_prior, initial=0.0) > PRIOR_ONLY:
             worst = int(np.nanargmax(of_prior))
             d = int(self.tested[worst])
@@ -223,7 +223,7 @@ class _Selection:
         d, other = (first, second) if self.t[first] < self.t[second] else (second, first)
         reason = (
             f"correlated {100 * correlation[pair]:.0f} % with {self.estimate.normals.names[other]}, "
-            f"whose |t| = {self.t[other]:.2f} is the larger one"
+            f"whose |t| = {self.t[other]:.2f} is larger"
         )
         return self._eliminated(d, Criterion.CORRELATION, reason)
 

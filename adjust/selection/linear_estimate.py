@@ -23,7 +23,8 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 
-#: Part of its reduced normal S_dd that must be left of a parameter beside the free ones: less is rounding.
+#: Part of its reduced normal S_dd that must be left of a parameter in addition to the free ones: less is
+# rounding.
 SINGULAR = 1e-10
 
 
@@ -108,7 +109,7 @@ class LinearEstimate:
         Parameters
         ----------
         last : (g,) those taken in after all others, so that they are the ones left out where they
-            cannot be told from the others. In order of their own part, the best first.
+            cannot be separated from the others. In order of their own part, the best first.
         """
         estimate = cls.held(normals)
         behind = np.zeros(len(normals.names), dtype=bool) if last is None else last
@@ -136,7 +137,7 @@ class LinearEstimate:
         return np.where(self.free, 0.0, pivot), np.where(self.free, 0.0, rest)
 
     def determined_part(self) -> Floats:
-        """(g,) n / S_dd: what is left of a held parameter's own observations beside all that is free."""
+        """(g,) n / S_dd: what is left of a held parameter's own observations besides all that is free."""
         pivot, _ = self.entering()
         diagonal = self.normals.reduced_diagonal
         return np.where(diagonal > 0.0, pivot / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
@@ -144,7 +145,7 @@ class LinearEstimate:
     def without(self, d: int) -> LinearEstimate:
         """Parameter d dropped: back at its given value, with its pseudo-observation."""
         if not self.free[d]:
-            raise ValueError(f"{self.normals.names[d]} is held already")
+            raise ValueError(f"{self.normals.names[d]} is already held")
         column, own = self.cofactor[:, d], self.cofactor[d, d]
         cofactor = self.cofactor - np.outer(column, column) / own
         change = self.change - column * (self.change[d] / own)
@@ -168,13 +169,13 @@ class LinearEstimate:
 
         Raises
         ------
-        ValueError : if it is free already, or not determined beside the others.
+        ValueError : if it is already free, or not determined together with the others.
         """
         name = self.normals.names[d]
         if self.free[d]:
-            raise ValueError(f"{name} is free already")
+            raise ValueError(f"{name} is already free")
         if self.determined_part()[d] <= SINGULAR:
-            raise ValueError(f"{name} is not determined beside the parameters that are free")
+            raise ValueError(f"{name} is not determined together with the free parameters")
         pivot, rest = self.entering()
         gain = self.cofactor @ self.normals.normal[:, d]
         cofactor = self.cofactor + np.outer(gain, gain) / pivot[d]

@@ -1,6 +1,6 @@
 """The same observations adjusted again and again with other corrections of the image points, values only.
 
-Which observations take part, and with which weights, is taken from a complete adjustment; each further
+Which observations are used, and with which weights, is taken from a complete adjustment; each further
 one starts from the last one's values, so that one or two iterations suffice.
 """
 
@@ -44,7 +44,7 @@ class Readjustment:
 
     Attributes
     ----------
-    system : unknowns and the observations that took part, with the weights they had.
+    system : unknowns and the observations that were used, with the weights they had.
     most_iterations : of one adjustment.
     defect : number of open movements of a free network.
     """
@@ -55,7 +55,7 @@ class Readjustment:
 
     @classmethod
     def of(cls, block: Block, result: AdjustmentResult, options: AdjustmentOptions) -> Self:
-        """What took part in an adjustment of a block."""
+        """What was used in an adjustment of a block."""
         system = System.of(block, result.observations, options.threads, options.free_network)
         defect = 0 if result.free_network is None else result.free_network.defect
         return cls(system, options.most_iterations, defect)

@@ -34,7 +34,7 @@ class LineGroup:
     camera : index of the camera.
     heading : of the first line, clockwise from the y axis of the local frame.
     height : above the mean terrain.
-    exposures : number of exposures of each line; the lines lie one beside the other to the right.
+    exposures : number of exposures of each line; the lines lie one next to the other to the right.
     base, spacing : between exposures and between lines.
     pattern : "single": all in the same direction; "alternating": every second one back; "both": each line
         flown twice, forward and back.

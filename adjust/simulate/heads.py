@@ -20,7 +20,7 @@ _ZERO: Triple = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class HeadSpecification:
-    """One head of a rig beside its reference head; metres, radians and seconds, body axes.
+    """One head of a rig next to its reference head; metres, radians and seconds, body axes.
 
     Attributes
     ----------
@@ -74,14 +74,14 @@ def rig_of(
 
     Raises
     ------
-    InconsistentBlockError : if a head is its own reference, is there twice, or is flown by itself.
+    InconsistentBlockError : if a head is its own reference, exists twice, or is flown by itself.
     """
     if not heads:
         return None
     reference: Ints = np.arange(len(cameras), dtype=np.int64)
     for head in heads:
         if reference[head.camera] != head.camera or head.reference == head.camera:
-            raise InconsistentBlockError("A head of a rig is there twice, or is its own reference.")
+            raise InconsistentBlockError("A head of a rig exists twice, or is its own reference.")
         reference[head.camera] = head.reference
     if np.any(reference[reference] != reference) or np.any(reference[plan.camera] != plan.camera):
         raise InconsistentBlockError(

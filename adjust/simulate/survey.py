@@ -30,7 +30,7 @@ class SurveyLayout:
     control : how many of them are control points, those spread best over the area; the others are check
         points. None: all.
     margin : part of the sides of the covered rectangle that is left free along its borders.
-    extent : sides of the rectangle about the origin that stands in for the covered one; None: that one.
+    extent : sides of the rectangle about the origin that replaces the covered one; None: that one.
     """
 
     layout: Layout

@@ -47,7 +47,7 @@ class BlockSpecification:
     survey : control and check points.
     seed : of all random streams.
     frame : the local frame; heights are those of this frame.
-    heads : heads of rigs beside the cameras that the lines are flown with.
+    heads : heads of rigs next to the cameras that the lines are flown with.
     """
 
     cameras: tuple[FrameCamera, ...]

@@ -110,7 +110,7 @@ class _Cells:
     def of(cls, x_in_local: Floats, side: float) -> _Cells:
         plan = x_in_local[:, :2]
         origin = plan.min(axis=0)
-        # Points that lie far apart beside their footprints would need more cells than there is memory.
+        # Points that lie far apart compared with their footprints would need more cells than there is memory.
         side = max(side, float(np.max(plan.max(axis=0) - origin)) / _MOST_CELLS)
         column_row = np.floor((plan - origin) / side).astype(np.int64)
         shape = tuple(column_row.max(axis=0) + 1)

@@ -145,7 +145,7 @@ def _sparse_rest(null: _NullSpace, found: list[Floats]) -> Floats:
 def _rest(
     system: System, null: _NullSpace, movements: Floats, coefficients: Floats
 ) -> tuple[str, list[str], bool]:
-    """One undetermined direction that is no datum direction by itself.
+    """One undetermined direction that is not a datum direction by itself.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def _rest(
     if length < _STILL * whole and len(involved) == 1:
         return f"No observation depends on {involved[0]}.", list(involved), False
     if length < _STILL * whole:
-        return f"{_and(involved)} cannot be told apart.", list(involved), False
+        return f"{_and(involved)} cannot be separated.", list(involved), False
     involved = null.involved(coefficients, _STILL * whole)
     combined = _combination(movements, exposures)
     if combined:

@@ -10,7 +10,7 @@ and whitened by Cholesky's factor of all of it.
 
 An adjustment never comes here. The inverse is dense, so a block may have a few thousand unknowns.
 Columns of A: six for each image, then the free system parameters, then three for each object point
-that takes part. What is held has no column.
+that is used. What is held has no column.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class DesignMatrix:
 
     Attributes
     ----------
-    matrix : (rows, u) A; the row of a component that takes no part is zero. With errors correlated over
+    matrix : (rows, u) A; the row of a component that is not used is zero. With errors correlated over
         time a row belongs to all observations of the group before it.
     misclosure : (rows,) l, observed − computed.
     row_start : (groups + 1,) where the rows of each group begin; observation by observation.
     exposure_columns : (n, 6).
     border_columns : (g,).
-    point_columns : (m, 3), −1 for object points that take no part.
+    point_columns : (m, 3), −1 for object points that are not used.
     """
 
     matrix: sparse.csr_array[np.float64]
@@ -143,7 +143,7 @@ def full_solution(design: DesignMatrix, cofactor: Floats) -> Floats:
 
 
 def redundancy_numbers(system: System, design: DesignMatrix, cofactor: Floats) -> tuple[Floats, ...]:
-    """Redundancy numbers (Q_vv P)_ii of every group, (n, m) each; NaN for what takes no part."""
+    """Redundancy numbers (Q_vv P)_ii of every group, (n, m) each; NaN for what is not used."""
     return tuple(
         _group_redundancy(
             group.stochastic,
@@ -185,13 +185,13 @@ def _whitening_blocks(model: StochasticModel) -> list[tuple[Ints, Floats]]:
 
 
 def whitening_matrix(model: StochasticModel) -> sparse.csr_array[np.float64]:
-    """W (n m, n m) of a whole group with WᵀW = P; rows and columns of what takes no part are zero."""
+    """W (n m, n m) of a whole group with WᵀW = P; rows and columns of what is not used are zero."""
     blocks = [block for _, block in _whitening_blocks(model)]
     return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
 
 
 def full_covariance(model: StochasticModel) -> Floats:
-    """Covariance matrix (n m, n m) of the observations of a group; zero for what takes no part.
+    """Covariance matrix (n m, n m) of the observations of a group; zero for what is not used.
 
     Of two observations it is L_i L_jᵀ exp(−|t_i − t_j|/τ), with the covariance L_i L_iᵀ of each by itself.
     """
@@ -211,7 +211,7 @@ def full_covariance(model: StochasticModel) -> Floats:
 
 
 def _taking_part(group: ObservationGroup, equations: Linearization) -> Linearization:
-    """The same equations, not whitened, with zeros for what takes no part whatever stands there."""
+    """The same equations, not whitened, with zeros for what is not used whatever is there."""
     present = group.stochastic.present
     terms = tuple(
         type(term)(term.block, term.index, np.where(present[:, :, None], term.jacobian, 0.0))

@@ -55,7 +55,7 @@ def subtract_eliminated(
                 i, j, base, image, camera_of_image, centres, rotations, heads, points, interior, ideal, slope,
                 basis, inverse_sigma, row, misclosure, of_exterior, of_system, of_point,
             )  # fmt: skip
-            # The vectors innermost: they lie beside each other in memory.
+            # The vectors innermost: they lie side by side in memory.
             for c in range(2):
                 for t in range(width):
                     seen[t] = (
@@ -75,7 +75,7 @@ def subtract_eliminated(
 
 @kernel
 def substitute_forward(point_factor, active_point, vectors):
-    """Overwrite vectors b (m, 3, d) at the object points that take part with L⁻¹ b."""
+    """Overwrite vectors b (m, 3, d) at the object points that are used with L⁻¹ b."""
     for j in range(vectors.shape[0]):
         if not active_point[j]:
             continue

@@ -158,7 +158,7 @@ def _unnoticed(
     values, vectors = np.linalg.eigh(scale.T @ information @ scale)
     null = vectors[:, values < _UNNOTICED]
     null[7:][np.abs(null[7:]) < _STILL] = 0.0
-    # What moves system parameters only is no datum: it stays, and is refused as a singularity.
+    # What moves system parameters only is not a datum: it stays, and is refused as a singularity.
     _, sizes, turned = np.linalg.svd(null[:7], full_matrices=False)
     found = scale @ null @ turned[sizes**2 > _MOVES].T
     of_border = np.zeros((g, found.shape[1]))
@@ -207,7 +207,7 @@ def _orthonormal(vectors: FullVectors, constrained: InnerConstraints) -> FullVec
         words = {"object_points": "object points", "projection_centres": "projection centres"}
         named = words.get(constrained, "projection centres and object points")
         raise InconsistentBlockError(
-            f"The {named} cannot carry the datum of a free network: a movement of the block that the "
-            "observations leave open does not move them, such as a rotation about the line on which they lie."
+            f"The {named} cannot define the datum of a free network: an undetermined movement of the "
+            "block does not change them, such as a rotation about the line on which they lie."
         )
     return vectors.times(np.linalg.inv(np.linalg.cholesky(gram)).T)

@@ -22,7 +22,7 @@ class FullVectors:
     Attributes
     ----------
     of_exposures : (n, 6, d).  of_border : (g, d), with the unknowns of joins behind the system parameters.
-    of_points : (m, 3, d); zero for object points that take no part.
+    of_points : (m, 3, d); zero for object points that are not used.
     """
 
     of_exposures: Floats
@@ -85,7 +85,7 @@ class SparseVectors:
         return self.of_points.setdefault(number, np.zeros((self.points, 3)))
 
     def full(self, active: Bools) -> FullVectors:
-        """The same vectors with all their zeros; those at object points (m,) that take no part are zero."""
+        """The same vectors with all their zeros; those at object points (m,) that are not used are zero."""
         at_points = np.zeros((self.points, 3, self.of_border.shape[1]))
         for number, values in self.of_points.items():
             at_points[active, :, number] = values[active]

@@ -109,7 +109,7 @@ def single_step(before: System, solution: Solution, system: System, start: State
     Parameters
     ----------
     before, solution : with the observations before.
-    start : the state of the linearisation, with object points that took no part in their new places.
+    start : the state of the linearisation, with object points that were not used in their new places.
 
     Raises
     ------
@@ -305,7 +305,7 @@ def _try(system: System, state: State) -> ReducedNormals | None:
 def _factorize(
     system: System, state: State, normals: ReducedNormals
 ) -> tuple[Factorization, OpenMovements | None]:
-    """Factorised normal equations, and the movements of a free network that something had to hold for it."""
+    """Factorised normal equations, and the movements of a free network that had to be fixed for it."""
     movements = open_movements(system, state, normals)
     try:
         return factorize(normals if movements is None else movements.held(normals), system.threads), movements

@@ -30,7 +30,7 @@ from adjust.solve.lanes import in_any_order
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Where everything of one part stands in its front, in units of exposures.
+    """Where everything of one part is in its front, in units of exposures.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def _fronts(pattern: Covisibility, dissection: Dissection) -> tuple[Front, ...]:
                 blocks=mine,
                 lower=np.maximum(at_row, at_column),
                 upper=np.minimum(at_row, at_column),
-                # Block (i, j) of the pattern stands at row i; below the diagonal it is transposed.
+                # Block (i, j) of the pattern is at row i; below the diagonal it is transposed.
                 transposed=at_row < at_column,
             )
         )

@@ -43,7 +43,7 @@ def lanes(point_start: Ints) -> tuple[Lane, ...]:
 def in_order(work: Callable[[_Item], _Result], items: Sequence[_Item], threads: int) -> Iterator[_Result]:
     """The results of work for every item, in the order of the items, each as soon as it is wanted.
 
-    At most ``threads`` items are worked on, and no more than one result waits beside them, so that the
+    At most ``threads`` items are worked on, and no more than one result waits in addition, so that the
     memory of all results at once is never needed.
     """
     if threads <= 1 or len(items) <= 1:

@@ -86,7 +86,7 @@ def reduced_normals(system: System, state: State, damping: float = 0.0) -> Reduc
         else:
             joins.append(joined)
             joined.add_to(point_normal, point_rhs)
-    # Each unknown t stands in two halves with the weight 2, whether its observation takes part or not.
+    # Each unknown t is in two halves with the weight 2, whether its observation is used or not.
     own = np.arange(layout.border, g)
     sums.corner[own, own] = 4.0
     couplings = Couplings.of(joins, m)

@@ -190,7 +190,7 @@ def reduce_points(
     ideal (r, 2), slope (r or 1, 2, 5) and basis (r, 2, t) are those of the lane's image points alone; event
     (r,) is the exposure whose pose each ray touches; columns (n, 3 + t, or 3 + t + 7 with heads) says where
     the system parameters of each image stand; coupled_vector (c, 3) are the
-    elements of N in the rows of other columns of the border, those of each object point beside each other.
+    elements of N in the rows of other columns of the border, those of each object point side by side.
     blocks (blocks, 6, 6), border (n, 6, g), corner (g, g; upper triangle), rhs_exposure (n, 6), rhs_border
     (g) are added to; diagonal_exposure (n, 6), diagonal_border (g) collect the diagonal before reduction.
 

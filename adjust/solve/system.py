@@ -198,12 +198,14 @@ def _refuse_unknown_indices(block: Block, observations: Observations) -> None:
     if camera.shape != (images,) or (
         images and not (camera.min() >= 0 and camera.max() < len(block.cameras))
     ):
-        raise InconsistentBlockError("The image points do not know the camera of every image of the block.")
+        raise InconsistentBlockError(
+            "The image points do not contain the camera of every image of the block."
+        )
     known = rays.event_of_image
     if (known is None) != (block.rig is None) or not np.array_equal(
         block.event_of_image, block.event_of_image if known is None else known
     ):
-        raise InconsistentBlockError("The image points do not know the event of every image of the block.")
+        raise InconsistentBlockError("The image points do not contain the event of every image of the block.")
     for group in observations.groups:
         # Only image points must have an object point; −1 elsewhere says that there is none.
         _refuse_outside(group.name, "object point", group.point, points, 0 if group is rays else -1)

@@ -53,7 +53,7 @@ def updated_normals(before: System, normals: ReducedNormals, system: System, sta
 
 
 def changed_points(before: Observations, now: Observations, points: int) -> Bools:
-    """Object points (points,) of which other observations take part."""
+    """Object points (points,) of which other observations are used."""
     changed = np.zeros(points + 1, dtype=bool)  # the last one stands for what belongs to no object point (−1)
     changed[now.image_points.point[before.image_points.active != now.image_points.active]] = True
     for one, other in zip(before.others, now.others, strict=True):

@@ -87,7 +87,7 @@ class JointSolution:
 
     Attributes
     ----------
-    system : with the observations that took part.
+    system : with the observations that were used.
     state : adjusted values.
     factorization : of the reduced normal equations.
     added_pairs : number of pairs of images that see a cell without a common object point.
@@ -113,7 +113,7 @@ def joint_solution(
 ) -> JointSolution:
     """The adjusted block with every pair of images that see a common cell in its pattern."""
     if block.rig is not None:
-        raise InconsistentBlockError("The trust map does not know rigs.")
+        raise InconsistentBlockError("The trust map does not support rigs.")
     rays, *others = (group.taking_part for group in result.groups)
     assert isinstance(rays, ImagePoints)  # the first group of every result
     given = System.of(block, Observations(rays, tuple(others)), options.threads, options.free_network)

@@ -57,7 +57,7 @@ class _Group:
 
     Attributes
     ----------
-    group : those that took part.
+    group : those that were used.
     equations : not whitened.
     detectable : (n, m) smallest errors that are found; zero where nothing is counted.
     """

@@ -213,7 +213,7 @@ def _as_markdown(text: str) -> Iterator[str]:
 
 
 def _link(reference: re.Match[str]) -> str:
-    """A link to the file of a module, or to that which something stands in."""
+    """A link to the file of a module, or to that which something is in."""
     kind, name = reference.groups()
     module = name if kind == "mod" else name.rpartition(".")[0]
     return f"[`{name.rpartition('.')[2]}`](../{module.replace('.', '/')}.py)"

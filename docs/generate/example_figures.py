@@ -1,6 +1,6 @@
 """Numbers of the UltraCam Eagle example in the pages: ``python -m docs.generate.example_figures``.
 
-Runs the example as its page says, with the data of ``AEROCAL_TEST_DATA``, keeps the figures beside the
+Runs the example as its page says, with the data of ``AEROCAL_TEST_DATA``, keeps the figures next to the
 example, and writes them into the sentences that state them. Tests hold the figures to a run, and the pages to
 the figures.
 """
@@ -22,11 +22,11 @@ EXAMPLE = ROOT / "examples" / "ign_ultracam_eagle"
 FIGURES = EXAMPLE / "figures.json"
 #: What is run: the value of ``adjustment.rejection`` for each.
 RUNS = {"none": '"none"', "4.13": "{critical_value=4.13}", "3.29": "{critical_value=3.29}"}
-#: Sentences that state figures, as they stand in a page; a space may be a line end there.
+#: Sentences that state figures, as they are in a page; a space may be a line end there.
 SENTENCES = (
     (
         "examples/ign_ultracam_eagle/README.md",
-        "{single_ray_points:,} points visible in only one image are dropped and counted; {images} images and "
+        "{single_ray_points:,} points visible in only one image are ignored and counted; {images} images and "
         "{object_points:,} object points are adjusted with a redundancy of {redundancy:,}. Without rejection "
         "σ0 (a posteriori / a priori) is {sigma0_none:.3f}",
     ),

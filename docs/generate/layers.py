@@ -19,7 +19,7 @@ _STOREYS = "Three storeys: imports point downwards only"
 
 
 def with_drawing(page: str) -> str:
-    """The page with what stands between the two marker lines drawn anew.
+    """The page with what stands between the two marker lines drawn again.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _first_sentence(path: Path) -> str:
 
 
 def main() -> None:
-    """Draw anew."""
+    """Draw again."""
     page = ROOT / "CONTRIBUTING.md"
     page.write_text(with_drawing(page.read_text(encoding="utf-8")), encoding="utf-8")
 

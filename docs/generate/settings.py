@@ -54,7 +54,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     (
         "heights",
         Heights,
-        'A height system, wherever `heights` stands: `"ellipsoidal"`, or a table with these keys.',
+        'A height system, as value of any `heights`: `"ellipsoidal"`, or a table with these keys.',
     ),
     ("heights.linear_alteration", LinearAlteration, ""),
     (
@@ -132,8 +132,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     (
         "[image_quality]",
         ImageQualitySettings,
-        "For `aerocal image-quality` ([what it measures](image-quality.md)); may stand in a file of its own, "
-        "with `version = 1` alone.",
+        "For `aerocal image-quality` ([what it measures](image-quality.md)); may be a separate file that "
+        "contains only `version = 1` in addition.",
     ),
     ("[image_quality.motion]", MotionSettings, "Movement of the images during their exposure."),
     ("[image_quality.sensor]", SensorSettings, ""),

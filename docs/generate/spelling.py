@@ -1,7 +1,7 @@
 """Check the spelling of the pages: ``python -m docs.generate.spelling``, in the environment of ``make docs``.
 
 Words that neither the dictionary nor ``docs/words.txt`` has are listed with file and line. Code, links and
-names in backquotes are not looked at. ``--add`` writes them into the list: only after each of them has been
+names in backquotes are not checked. ``--add`` writes them into the list: only after each of them has been
 read.
 """
 

@@ -17,7 +17,7 @@ MARKER = "<!-- The rest is written by python -m docs.generate.tables from tasks/
 
 
 def with_tables(page: str) -> str:
-    """The page with everything below its marker line written anew.
+    """The page with everything below its marker line written again.
 
     Raises
     ------

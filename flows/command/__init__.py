@@ -1,1 +1,1 @@
-"""The command line: one file a command; everything heavy is imported when a command runs."""
+"""The command line: one file per command; heavy libraries are imported when a command runs."""

@@ -15,12 +15,15 @@ Stories: TypeAlias = Literal["aerial-triangulation", "system-calibration", "dire
 
 def batch(
     projects: Annotated[
-        list[Path], typer.Argument(metavar="PROJECT.toml ...", help="Project files, or folders of one each.")
+        list[Path],
+        typer.Argument(
+            metavar="PROJECT.toml ...", help="Project files, or folders with one project file each."
+        ),
     ],
-    story: Annotated[Stories, typer.Option("--story", help="What is done.")] = "aerial-triangulation",
+    story: Annotated[Stories, typer.Option("--story", help="Flow to run.")] = "aerial-triangulation",
     output: Annotated[
         str,
-        typer.Option("--output", metavar="NAME", help="Name of the output folder beside each project file."),
+        typer.Option("--output", metavar="NAME", help="Name of the output folder next to each project file."),
     ] = "results",
     overrides: Overrides = None,
     data: Data = None,
@@ -41,8 +44,8 @@ def batch(
 ) -> None:
     """Run many projects: one table of states, σ0 and check points.
 
-    Each project is run as [bold]aerocal run[/bold] would, with its own output folder and lock, and with the
-    same bytes. A failing project does not stop the others; completed stages are reused.
+    Each project is processed as by [bold]aerocal run[/bold], with its own output folder and lock, and the
+    same results byte by byte. A failing project does not stop the others; completed stages are reused.
 
     [bold]Examples[/bold]
 
@@ -52,8 +55,8 @@ def batch(
 
       aerocal batch flights/* --dask tcp://HOST:8786 --json
 
-    [bold]Exit codes[/bold]  that of the worst project, in this order: 1 machine or aerocal at fault · 2 input
-    wrong · 3 not computable · 4 gate failed · 0 all done
+    [bold]Exit codes[/bold]  that of the worst project, in this order: 1 error of the machine or of aerocal ·
+    2 input wrong · 3 not computable · 4 gate failed · 0 all done
     """
     from flows.command.batch_execution import execute_batch
 

@@ -35,7 +35,7 @@ def execute_batch(
     *,
     as_json: bool,
 ) -> int:
-    """Run the projects and show what became of them; returns the exit code of the worst."""
+    """Run the projects and show their outcome; returns the exit code of the worst."""
     if Path(output).name != output:
         raise InputError(
             f"'{output}' is not the name of a folder.", "Give a name without '/'.", entity="--output"

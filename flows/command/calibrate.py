@@ -17,16 +17,16 @@ def calibrate(
     """Calibrate camera, mounting and GNSS from a calibration flight.
 
     Focal length, principal point, additional parameters, boresight and GNSS shift (or lever arm) are
-    estimated together in the adjustment, released in stages; what the flight does not determine is held, and
-    reported together with what to fly. The two-step calibration (adjustment on control alone, then means of
-    the differences to GNSS and INS) is computed for comparison, with a test whether both agree, and the
-    direct-georeferencing check with the calibrated values.
+    estimated together in the adjustment, in stages. Parameters that the flight does not determine are held
+    fixed and reported, with advice on what to fly. For comparison, the two-step calibration is computed
+    (adjustment with control points only, then means of the differences to GNSS and INS), with a test whether
+    both agree, and the direct-georeferencing check with the calibrated values.
 
-    Without image points, but with orientations of another adjustment (calibration.adjusted), the second step
-    is all there is: boresight and lever arm or shift, no interior orientation and no certificate.
+    Without image points, but with orientations of another adjustment (calibration.adjusted), only the second
+    step is computed: boresight and lever arm or shift, without interior orientation and certificate.
 
-    The tables calibration and calibration.limits of the project say what is estimated and what is good
-    enough. Results: calibration.json (all parameters with their full covariance), report.html,
+    The tables calibration and calibration.limits of the project contain the parameters to estimate and the
+    limits. Results: calibration.json (all parameters with their full covariance), report.html,
     georeferencing_check.html, and the tables of an adjustment.
 
     [bold]Examples[/bold]

@@ -28,7 +28,7 @@ def calibration_verdict(found: CalibrationFigures) -> RenderableType:
     """Whether the flight is accepted, how it was flown, and what the second step says."""
     words, colour = _VERDICTS[found.verdict]
     verdict = Text(f"The flight is {words}.", style=f"bold {colour}")
-    flown = Text(f"Flown: {found.directions}; {found.heights}.")
+    flown = Text(f"Flight pattern: {found.directions}; {found.heights}.")
     said = [] if found.two_step is None else [Text(found.two_step.sentence)]
     return Group(verdict, flown, *said)
 
@@ -54,7 +54,7 @@ def parameters_beside_limits(title: str, owner: str, value: str) -> Table:
 
 def _parameters(summary: Summary, found: CalibrationFigures) -> Table:
     table = parameters_beside_limits(
-        "Calibrated parameters, change against the given values", "entity", "change"
+        "Calibrated parameters, change from the given values", "entity", "change"
     )
     changes = {(item.parameter, item.entity): item for item in summary.parameters or ()}
     held = 0

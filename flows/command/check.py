@@ -19,8 +19,8 @@ def check(
     Points are intersected with the corrected orientations and compared with their survey; y-parallaxes of
     all stereo models show how well neighbouring images fit. Both are compared with what the stated σ predict.
 
-    The table direct_georeferencing of the project says which calibration: that of the cameras, of another
-    project, of this project's own adjustment, or the approved one of the registry (aerocal registry) for the
+    The table direct_georeferencing of the project specifies the calibration: that of the cameras, of another
+    project, of this project's own adjustment, or the one approved in the registry (aerocal registry) for the
     camera and date. Results: georeferencing_check.html and four tables.
 
     [bold]Examples[/bold]

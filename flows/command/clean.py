@@ -12,14 +12,15 @@ from flows.command.exit_code import end_with
 
 def clean(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Output folders, or folders that hold some.")
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Output folders, or folders that contain output folders."),
     ],
     older_than: Annotated[
         int,
         typer.Option(
             "--older-than",
             metavar="DAYS",
-            help="Only what has not been used for this long.",
+            help="Remove only what has not been used for this long.",
             min=0,
             max=36_500,
         ),
@@ -31,7 +32,7 @@ def clean(
 ) -> None:
     """Remove stored results of stages (DIR/.store) that have not been used for a long time.
 
-    Published files are kept, and so is what manifest.json names and what it was made from.
+    Published files are kept, as are files listed in manifest.json and their inputs.
 
     Nothing is removed while a run is writing, or if manifest.json cannot be read.
 

@@ -23,36 +23,36 @@ def convert(
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="NAME", help="Format of block exchange; [bold]aerocal export[/bold] lists."
+            "--to", metavar="NAME", help="Block exchange format; [bold]aerocal export[/bold] lists them."
         ),
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the files; default NAME beside INPUT."),
+        typer.Option("--out", metavar="DIR", help="Folder for the files; default NAME beside INPUT."),
     ] = None,
     world: Annotated[
         str | None,
         typer.Option(
             "--world",
             metavar="KIND",
-            help="As of [bold]aerocal export[/bold].",
-            show_default="map coordinates as they are, else local ones",
+            help="As for [bold]aerocal export[/bold].",
+            show_default="map coordinates if possible, otherwise local ones",
         ),
     ] = None,
     pixel_um: Annotated[
         float | None,
         typer.Option(
-            "--pixel-um", metavar="UM", help="Side of a pixel, for blocks of programs that know pixels only."
+            "--pixel-um", metavar="UM", help="Pixel size, for blocks from programs that use pixel units only."
         ),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,
 ) -> None:
-    """Write a delivery in a format of block exchange, without adjusting it.
+    """Write a delivery in a block exchange format, without adjusting it.
 
-    Image points, control and cameras go along as they are; orientations are the delivered ones, and
-    approximate ones where there are none. HANDOVER.txt says what was written. To hand over adjusted results,
-    use [bold]aerocal export[/bold].
+    Image points, control and cameras are written unchanged; orientations are the delivered ones, or
+    approximate ones if there are none. HANDOVER.txt describes the files. To export adjusted results, use
+    [bold]aerocal export[/bold].
 
     [bold]Examples[/bold]
 

@@ -23,7 +23,9 @@ def convert_distortion(
     ],
     camera: Annotated[
         str | None,
-        typer.Option("--camera", metavar="NAME", help="Which camera; not needed if only one has values."),
+        typer.Option(
+            "--camera", metavar="NAME", help="Camera name; not needed if only one camera has values."
+        ),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,

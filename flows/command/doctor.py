@@ -13,12 +13,12 @@ def doctor(
     data: Data = None,
     json: Json = False,
 ) -> None:
-    """Read and check a project: what is there, and what looks wrong.
+    """Read and check a project: contents, and suspicious values.
 
     All mistakes are listed at once, each with the evidence for every hypothesis and the line of the project
     file that corrects it: units, order and reference of angles, rotated or mirrored images, swapped axes,
-    feet, heights, zones, antenna, time offset, mixed-up names, images and points that take no part. What
-    would stop a run is corrected in memory or set aside, so that the rest can be checked as well.
+    feet, heights, zones, antenna, time offset, mixed-up names, images and points that are not used. Errors
+    that would stop a run are corrected in memory or skipped, so that the rest can be checked as well.
 
     Nothing is published; with --out, completed stages are kept for the next run.
 

@@ -32,7 +32,7 @@ def examine(
     request = RunRequest.of(project_file, out, overrides, data)
     project = request.project()
     with tempfile.TemporaryDirectory(prefix="aerocal-doctor-") as temporary:
-        # Without --out nothing is written beside the project.
+        # Without --out nothing is written next to the project.
         store = request.store() if out is not None else Store.of(Path(temporary))
         with run_lock(store.folder.parent):
             store.begin_run()

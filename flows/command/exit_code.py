@@ -49,5 +49,5 @@ def complain(error: str) -> None:
 
 
 def remark(sentence: str) -> None:
-    """Print something worth knowing that is no error in one line on stderr."""
+    """Print something worth knowing that is not an error in one line on stderr."""
     typer.secho(f"Remark: {sentence}", err=True, fg=typer.colors.YELLOW)

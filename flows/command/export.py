@@ -19,7 +19,7 @@ def export(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the files; default RESULTS/export/FORMAT."),
+        typer.Option("--out", metavar="DIR", help="Folder for the files; default RESULTS/export/FORMAT."),
     ] = None,
     world: Annotated[
         str | None,
@@ -27,10 +27,10 @@ def export(
             "--world",
             metavar="KIND",
             help="How the receiving program handles coordinates: [bold]local[/bold] (Cartesian, in "
-            "our frame), [bold]map[/bold] (knows the projection and the curved earth), "
-            "[bold]map-cartesian[/bold] (takes map coordinates as Cartesian), "
-            "[bold]map-cartesian-curved[/bold] (the same, and corrects curvature).",
-            show_default="the usual one of the format",
+            "our frame), [bold]map[/bold] (handles map projection and earth curvature), "
+            "[bold]map-cartesian[/bold] (treats map coordinates as Cartesian), "
+            "[bold]map-cartesian-curved[/bold] (the same, but corrects earth curvature).",
+            show_default="the usual one for the format",
         ),
     ] = None,
     angles: Annotated[
@@ -40,15 +40,16 @@ def export(
     force: Annotated[
         bool,
         typer.Option(
-            "--force", help="Write even if the program's model differs from ours by a pixel or more."
+            "--force", help="Write even if the program's model differs from ours by one pixel or more."
         ),
     ] = False,
 ) -> None:
-    """Hand results over to another program.
+    """Export results for other programs.
 
     What a program needs depends on how it handles coordinates, not on the file format.
-    Each export says in HANDOVER.txt for which kind it is, what must be switched on and off, what was fitted,
-    and how far the program's model differs from ours: half a pixel is reported, one is refused.
+    HANDOVER.txt of each export states the kind of program, the corrections to be switched on or off, what was
+    fitted, and how far the model of the program differs from ours: from half a pixel this is reported, from
+    one pixel the export is refused.
 
     [bold]Examples[/bold]
 

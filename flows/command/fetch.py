@@ -42,9 +42,7 @@ def _fetch(address: str, to: Path) -> int:
     found = fetch_results(address_of(address), to)
     if found.is_older and found.last_run is not None:
         reason = " ".join(found.last_run.problems) or found.last_run.status
-        remark(f"The last run there ended without results ({reason}); these are of a run before it.")
+        remark(f"The latest run there ended without results ({reason}); these are from an earlier run.")
     here = len(found.files) - len(found.brought)
-    typer.echo(
-        f"{len(found.files)} files are in {to}" + (f", {here} of them were there already." if here else ".")
-    )
+    typer.echo(f"{len(found.files)} files are in {to}" + (f", {here} of them unchanged." if here else "."))
     return DONE

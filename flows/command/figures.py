@@ -14,7 +14,7 @@ def figures(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder of a run.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the figures; default RESULTS/figures."),
+        typer.Option("--out", metavar="DIR", help="Folder for the figures; default RESULTS/figures."),
     ] = None,
 ) -> None:
     """Write the figures of a report as SVG files, for papers and slides.

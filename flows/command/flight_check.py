@@ -15,7 +15,7 @@ def flight_check(
         str, typer.Argument(metavar="[PRESET|SPEC.toml]", help="Name of a preset, or a specification.")
     ] = "uce-low",
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the simulated project.")
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the simulated project.")
     ] = Path("flight-check"),
     overrides: Annotated[
         list[str] | None,
@@ -29,7 +29,7 @@ def flight_check(
         typer.Option("--calibrate", help="Run the system calibration and its checks."),
     ] = False,
 ) -> None:
-    """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with the truth.
+    """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with its true value.
 
     On a sound installation, the errors agree with the stated standard deviations.
 
@@ -41,7 +41,8 @@ def flight_check(
 
       aerocal flight-check dmc-burn-in --out trial --seed 7
 
-    [bold]Exit codes[/bold]  0 agrees with the truth · 2 specification wrong · 4 contradicts the truth
+    [bold]Exit codes[/bold]  0 agrees with the true values · 2 specification wrong · 4 contradicts the true
+    values
     """
     from flows.command.truth_table import check_and_show
 

@@ -15,13 +15,13 @@ def image_quality(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="PROJECT.toml|IMAGE", help="A file with a table [image_quality], or one image."
+            metavar="PROJECT.toml|IMAGE", help="A TOML file with a table [image_quality], or one image."
         ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Output folder.", show_default="image-quality/ beside the source"
+            "--out", metavar="DIR", help="Output folder.", show_default="image-quality/ next to the source"
         ),
     ] = None,
     overrides: Overrides = None,

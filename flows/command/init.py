@@ -15,15 +15,15 @@ def init(
 ) -> None:
     """Identify delivered files and create its project file.
 
-    Identifies each file by its content. FOLDER/project.toml names the files and holds what they say
-    themselves; what a person has to declare (units, coordinate systems, heights, angles) is marked
-    DECLARE, and aerocal run refuses the project until that is done. A project file is never overwritten.
+    Identifies each file by its content. FOLDER/project.toml lists the files and contains what they state.
+    Values that must be declared (units, coordinate systems, heights, angles) are marked DECLARE, and aerocal
+    run refuses the project until they are. A project file is never overwritten.
 
     [bold]Example[/bold]
 
       aerocal init delivery && $EDITOR delivery/project.toml && aerocal doctor delivery/project.toml
 
-    [bold]Exit codes[/bold]  0 written · 2 no delivery, or a project file is there already
+    [bold]Exit codes[/bold]  0 written · 2 no delivery, or a project file already exists
     """
     from flows.command.initiation import initiate
 

@@ -21,7 +21,7 @@ _KINDS = {
     "distances": "distances",
     "trajectory": "samples of a trajectory",
     "accuracy": "accuracies of a trajectory",
-    "events": "moments of exposures",
+    "events": "times of exposures",
 }
 
 

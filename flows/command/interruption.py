@@ -1,7 +1,7 @@
 """The interrupt key and SIGTERM end a command within 10 s, whatever it is doing.
 
 Python carries out a signal handler between two instructions of the main thread, and the exception that the
-handler raises is what ends the command. Three things can stand in its way; each is met here:
+handler raises is what ends the command. Three things can be in its way; each is met here:
 
 * The signal comes just before a call that blocks (a lock, a pipe, a future), or another thread takes it: then
   the handler waits until the call returns. So the main thread is woken, again and again, by a second signal
@@ -39,7 +39,7 @@ _WAKE_S = 0.1
 #: Ignored by default and used by nobody here.
 _WAKING = signal.SIGURG
 
-_KEPT = b"finished stages are kept and will be reused.\n"
+_KEPT = b"completed stages are kept and will be reused.\n"
 _ENDED = {int(signal.SIGINT): b"Interrupted; " + _KEPT, int(signal.SIGTERM): b"Terminated; " + _KEPT}
 _AT_ONCE = b"Ended without cleaning up, which took too long; " + _KEPT
 

@@ -62,7 +62,7 @@ class LivingLine(logging.Handler):
             self._stage, self._stage_start = began, self._clock()
         elif ended is not None:
             expected = self._left.pop(ended, 0.0)
-            # One that is reused was no work.
+            # One that is reused was not a work.
             if self._stage == ended:
                 self._done += expected
                 self._took += self._clock() - self._stage_start
@@ -80,7 +80,7 @@ class LivingLine(logging.Handler):
 
     @property
     def seconds_left(self) -> float:
-        """How long the rest takes if it goes on as it did."""
+        """How long the rest takes if it continues as it did."""
         return self._pace() * (sum(self._left.values()) - self._in_work())
 
     def __rich__(self) -> RenderableType:

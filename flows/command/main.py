@@ -34,16 +34,17 @@ from flows.command.undistort import undistort
 # One line a paragraph: the help is wrapped to the width of the screen.
 _ABOUT = (
     "Aerial triangulation and calibration of large-format aerial cameras.\n\n"
-    "A project is one TOML file that says which files were delivered, what they mean (units, coordinate "
-    "systems, angles) and what the result must keep.\n\n"
-    "Start with [bold]aerocal init FOLDER[/bold]: it says what the files are and begins the project file. "
-    "[bold]aerocal doctor PROJECT.toml[/bold] reads and checks, and adjusts nothing. Then "
-    "[bold]aerocal run PROJECT.toml[/bold]: tables and figures appear in results/ beside the project."
+    "A project is one TOML file. It lists the delivered files, their meaning (units, coordinate "
+    "systems, angles) and the limits for the result.\n\n"
+    "Start with [bold]aerocal init FOLDER[/bold]: it identifies the files and writes a draft of the "
+    "project file. "
+    "[bold]aerocal doctor PROJECT.toml[/bold] reads and checks the input without an adjustment. Then "
+    "[bold]aerocal run PROJECT.toml[/bold] writes tables and figures to results/ next to the project file."
 )
 
 _EXIT_CODES = (
     "[bold]Exit codes[/bold]  0 done · 2 the input is wrong · 3 the adjustment cannot be computed · 4 done, "
-    "but a quality gate failed · 1 the installation (or aerocal itself) is at fault · 130 interrupted · "
+    "but a quality gate failed · 1 error of the installation or of aerocal itself · 130 interrupted · "
     "143 terminated"
 )
 

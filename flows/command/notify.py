@@ -10,8 +10,9 @@ from flows.command.exit_code import DEFECT, DONE, end_with
 def notify() -> None:
     """Send a test message to every address that receives notices, and report the outcome.
 
-    The addresses are secrets: they stand in AEROCAL_NOTIFY, separated by spaces, or one a line in a private
-    file that AEROCAL_NOTIFY_FILE names; none is shown. [bold]aerocal serve[/bold] sends to the same ones.
+    The addresses are secrets: they are given in AEROCAL_NOTIFY, separated by spaces, or one per line in a
+    private file named by AEROCAL_NOTIFY_FILE; none is shown. [bold]aerocal serve[/bold] uses the same
+    addresses.
 
     [bold]Example[/bold]
 

@@ -16,7 +16,7 @@ Out: TypeAlias = Annotated[
         metavar="DIR|s3://…",
         help="Output folder, or [bold]s3://BUCKET/PREFIX[/bold] on object storage (endpoint, region and "
         "credentials from the environment).",
-        show_default="results/ beside the project file",
+        show_default="results/ next to the project file",
     ),
 ]
 
@@ -26,7 +26,7 @@ Overrides: TypeAlias = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Replace a value of the project file, e.g. [bold]--set adjustment.max_iterations=10[/bold]. "
-        "Repeatable; VALUE is TOML, else text; only the stages it touches run again.",
+        "Repeatable; VALUE is TOML, otherwise text; only the affected stages run again.",
     ),
 ]
 
@@ -35,8 +35,8 @@ Data: TypeAlias = Annotated[
     typer.Option(
         "--data",
         metavar="DIR",
-        help="Folder of the delivered files: relative paths that are not beside the project file are "
-        "looked up here, and it stands for ${AEROCAL_TEST_DATA} when that is not set.",
+        help="Folder of the delivered files: relative paths that are not found next to the project file "
+        "are looked up here. It replaces ${AEROCAL_TEST_DATA} if that is not set.",
     ),
 ]
 
@@ -45,8 +45,8 @@ Server: TypeAlias = Annotated[
     typer.Option(
         "--server",
         metavar="URL|none",
-        help="Prefect server the run is reported to; [bold]none[/bold] always runs in process.",
-        show_default="PREFECT_API_URL, else that of a running aerocal serve, else in process",
+        help="Prefect server to which the run is reported; [bold]none[/bold] always runs in process.",
+        show_default="PREFECT_API_URL, otherwise a running aerocal serve, otherwise in process",
     ),
 ]
 
@@ -56,8 +56,8 @@ Dask: TypeAlias = Annotated[
         "--dask",
         metavar="ADDRESS|none",
         help="Scheduler of a Dask cluster whose workers compute the adjustments, e.g. "
-        "[bold]tcp://HOST:8786[/bold]; [bold]none[/bold] always uses processes of this machine.",
-        show_default="AEROCAL_DASK, else processes of this machine",
+        "[bold]tcp://HOST:8786[/bold]; [bold]none[/bold] always uses processes on this machine.",
+        show_default="AEROCAL_DASK, otherwise processes on this machine",
     ),
 ]
 

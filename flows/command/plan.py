@@ -23,9 +23,9 @@ def plan(
         typer.Option(
             "--free",
             metavar="NAME,NAME,…",
-            help="What is to be calibrated: focal_length, principal_point, boresight, gnss_shift, lever_arm, "
+            help="Parameters to calibrate: focal_length, principal_point, boresight, gnss_shift, lever_arm, "
             "time_offset, gnss_drift.",
-            show_default="calibration.free of the file",
+            show_default="calibration.free in the file",
         ),
     ] = None,
     additional: Annotated[
@@ -33,7 +33,7 @@ def plan(
         typer.Option(
             "--additional",
             metavar="SELECTION",
-            help="Additional parameters to calibrate as well, e.g. [bold]bluh:1-12[/bold]; "
+            help="Additional parameters to calibrate, e.g. [bold]bluh:1-12[/bold]; "
             "[bold]none[/bold] for none.",
             show_default="adjustment.self_calibration.parameters of a project",
         ),
@@ -44,7 +44,7 @@ def plan(
             "--strip-bias",
             metavar="M",
             min=0.0,
-            help="σ of the GNSS error that all images of a strip have in common, m; [bold]0[/bold]: "
+            help="σ of the GNSS error common to all images of a strip, m; [bold]0[/bold]: "
             "independent errors, which is too optimistic.",
             show_default="0.03, or the project's",
         ),
@@ -62,7 +62,7 @@ def plan(
     proposals: Annotated[
         bool,
         typer.Option(
-            "--proposals/--no-proposals", help="Look for the cheapest addition if the flight is refused."
+            "--proposals/--no-proposals", help="Search for the cheapest addition if the flight is refused."
         ),
     ] = True,
     json: Annotated[
@@ -75,7 +75,7 @@ def plan(
 
     Flight directions and heights are recognised from the exposures. Every quantity is determined, weak or not
     determinable, with the reason. If the flight is refused, additions (lines back, lines across, a second
-    height, more control) are computed in the order of their images until one reaches the limits.
+    height, more control) are computed by number of images until one meets the limits.
 
     [bold]Examples[/bold]
 
@@ -87,7 +87,7 @@ def plan(
 
       aerocal plan project.toml --set calibration.limits.focal_length_um=1
 
-    What limits a calibration, and nine flight patterns side by side: docs/plan.md
+    What limits a calibration, and a comparison of nine flight patterns: docs/plan.md
 
     [bold]Exit codes[/bold]  0 accepted · 2 input wrong · 3 not computable · 4 refused
     """

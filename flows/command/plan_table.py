@@ -47,8 +47,8 @@ def _about_elimination(plan: CalibrationPlan) -> list[str]:
     if not plan.request.has_additional or settings.elimination == "none":
         return []
     return [
-        f"All of {settings.parameters} count as estimated. Those that turn out not to be significant are "
-        "eliminated; the σ of the others then become smaller."
+        f"All of {settings.parameters} are assumed to be estimated. Parameters that are not significant "
+        "will be eliminated; the σ of the others then become smaller."
     ]
 
 
@@ -59,7 +59,7 @@ def _network(here: Expectation, strip_bias: float) -> Table:
     table.add_row("control points", f"{here.control}")
     table.add_row("directions", direction_words(here.pattern))
     table.add_row("heights", height_words(here.pattern))
-    bias = f"{written_sigma(strip_bias, 'm')}" if strip_bias > 0.0 else "none (errors independent)"
+    bias = f"{written_sigma(strip_bias, 'm')}" if strip_bias > 0.0 else "none (independent errors)"
     table.add_row("GNSS error of a strip", bias)
     return table
 
@@ -110,7 +110,7 @@ def _sentences(title: str, sentences: Sequence[str], style: str) -> list[Rendera
 
 
 def _proposals(plan: CalibrationPlan) -> Table:
-    table = _titled("Additions, in the order of their images")
+    table = _titled("Additions, by number of images")
     table.add_column("in addition", overflow="fold")
     table.add_column("images", justify="right")
     table.add_column("largest σ/limit", overflow="fold")
@@ -125,7 +125,7 @@ def _proposals(plan: CalibrationPlan) -> Table:
         )
     left_out = len(plan.proposals) - table.row_count
     if left_out:
-        table.caption = f"{left_out} more that do not suffice are in --json"
+        table.caption = f"{left_out} more that are not sufficient are in --json"
         table.caption_justify = "left"
     return table
 
@@ -140,13 +140,13 @@ def _cheapest(plan: CalibrationPlan) -> Text:
     if found is None:
         nearest = min(plan.proposals, key=lambda item: item.expectation.worst_part)
         return Text(
-            f"None of these additions reaches the limits; the nearest is {addition_words(nearest.addition)}, "
+            f"None of these additions meets the limits; the best is {addition_words(nearest.addition)}, "
             f"with {nearest.expectation.worst} at {nearest.expectation.worst_part:.2f} times its limit.",
             style="bold red",
         )
     images = f"{found.addition.images} images" if found.addition.images else "no more images"
     return Text(
-        f"Cheapest addition that reaches the limits: {addition_words(found.addition)} ({images}).",
+        f"Cheapest addition that meets the limits: {addition_words(found.addition)} ({images}).",
         style="bold green",
     )
 

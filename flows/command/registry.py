@@ -1,4 +1,4 @@
-"""``aerocal registry``: calibrations, who approved them, and from when they hold."""
+"""``aerocal registry``: calibrations, their approval and their validity."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import typer
 from flows.command.exit_code import end_with
 
 registry = typer.Typer(
-    help="Keep calibrations: immutable versions, approved by name, valid from a date.\n\n"
-    "A calibration goes in as a draft (add), is compared with the one that holds and approved (approve), "
-    "and is later superseded by the next one. Nothing is ever changed or removed; anything edited "
-    "behind the registry's back is found (verify).\n\n"
-    'A project takes the one that holds for its cameras on project.flown: calibration = "registry".\n\n'
+    help="Registry of calibrations: immutable versions, approved by a person, valid from a date.\n\n"
+    "A calibration is added as a draft (add), compared with the one in force and approved (approve), "
+    "and later superseded by the next one. Nothing is ever changed or removed; editing the database directly "
+    "is detected (verify).\n\n"
+    'A project uses the calibration in force for its cameras on project.flown: calibration = "registry".\n\n'
     "[bold]Examples[/bold]\n\n"
     "  aerocal registry add results --note 'after the change of the shutter'\n\n"
     "  aerocal registry approve 3 --from 2026-03-01\n\n"
     "  aerocal registry show UC-Eagle-1-42 --plot camera.html\n\n"
     "  aerocal registry due --within 60\n\n"
-    "The registry is a SQLite file of this user, else what AEROCAL_REGISTRY or --registry names.",
+    "The registry is a SQLite file of this user, unless AEROCAL_REGISTRY or --registry names another one.",
     epilog="[bold]Exit codes[/bold]  0 done · 2 input wrong, conflict, or the registry was edited · 1 the "
     "database cannot be reached · 4 due: a camera needs a calibration",
     no_args_is_help=True,
@@ -35,7 +35,7 @@ Address: TypeAlias = Annotated[
         metavar="URL",
         help="The registry: path of a SQLite file, or postgresql://USER@HOST/DATABASE (password in "
         "PGPASSWORD).",
-        show_default="AEROCAL_REGISTRY, else a file of this user",
+        show_default="AEROCAL_REGISTRY, otherwise a file of this user",
     ),
 ]
 Person: TypeAlias = Annotated[
@@ -68,16 +68,16 @@ def add(
         typer.Option(
             "--code",
             metavar="CODE",
-            help="Verification code on the certificate, 16 digits or all; needed for a file without its "
-            "folder of results. Repeatable.",
+            help="Verification code on the certificate, 16 digits or all of them; required for a file "
+            "outside its results folder. Repeatable.",
         ),
     ] = None,
     address: Address = None,
 ) -> None:
-    """Add a calibration, or all of a folder, as the next version of its camera, as a draft.
+    """Add a calibration, or all of a folder, as a draft: the next version of its camera.
 
-    The camera is known by body, lens and product (cameras.NAME.identity), else by its name. The file must be
-    the one that the manifest and the certificate beside it speak of.
+    The camera is identified by body, lens and product (cameras.NAME.identity), otherwise by its name. The
+    file must be the one referred to by the manifest and the certificate in its folder.
     """
     from flows.command.registry_actions import add_calibrations
 
@@ -87,7 +87,7 @@ def add(
 @registry.command("list")
 def list_(
     camera: Annotated[
-        str | None, typer.Argument(metavar="CAMERA", help="Only this one: its name, body or lens.")
+        str | None, typer.Argument(metavar="CAMERA", help="Only this camera: its name, body or lens.")
     ] = None,
     json: Json = False,
     address: Address = None,
@@ -104,14 +104,16 @@ def show(
         str,
         typer.Argument(
             metavar="ID|CAMERA",
-            help="A calibration by its number or the beginning of its verification code, or a camera by its "
-            "name, body or lens.",
+            help="A calibration (its number, or the beginning of its verification code) or a camera (its "
+            "name, body or lens).",
         ),
     ],
     plot: Annotated[
         Path | None,
         typer.Option(
-            "--plot", metavar="FILE.html", help="Write the parameters of the camera over the years as a page."
+            "--plot",
+            metavar="FILE.html",
+            help="Write a page with the parameters of the camera over the years.",
         ),
     ] = None,
     json: Json = False,
@@ -119,7 +121,7 @@ def show(
 ) -> None:
     """Show one calibration with its parameters and history, or how a camera has changed.
 
-    A calibration is shown beside the approved one before it: every change with its σ.
+    A calibration is compared with the previous approved one: every change with its σ.
     """
     from flows.command.registry_tables import show_calibrations
 
@@ -141,17 +143,18 @@ def approve(
         typer.Option(
             "--although",
             metavar="REASON",
-            help="Approve what its own calibration has refused; or say why the camera has changed, so that "
-            "it no longer counts as drifted.",
+            help="Approve a calibration although it was refused, or although the camera has changed; "
+            "give the reason.",
         ),
     ] = "",
     address: Address = None,
 ) -> None:
-    """Approve a draft: it holds from a day on, and supersedes the one before it.
+    """Approve a draft: it is valid from a given day and supersedes the previous calibration.
 
-    It is compared with that one, as in aerocal registry show: χ² with both covariances, each parameter.
+    It is compared with the previous one, as in aerocal registry show: χ² with both covariances, each
+    parameter.
 
-    A difference does not stop the approval; it is for you to judge.
+    A difference does not prevent the approval; the decision is yours.
 
     If two approve calibrations of one camera at the same time, one gets a message; nothing is lost.
     """
@@ -165,11 +168,11 @@ def approve(
 def export(
     number: Number,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write there.", show_default="screen")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write to this file.", show_default="screen")
     ] = None,
     address: Address = None,
 ) -> None:
-    """Write a calibration as JSON: byte for byte what its verification code is the sha256 of."""
+    """Write a calibration as JSON: exactly the bytes of which its verification code is the SHA-256."""
     from flows.command.registry_actions import export_calibration
 
     end_with(lambda: export_calibration(number, out, address))
@@ -179,15 +182,16 @@ def export(
 def verify(
     since: Annotated[
         str | None,
-        typer.Option("--since", metavar="DIGEST", help="A state of the registry that was recorded earlier."),
+        typer.Option("--since", metavar="DIGEST", help="A previously recorded state of the registry."),
     ] = None,
     json: Json = False,
     address: Address = None,
 ) -> None:
-    """Hold every record against its digest and the history; name everything that was edited.
+    """Compare every record with its digest and the history; report everything that was edited.
 
-    It prints the digest of the present state. Noted elsewhere (on a certificate, in an e-mail) and given as
-    --since later, it shows that nothing before it was rewritten, not even with all digests recomputed.
+    It prints the digest of the current state. If you note it elsewhere (on a certificate, in an e-mail) and
+    give it later as --since, this shows that no earlier event was rewritten, even with all digests
+    recomputed.
     """
     from flows.command.registry_actions import verify_registry
 
@@ -201,7 +205,7 @@ def due(
         typer.Option(
             "--within",
             metavar="DAYS",
-            help="Days before the end of validity from which it counts as due.",
+            help="Days before the end of validity at which a calibration becomes due.",
             min=0,
         ),
     ] = 30,
@@ -210,7 +214,7 @@ def due(
         typer.Option(
             "--max-age",
             metavar="DAYS",
-            help="Age from which a calibration is too old, days; 0: no limit.",
+            help="Age in days at which a calibration becomes due; 0: no limit.",
             min=0,
         ),
     ] = 730,
@@ -236,7 +240,7 @@ def due(
     without: Annotated[
         list[str] | None,
         typer.Option(
-            "--without", metavar="CAMERA", help="Leave out a camera: its name, body or lens. Repeatable."
+            "--without", metavar="CAMERA", help="Exclude a camera: its name, body or lens. Repeatable."
         ),
     ] = None,
     json: Json = False,
@@ -244,7 +248,7 @@ def due(
 ) -> None:
     """List cameras that need a calibration: none in force, expired or about to expire, too old, or drifted.
 
-    The newest calibration of a camera is compared with the one before, and with the first of its mounting.
+    The latest calibration of a camera is compared with the previous one, and with the first of its mounting.
 
     [bold]Exit codes[/bold]  0 none is due · 4 some are
     """

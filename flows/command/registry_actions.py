@@ -53,7 +53,7 @@ def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) 
     console.print(Text(f"Verification code {added.digest}"), soft_wrap=True)
     own = [one for one in known if one.record.camera_key == record.camera_key and one.id < added.id]
     if not own:
-        console.print(Text("It is the first of its camera: nothing to compare with."))
+        console.print(Text("It is the first of its camera, so there is none to compare it with."))
         return
     compared = changes(own[-1].record, record)
     drifted = [one for one in compared if one.drifted]
@@ -71,13 +71,13 @@ def _say_added(added: StoredCalibration) -> None:
     )
     console.print(Text(f"Verification code {added.sealed.digest}"), soft_wrap=True)
     if added.record.verdict == "refused":
-        console.print(Text("Its own calibration has refused it:", style="yellow"))
+        console.print(Text("The calibration was refused:", style="yellow"))
     for reason in added.record.reasons:
         console.print(Text(f"• {reason}", style="yellow"))
     if not camera.numbers:
         sentence = (
-            f"It names neither body nor lens: whatever else is called '{camera.name}' counts as the same "
-            f"camera. Give cameras.{camera.name}.identity and calibrate again."
+            f"It contains no serial number of body or lens, so any camera named '{camera.name}' is "
+            f"regarded as the same one. Give cameras.{camera.name}.identity and calibrate again."
         )
         console.print(Text(sentence, style="yellow"))
     console.print(Text(f"Next: aerocal registry show {added.id}"))
@@ -104,12 +104,12 @@ def approve_calibration(
         Text(f"\nApproved by {signature.person}: {label}, valid {approval.validity}.", style="bold green")
     )
     for old, left in approval.supersedes:
-        remains = "It no longer holds." if left is None else f"It holds for flights {left} only."
+        remains = "It is no longer valid." if left is None else f"It is valid for flights {left} only."
         console.print(Text(f"Superseded: {old.label}. {remains}"))
         lost = old.validity
         end = approval.validity.end
         if lost is not None and end is not None and (lost.end is None or lost.end > end):
-            console.print(Text(f"After {end} no calibration holds any more.", style="yellow"))
+            console.print(Text(f"After {end}, no calibration is in force.", style="yellow"))
     return DONE
 
 
@@ -118,7 +118,10 @@ def show_comparison(approval: Approval, console: Console) -> None:
     before, test = approval.predecessor, approval.test
     if before is None or test is None:
         console.print(
-            Text(f"Calibration {approval.chosen.id} is the first of its camera: nothing to compare with.")
+            Text(
+                f"Calibration {approval.chosen.id} is the first of its camera, so there is none to "
+                "compare it with."
+            )
         )
         return
     console.print(
@@ -148,7 +151,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
     contents, results = found.verified(), found.radiometric()
     sentences = [finding.sentence for finding in contents.findings]
     if since and not any(event.digest.startswith(since.lower()) for event in contents.events):
-        sentences.append(f"The state {since} is no part of the history: what came before it was rewritten.")
+        sentences.append(f"The state {since} is not part of the history: earlier events were rewritten.")
     if as_json:
         print(
             json_text(
@@ -176,7 +179,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
             Console(stderr=True).print(Text(f"• {sentence}"), soft_wrap=True)
     complain(
         f"{len(sentences)} thing{'s' * (len(sentences) > 1)} in the registry {found.database.address} "
-        "did not come from aerocal. Restore it from a backup."
+        "not written by aerocal. Restore it from a backup."
     )
     return INPUT_ERROR
 
@@ -194,4 +197,4 @@ def _person(option: str | None) -> str:
     try:
         return getpass.getuser()
     except (KeyError, OSError) as error:
-        raise InputError("It is not known who does this.", "Say it: --by NAME.") from error
+        raise InputError("The person responsible is not known.", "Name them: --by NAME.") from error

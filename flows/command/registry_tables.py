@@ -141,11 +141,11 @@ def _facts(item: StoredCalibration) -> Table:
     record, camera, flight = item.record, item.camera, item.record.flight
     heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
     headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)
-    held = "holds for no flight" if item.validity is None else f"holds for flights {item.validity}"
+    held = "valid for no flight" if item.validity is None else f"valid for flights {item.validity}"
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in (
         ("state", f"{item.state}, {held}"),
-        ("verdict", f"{record.verdict} by its own calibration"),
+        ("verdict", f"{record.verdict} by the acceptance test"),
         ("image", f"{camera.product}, {camera.image}"),
         ("mounting", camera.mounting),
         ("flight", f"{flight.project}, {flight.flown or 'date not given'}"),

@@ -155,7 +155,7 @@ def _parameters(summary: Summary) -> Table:
         )
     others = len(parameters) - table.row_count
     if others:
-        table.caption = f"{others} more, held or eliminated ones among them, in parameters.parquet"
+        table.caption = f"{others} more, including those held fixed or eliminated, in parameters.parquet"
         table.caption_justify = "left"
     return table
 

@@ -14,11 +14,11 @@ def run(
     server: Server = None,
     json: Json = False,
 ) -> None:
-    """Run what the project file declares.
+    """Run the flow declared in the project file.
 
-    With a table calibration it is the system calibration, with direct_georeferencing the check of direct
-    georeferencing, else the adjustment; aerocal calibrate, check and adjust run one of them regardless of the
-    file. Deliveries are read, tables, figures and report published.
+    With a table calibration this is the system calibration, with direct_georeferencing the check of direct
+    georeferencing, otherwise the adjustment. aerocal calibrate, check and adjust run one of them regardless
+    of the file. Deliveries are read, tables, figures and report published.
 
     Stages whose inputs, settings and code did not change are reused, so a rerun is cheap. On a terminal, one
     line shows the current stage and about how long the rest takes.

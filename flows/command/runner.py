@@ -17,8 +17,8 @@ def runner(
         typer.Option(
             "--server",
             metavar="URL",
-            help="Server whose runs are carried out.",
-            show_default="PREFECT_API_URL, else this user's aerocal serve",
+            help="Server whose runs are executed.",
+            show_default="PREFECT_API_URL, otherwise this user's aerocal serve",
         ),
     ] = None,
     database: Annotated[
@@ -36,7 +36,7 @@ def runner(
         typer.Option(
             "--root",
             metavar="DIR",
-            help="Folder that runs may read and write, the inbox of the server included. Repeatable.",
+            help="Folder that runs may read and write, including the inbox of the server. Repeatable.",
             show_default="the current folder",
         ),
     ] = None,
@@ -55,17 +55,19 @@ def runner(
             "--results",
             metavar="URL",
             help="Prefix on object storage for results; the same as the server's.",
-            show_default="beside each project",
+            show_default="next to each project",
         ),
     ] = None,
-    limit: Annotated[int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)] = 1,
+    limit: Annotated[
+        int, typer.Option("--limit", metavar="N", help="Number of simultaneous runs.", min=1)
+    ] = 1,
     state: Annotated[
         Path | None,
         typer.Option(
             "--state",
             metavar="DIR",
-            help="Folder of log and Prefect's files.",
-            show_default="in this user's folder of states",
+            help="Folder for the log and Prefect's files.",
+            show_default="in this user's state folder",
             envvar="AEROCAL_STATE",
         ),
     ] = None,
@@ -73,8 +75,8 @@ def runner(
 ) -> None:
     """Execute runs of a server alongside its own runner, on this machine or another.
 
-    The folders of projects must have the same paths as on the server's machine. After SIGTERM or the
-    interrupt key, it finishes the running runs and stops; a second one stops them, too.
+    The folders of projects must have the same paths as on the server's machine. After SIGTERM or Ctrl+C, it
+    finishes current runs and stops; a second signal stops the runs as well.
 
     [bold]Examples[/bold]
 

@@ -53,8 +53,8 @@ def serve(
 ) -> None:
     """Run the server: dashboard, deployments, and a runner that executes them.
 
-    While it is running, [bold]aerocal run[/bold] and the others appear in the dashboard. After SIGTERM or the
-    interrupt key, it finishes the running runs and stops; a second one stops them, too.
+    While it is running, [bold]aerocal run[/bold] and similar commands appear in the dashboard. After SIGTERM
+    or Ctrl+C, it finishes current runs and stops; a second signal stops the runs as well.
 
     [bold]Examples[/bold]
 

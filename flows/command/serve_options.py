@@ -14,7 +14,7 @@ PublicUrlOption: TypeAlias = Annotated[
     typer.Option(
         "--public-url",
         metavar="URL",
-        help="Address under which browsers reach the dashboard, behind a proxy or from other machines.",
+        help="Address at which browsers reach the dashboard, behind a proxy or from other machines.",
     ),
 ]
 PublicOverviewUrlOption: TypeAlias = Annotated[
@@ -22,7 +22,7 @@ PublicOverviewUrlOption: TypeAlias = Annotated[
     typer.Option(
         "--public-overview-url",
         metavar="URL",
-        help="The same for the production page; links in the dashboard and in notices lead there.",
+        help="The same for the production page; used for links in the dashboard and in notices.",
     ),
 ]
 OverviewPortOption: TypeAlias = Annotated[
@@ -32,7 +32,7 @@ OverviewPortOption: TypeAlias = Annotated[
         help="Port of the production page.",
         min=1,
         max=65535,
-        show_default="the one after --port",
+        show_default="--port plus one",
     ),
 ]
 DatabaseOption: TypeAlias = Annotated[
@@ -62,7 +62,7 @@ InboxOption: TypeAlias = Annotated[
         help="Folder of deliveries, one folder each; a delivery starts when DELIVERED appears in it.",
     ),
 ]
-StoryOption: TypeAlias = Annotated[str, typer.Option("--story", help="What is done with deliveries.")]
+StoryOption: TypeAlias = Annotated[str, typer.Option("--story", help="Flow to run for each delivery.")]
 WatchOption: TypeAlias = Annotated[
     float, typer.Option("--watch", metavar="S", help="Seconds between two checks of the inbox.", min=1.0)
 ]
@@ -78,7 +78,7 @@ RegistryOption: TypeAlias = Annotated[
         metavar="URL",
         help="Registry of calibrations that runs use: a SQLite file under a --root, or "
         "postgresql://USER@HOST/DATABASE (password in PGPASSWORD).",
-        show_default="AEROCAL_REGISTRY, else none",
+        show_default="AEROCAL_REGISTRY, otherwise none",
     ),
 ]
 RecalibrationCronOption: TypeAlias = Annotated[
@@ -86,7 +86,7 @@ RecalibrationCronOption: TypeAlias = Annotated[
     typer.Option(
         "--recalibration-cron",
         metavar='"M H D M W"',
-        help="When the registry is checked for calibrations that are due.",
+        help="Schedule of checks of the registry for calibrations that are due.",
         show_default='"0 6 * * 1" with a registry',
     ),
 ]
@@ -96,7 +96,7 @@ KeepDaysOption: TypeAlias = Annotated[
         "--keep-days",
         metavar="N",
         help="Every night, remove stored results of stages that have not been used for N days, but never "
-        "what a manifest names (see aerocal clean).",
+        "those named by a manifest (see aerocal clean).",
         show_default="nothing is removed",
         min=1,
         max=36_500,
@@ -117,21 +117,21 @@ ResultsOption: TypeAlias = Annotated[
     typer.Option(
         "--results",
         metavar="s3://…",
-        help="Keep results on object storage, too, below this address (endpoint, region and credentials "
+        help="Also keep results on object storage, below this address (endpoint, region and credentials "
         "from the environment).",
-        show_default="beside the projects only",
+        show_default="next to the projects only",
     ),
 ]
 LimitOption: TypeAlias = Annotated[
-    int, typer.Option("--limit", metavar="N", help="Runs at the same time.", min=1)
+    int, typer.Option("--limit", metavar="N", help="Number of simultaneous runs.", min=1)
 ]
 NotifyOnOption: TypeAlias = Annotated[
     str,
     typer.Option(
         "--notify-on",
         metavar="KINDS",
-        help="Which notices are sent: gate, failure, recalibration, success. They go to the addresses in "
-        "AEROCAL_NOTIFY, or in the file that AEROCAL_NOTIFY_FILE names.",
+        help="Notices to send: gate, failure, recalibration, success. They are sent to the addresses in "
+        "AEROCAL_NOTIFY, or in the file named by AEROCAL_NOTIFY_FILE.",
     ),
 ]
 StateOption: TypeAlias = Annotated[
@@ -139,8 +139,8 @@ StateOption: TypeAlias = Annotated[
     typer.Option(
         "--state",
         metavar="DIR",
-        help="Folder of state file, logs and Prefect's files.",
-        show_default="in this user's folder of states",
+        help="Folder for state file, logs and Prefect's files.",
+        show_default="in this user's state folder",
         envvar="AEROCAL_STATE",
     ),
 ]

@@ -17,7 +17,7 @@ LogFormatOption: TypeAlias = Annotated[
     typer.Option(
         "--log-format",
         metavar="text|json",
-        help="How the output of this command and the logs in the state folder are written: lines with date "
+        help="Format of the output of this command and of the logs in the state folder: lines with date "
         "and time, or one JSON object per line.",
         envvar="AEROCAL_LOG_FORMAT",
     ),

@@ -14,7 +14,7 @@ def simulate(
     source: Annotated[
         str, typer.Argument(metavar="PRESET|SPEC.toml", help="Name of a preset, or a specification.")
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the project.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the project.")],
     overrides: Annotated[
         list[str] | None,
         typer.Option(
@@ -27,9 +27,9 @@ def simulate(
         int | None, typer.Option("--seed", metavar="N", help="Seed of all random numbers.", min=0)
     ] = None,
 ) -> None:
-    """Simulate a block: a project like any other, and its truth in DIR/truth.
+    """Simulate a block: an ordinary project, with its true values in DIR/truth.
 
-    Orientations, points, parameters, noise and gross errors are known to the last digit.
+    Orientations, points, parameters, noise and gross errors are known exactly.
 
     The same seed writes the same bytes.
 
@@ -47,11 +47,11 @@ def simulate(
 
       dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II
 
-      penta: a nadir head and four that look 45° aside, 60 exposures
+      penta: a nadir head and four heads tilted by 45°, 60 exposures
 
     [bold]Specifications[/bold]
 
-      A SPEC.toml names a preset and what it changes:
+      A SPEC.toml names a preset and contains the changes:
 
       seed, project, camera, head, flight, trajectory, terrain, points, control, noise, truth
 

@@ -17,7 +17,7 @@ def sweep(
 ) -> None:
     """Adjust every scenario of a project's sweep: one table, one page.
 
-    A scenario is a sub-block, a choice of control points and a variant of the settings. What they share is
+    A scenario is a sub-block, a choice of control points and a variant of the settings. Shared parts are
     computed once; an interrupted sweep resumes where it stopped.
 
     Results: sweep.parquet, sweep.html. A scenario that cannot be computed is a row with the reason.

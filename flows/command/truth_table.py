@@ -1,4 +1,4 @@
-"""Carry out ``aerocal flight-check`` and show estimates beside the truth."""
+"""Carry out ``aerocal flight-check`` and show estimates next to the truth."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _parameters(comparison: TruthComparison, source: str | None) -> Table:
     table = Table(
         "parameter",
         "entity",
-        title="\nEstimates beside the truth",
+        title="\nEstimates and true values",
         title_justify="left",
         title_style="bold",
         box=box.SIMPLE_HEAD,
@@ -101,7 +101,7 @@ def _parameters(comparison: TruthComparison, source: str | None) -> Table:
 
 
 def _numbers(item: RecoveredParameter) -> tuple[str, str, str, str]:
-    """True and estimated value, σ and unit; a focal length in mm, because it is no small change."""
+    """True and estimated value, σ and unit; a focal length in mm, because it is not a small change."""
     known = COMPONENTS.get(item.parameter)
     is_large = known is not None and known.kind.is_large
     unit, factor, decimals = Shown(item.unit, 1.0, 5) if is_large else shown(item.unit, "screen")
@@ -113,7 +113,7 @@ def _numbers(item: RecoveredParameter) -> tuple[str, str, str, str]:
 def _joint(test: JointTest) -> Text:
     style = "" if test.chi_squared < test.limit else "yellow"
     return Text(
-        f"The {test.freedom} parameters together: χ² = {test.chi_squared:.1f}; 99 of 100 flights stay below "
+        f"All {test.freedom} parameters together: χ² = {test.chi_squared:.1f}; 99 % of flights stay below "
         f"{test.limit:.1f}.\n",
         style=style,
     )

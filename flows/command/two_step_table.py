@@ -20,7 +20,7 @@ _VERDICTS = {
 def two_step_table(found: TwoStepVerdictFigure) -> RenderableType:
     """Verdict, and the parameters with their σ and limits."""
     words, colour = _VERDICTS[found.verdict]
-    table = parameters_beside_limits("Parameters by the second step", "camera", "value")
+    table = parameters_beside_limits("Parameters from the second step", "camera", "value")
     for row in found.parameters:
         unit, factor, decimals = shown(row.unit, "screen")
         numbers = (row.value, row.sigma, row.limit)

@@ -17,14 +17,14 @@ def undistort(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the images; default RESULTS/undistorted."),
+        typer.Option("--out", metavar="DIR", help="Folder for the images; default RESULTS/undistorted."),
     ] = None,
     camera: Annotated[
         str | None,
         typer.Option(
             "--camera",
             metavar="NAME",
-            help="Camera that has taken the images, for images that are not in the block.",
+            help="Camera of the images, for images that are not in the block.",
             show_default="that of each image in the block",
         ),
     ] = None,
@@ -40,10 +40,9 @@ def undistort(
 ) -> None:
     """Write images as a camera without distortion would have taken them.
 
-    What the adjustment has found (additional parameters, mean residuals) is taken out of the pixels. Bands,
-    bit depth, compression, masks and metadata stay as they are. The camera without distortion is in
-    cameras.csv beside the images, what they contain in UNDISTORTED.txt; the orientations are those of the
-    results.
+    The image errors found by the adjustment (additional parameters, mean residuals) are removed. Bands, bit
+    depth, compression, masks and metadata are unchanged. cameras.csv describes the camera without distortion,
+    UNDISTORTED.txt the corrections; the orientations are those of the results.
 
     [bold]Examples[/bold]
 

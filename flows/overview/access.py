@@ -84,7 +84,7 @@ def guard(server: Flask, door: Door, policy: str) -> None:
 
     @server.errorhandler(DependencyException)
     def _nothing(_error: DependencyException) -> Response:
-        return Response("There is nothing here.", 404, mimetype="text/plain")
+        return Response("Page not found.", 404, mimetype="text/plain")
 
     @server.after_request
     def _protect(response: Response) -> Response:
@@ -109,7 +109,7 @@ def _entered(door: Door, asked: Asked) -> Response:
         return Response(ENTRANCE_PAGE, 200, ENTRANCE_HEADERS)
     if door.opens(asked, request.get_data() if (request.content_length or 0) <= _LONGEST_KEY else b""):
         return Response(status=204, headers={"Set-Cookie": door.cookie(asked), "Cache-Control": "no-store"})
-    return Response("That is not the key.", 403, mimetype="text/plain")
+    return Response("This key is not valid.", 403, mimetype="text/plain")
 
 
 def _compressed(response: Response) -> Response:
@@ -151,9 +151,7 @@ def add_results(server: Flask, sources: Sources) -> None:
 
 
 def _no_listing(_rest: str = "") -> Response:
-    return _refused_document(
-        NoDocumentError("There is nothing here.", "Use the links of the production page."), 404
-    )
+    return _refused_document(NoDocumentError("Page not found.", "Use the links of the production page."), 404)
 
 
 def _shown(document: Document) -> Response:

@@ -188,11 +188,11 @@ def _no_calibrations(trouble: str | None) -> Any:
         return html.Div(trouble, className="due")
     return html.Div(
         [
-            "This server knows no registry of calibrations. Start it with ",
+            "This server has no registry of calibrations. Start it with ",
             html.Code("aerocal serve --registry ADDRESS"),
             "; ",
             html.Code("aerocal registry add"),
-            " makes one from the results of a calibration flight.",
+            " creates one from the results of a calibration flight.",
         ],
         className="empty",
     )

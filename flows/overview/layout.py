@@ -1,4 +1,4 @@
-"""The page: what stands where."""
+"""The page: what is where."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from tasks.production.project_row import ProjectRow
 _TICK_MS, _SLOW_MS = 10_000, 60_000
 
 _CALIBRATION_LEGEND = (
-    "Bars are ± σ; values count from the first calibration. Dashed: what the newest may differ from the one "
-    "before; dotted: from the first of its mounting. At the foot: the days on which one is in force."
+    "Bars are ± σ; values are relative to the first calibration. Dashed: limit for the change of the "
+    "latest from the previous calibration; dotted: from the first of its mounting. At the bottom: days "
+    "on which a calibration is in force."
 )
 
 Part = Any
@@ -128,15 +129,15 @@ def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
     """What to do when nothing has been run yet."""
     return html.Div(
         [
-            "No project has been run yet. Start one by hand: ",
+            "No project has been run yet. Start one manually: ",
             html.A(
                 "Deployments", href=f"{dashboard}/v2/deployments", target="_blank", rel="noopener noreferrer"
             ),
             " → aerial-triangulation/manual → Run → Custom run, with a project under ",
             html.Code(", ".join(roots)),
-            "; or copy a delivery into the inbox and write the file ",
+            "; or copy a delivery into the inbox and create the file ",
             html.Code("DELIVERED"),
-            " into it last; or type ",
+            " in it last; or run ",
             html.Code("aerocal run PROJECT.toml"),
             " on this machine.",
         ],
@@ -153,7 +154,7 @@ def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
     """
     waiting = "waiting"
     if tally.oldest_waiting is not None:
-        waiting += f", the longest {in_words((now - tally.oldest_waiting).total_seconds())}"
+        waiting += f", the longest for {in_words((now - tally.oldest_waiting).total_seconds())}"
     counted = (
         ("passed", tally.passed, "passed", ("Completed",)),
         ("gate", tally.gate_failed, "gate failed", ("GateFailed",)),
@@ -167,7 +168,7 @@ def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
             [html.B(str(number)), html.Span(label)],
             id={"card": kind, "states": " ".join(states)},
             className=f"card {kind}" + ("" if number else " none"),
-            title="Show these only; again: show all",
+            title="Show only these; click again to show all",
         )
         for kind, number, label, states in counted
     ]

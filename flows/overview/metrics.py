@@ -1,6 +1,6 @@
 """Figures of the production for Prometheus: ``/metrics`` on the port of the production page.
 
-They are counted from the records when they are asked for, so that they survive a restart, and the same ones
+They are counted from the records when they are requested, so that they survive a restart, and the same ones
 come from every machine.
 """
 
@@ -62,17 +62,17 @@ class ProductionFigures(Collector):
         inbox = self.sources.inbox()
         if inbox is not None:
             folders = GaugeMetricFamily(
-                "aerocal_inbox_folders", "Deliveries that are not started.", labels=["state"]
+                "aerocal_inbox_folders", "Deliveries that have not started.", labels=["state"]
             )
             folders.add_metric(["incomplete"], len(inbox.waiting))
             folders.add_metric(["refused"], len(inbox.refused))
             yield folders
 
     def _of_runs(self) -> Iterator[Metric]:
-        runs = GaugeMetricFamily("aerocal_runs", "Runs on record.", labels=["story", "state"])
+        runs = GaugeMetricFamily("aerocal_runs", "Runs recorded.", labels=["story", "state"])
         ended = GaugeMetricFamily(
             "aerocal_last_end_timestamp_seconds",
-            "When the latest run of a story ended in a state.",
+            "Time at which the latest run of a story ended in a state.",
             labels=["story", "state"],
         )
         for story, state, number, last in self.sources.records.tally():
@@ -88,7 +88,7 @@ def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
     up.add_metric([], view.reachable)
     yield up
     queue = GaugeMetricFamily(
-        "aerocal_queue_runs", "Runs in work, and runs whose time has come.", labels=["state"]
+        "aerocal_queue_runs", "Runs in progress, and runs due to start.", labels=["state"]
     )
     states = [run.state for run in view.queue]
     for state in sorted({*states, "Running"}):
@@ -96,7 +96,7 @@ def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
     yield queue
     since = [start for run in view.queue if (start := run.waiting_since(now)) is not None]
     oldest = GaugeMetricFamily(
-        "aerocal_queue_oldest_seconds", "How long the run that waits longest has been waiting."
+        "aerocal_queue_oldest_seconds", "Waiting time of the run that has waited longest."
     )
     oldest.add_metric([], max(((now - start).total_seconds() for start in since), default=0.0))
     yield oldest

@@ -147,7 +147,7 @@ def cameras_of(watch: RegistryWatch) -> list[dict[str, str]]:
 
 
 def series_figure(series: WatchedSeries, today: date) -> Figure:
-    """One parameter; values count from that of the first calibration that is shown, as people speak of it."""
+    """One parameter; values count from that of the first calibration that is shown, as people refer to it."""
     points = series.series.points
     zero = points[0].value
     unit, factor, _ = shown(series.series.unit, "change")

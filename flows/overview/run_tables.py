@@ -30,7 +30,7 @@ def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboa
         head = ("Run", "State", "Waits", "Runs for")
         parts.append(_table(head, [_queued(run, now, dashboard) for run in view.queue[:_SHOWN]]))
     else:
-        parts.append(html.Div("Nothing waits and nothing runs.", className="empty"))
+        parts.append(html.Div("No run is waiting or running.", className="empty"))
     if len(view.queue) > _SHOWN:
         parts.append(html.P(f"And {len(view.queue) - _SHOWN} more."))
     if view.next is not None:
@@ -38,7 +38,7 @@ def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboa
         when = f" at {due:%a %d %b %H:%M} (in {in_words(ahead)})."
         parts.append(html.P(["Next by schedule: ", run_link(dashboard, view.next.run, view.next.name), when]))
     if not view.reachable:
-        parts.append(html.P("The server does not answer; this is what the records know."))
+        parts.append(html.P("The server does not answer; this is based on the records."))
     parts += _inbox_parts(inbox)
     return parts
 
@@ -87,7 +87,9 @@ def failures_part(
             STORY_LABELS.get(run.story, run.story),
             run.state,
             in_words((now - (run.ended or run.scheduled)).total_seconds()),
-            _Message(in_project(run, run.message) + (" Passed since." if run.id in passed_since else "")),
+            _Message(
+                in_project(run, run.message) + (" A later run has passed." if run.id in passed_since else "")
+            ),
         )
         for run in runs
     ]
@@ -178,7 +180,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:
 
 
 def _figure(gate: GateResult) -> str:
-    return "not there" if gate.value is None else f"{gate.value:.4g} {unit_words(gate.unit)}"
+    return "not available" if gate.value is None else f"{gate.value:.4g} {unit_words(gate.unit)}"
 
 
 def _bound(gate: GateResult) -> str:

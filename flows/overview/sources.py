@@ -131,7 +131,7 @@ _SERVER_S, _REGISTRY_S = 5.0, 60.0
 
 
 class Lasting(Generic[T]):
-    """An answer that is asked for again only after a while; may be asked by several threads."""
+    """An answer that is requested again only after a while; may be asked by several threads."""
 
     def __init__(self, ask: Callable[[], T], seconds: float) -> None:
         self._ask, self._seconds = ask, seconds

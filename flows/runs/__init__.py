@@ -1,1 +1,1 @@
-"""Carrying out a flow: request, stages, workers, clusters, and the record of a run."""
+"""Execution of a flow: request, stages, workers, clusters, and the record of a run."""

@@ -27,7 +27,7 @@ class ProjectEnd:
     Attributes
     ----------
     request : what was to be run.
-    summary : what stands in its summary.json; None if the machine or aerocal is at fault.
+    summary : what is in its summary.json; None if the machine or aerocal is at fault.
     error : why there is no result, in one line; None if there is one.
     """
 
@@ -55,7 +55,7 @@ def carry_out_batch(
     InputError
         If two projects would write into the same folder.
     InstallationError
-        If a worker is ended from outside, or the cluster cannot be used; what is finished is kept.
+        If a worker is ended from outside, or the cluster cannot be used; completed work is kept.
     """
     _require_own_folders(requests)
     there = [request for request in requests if is_there(request.project_file)]
@@ -99,7 +99,7 @@ def _run_project(story: StoryName, *, request: RunRequest) -> ProjectEnd:
         # A defect with one project is no reason to leave the others undone.
         what = " ".join(traceback.format_exception_only(error)).strip()
         return ProjectEnd(
-            request, None, f"A defect of aerocal ({what}). `aerocal run` of this project says where."
+            request, None, f"A defect of aerocal ({what}). `aerocal run` of this project shows where."
         )
     return ProjectEnd(request, outcome.summary, outcome.error)
 

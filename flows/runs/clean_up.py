@@ -16,7 +16,7 @@ Act: TypeAlias = Literal["remove", "look"]
 _ACTS = {"remove": clean_up, "look": look_through}
 _WHY: dict[Why, str] = {
     "named": "named by a manifest",
-    "upstream": "made from for these",
+    "upstream": "input of these",
     "recent": "used lately",
 }
 
@@ -73,11 +73,14 @@ def clean_up_below(tops: Sequence[Path], keep_days: int, act: Act) -> CleanedFol
     Raises
     ------
     InputError
-        If one of them is no folder.
+        If one of them is not a folder.
     """
     for top in tops:
         if not top.is_dir():
-            raise InputError(f"There is no folder {top}.", "Name an output folder, or one that holds some.")
+            raise InputError(
+                f"There is no folder {top}.",
+                "Name an output folder, or a folder that contains output folders.",
+            )
     unused_since = datetime.now(UTC) - timedelta(days=keep_days)
     roots = [top.resolve() for top in tops]
     folders = output_folders(roots)

@@ -1,4 +1,4 @@
-"""A Dask cluster: where the runs of a stage are carried out beside each other, on other machines too.
+"""A Dask cluster: where the runs of a stage are carried out side by side, on other machines too.
 
 The client of a cluster offers an executor of the standard library, which is all a stage asks for. The same
 cluster so serves runs in process and inside a Prefect flow run, whereas Prefect's own task runner for Dask
@@ -37,7 +37,7 @@ _FIRST_WORKER_S = 10.0
 _LOOK_S = 5.0
 _WAIT_S = 300.0
 _START = "`dask worker ADDRESS --nthreads 1 --nworkers N`"
-_KEPT = "what is finished is kept."
+_KEPT = "completed work is kept."
 
 _log = logging.getLogger("aerocal")
 
@@ -51,7 +51,7 @@ class ClusterExecutor(Executor):
     """
 
     def __init__(self, client: Client, expected: Expected) -> None:
-        # Not pure: a call is carried out when it is asked for, whatever the cluster did before.
+        # Not pure: a call is carried out when it is requested, whatever the cluster did before.
         self._executor = client.get_executor(pure=False)
         self._expected = expected
         self.given_up: InstallationError | None = None
@@ -91,7 +91,7 @@ def cluster(
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as ends:
         client = _connected(address)
-        # With the client goes what it has asked for and is not computed yet.
+        # With the client goes what it has requested and is not computed yet.
         ends.callback(_disconnect, client)
         words = tuple(ends.enter_context(_words_in(folder)) for folder in folders)
         environment = tuple((name, os.environ.get(name)) for name in variables)
@@ -146,7 +146,7 @@ def _words_in(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def _examine_workers(client: Client, address: str, expected: Expected) -> None:
-    """Ask every worker whether it can take part, before anything is computed."""
+    """Ask every worker whether it can be used, before anything is computed."""
     try:
         client.wait_for_workers(1, timeout=_FIRST_WORKER_S)
     except TimeoutError as error:
@@ -157,7 +157,7 @@ def _examine_workers(client: Client, address: str, expected: Expected) -> None:
     for worker, answer in found.items():
         if isinstance(answer, Exception):
             trouble: Trouble | None = Trouble(
-                f"cannot load aerocal as it is here ({answer})",
+                f"cannot load the version of aerocal used here ({answer})",
                 f"Start it in the same environment: {_START}.",
             )
         else:
@@ -197,12 +197,12 @@ def _watch(client: Client, address: str, executor: ClusterExecutor, over: thread
                 missing_s = 0.0
                 continue
             if missing_s == 0.0:
-                _log.warning("cluster %s: no worker is left; waiting for one to return", address)
+                _log.warning("cluster %s: no workers left; waiting for one to return", address)
             missing_s += _LOOK_S
         if missing_s >= _WAIT_S:
             executor.give_up(
                 InstallationError(
-                    f"No worker of the Dask scheduler {address} is left, and none has come back within "
+                    f"The Dask scheduler {address} has no workers left, and none has returned within "
                     f"{_WAIT_S:.0f} s.",
                     f"Start some with {_START}, then run again; {_KEPT}",
                 )

@@ -1,4 +1,4 @@
-"""What a worker of a Dask cluster does: make sure that it may take part, then carry out a call.
+"""What a worker of a Dask cluster does: make sure that it may be used, then carry out a call.
 
 A worker outlives the runs it works for, so nothing it needs to know is kept in it: every call brings along
 what is expected of its worker. That also covers a worker that joins in the middle of a run.
@@ -21,7 +21,7 @@ from tasks.store.software import Software, software_here
 
 @dataclass(frozen=True)
 class Trouble:
-    """Why a worker cannot take part: what is wrong with it, and the remedy."""
+    """Why a worker cannot be used: what is wrong with it, and the remedy."""
 
     what: str
     remedy: str
@@ -47,7 +47,7 @@ class Expected:
     environment: tuple[tuple[str, str | None], ...] = ()
 
     def trouble(self, threads: int) -> Trouble | None:
-        """Why this process cannot take part; None if it can.
+        """Why this process cannot be used; None if it can.
 
         Parameters
         ----------
@@ -66,7 +66,7 @@ def _other_software(expected: Software) -> Trouble | None:
     if not differences:
         return None
     return Trouble(
-        f"computes with other software than this run ({'; '.join(differences)}), so its results could differ",
+        f"uses different software from this run ({'; '.join(differences)}), so its results could differ",
         "Install the same on all machines, and start the scheduler and its workers again.",
     )
 
@@ -75,8 +75,8 @@ def _too_many_threads(threads: int) -> Trouble | None:
     if threads == 1:
         return None
     return Trouble(
-        f"has {threads} threads, and a worker computes on one",
-        f"Start `dask worker ADDRESS --nthreads 1 --nworkers {threads}` in its place.",
+        f"has {threads} threads, but a worker uses only one",
+        f"Start `dask worker ADDRESS --nthreads 1 --nworkers {threads}` instead.",
     )
 
 
@@ -88,7 +88,7 @@ def _other_files(words: tuple[tuple[Path, str], ...]) -> Trouble | None:
             seen = ""
         if seen != text:
             return Trouble(
-                f"does not see what this run writes into {file.parent}",
+                f"does not see what this run writes to {file.parent}",
                 "Put the project and its results into a folder that all machines share under one path.",
             )
     return None
@@ -100,13 +100,13 @@ def _other_environment(environment: tuple[tuple[str, str | None], ...]) -> Troub
         return None
     # The values are nobody's business.
     return Trouble(
-        f"has {' and '.join(others)} set to something else than this run",
+        f"has {' and '.join(others)} set differently from this run",
         "Start it with the same environment.",
     )
 
 
 def examine(expected: Expected, dask_worker: Any) -> tuple[Trouble | None, str]:
-    """What a worker says before a run: why it cannot take part, and which kind of processor it has.
+    """What a worker says before a run: why it cannot be used, and which kind of processor it has.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class Call:
         Raises
         ------
         InstallationError
-            If the worker cannot take part.
+            If the worker cannot be used.
         """
         _require_fit(self.expected)
         os.environ[THREADS_VARIABLE] = "1"

@@ -51,7 +51,7 @@ class RunRequest:
     Attributes
     ----------
     project_file : the TOML file.
-    out : the output folder; None: ``results`` beside the project file, or with an address the folder of this
+    out : the output folder; None: ``results`` next to the project file, or with an address the folder of this
         user that stands for it.
     overrides : texts ``a.b.c=VALUE`` that replace values of the project file.
     data : a second folder for relative input paths.
@@ -91,7 +91,7 @@ class RunRequest:
 
     @property
     def place(self) -> Path | ObjectAddress | None:
-        """What was asked for with `of`: a folder or an address; None: neither."""
+        """What was requested with `of`: a folder or an address; None: neither."""
         return self.out if self.out is not None else self.address
 
     def store(self) -> Store:
@@ -170,10 +170,10 @@ class RunOutcome:
     Attributes
     ----------
     directory : the output folder.
-    summary : what stands in its summary.json.
+    summary : what is in its summary.json.
     error : why there is no result, in one line; None if there is one.
     failed_stage : the stage that could not be done; None: none, or it did not come to any.
-    address : where the results are on object storage, if that was asked for in place of a folder.
+    address : where the results are on object storage, if that was requested in place of a folder.
     """
 
     directory: Path
@@ -201,7 +201,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     Raises
     ------
     InstallationError
-        If the machine stands in the way (full disk, no permission, object storage that does not answer).
+        If the machine is in the way (full disk, no permission, object storage that does not answer).
     """
     store = request.store()
     try:
@@ -235,7 +235,7 @@ def _tell_remotely(store: Store, summary: Summary) -> None:
     try:
         store.remote.tell(summary.to_json())
     except InstallationError as error:
-        _log.warning("the reason could not be told to object storage: %s", error)
+        _log.warning("the reason could not be written to object storage: %s", error)
 
 
 def _with_registered_cameras(project: Project) -> Project:

@@ -1,7 +1,7 @@
 """A run of a project that production remembers: noted when it begins and when it has ended.
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
-remarked on and stop no adjustment; what is missing in them is mended from the server's own records
+reported and stop no adjustment; what is missing in them is corrected from the server's own records
 (`flows.server.reconciliation`).
 """
 
@@ -52,7 +52,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     Raises
     ------
     InstallationError
-        If the machine stands in the way.
+        If the machine is in the way.
     """
     records = configured_records()
     if records is None:
@@ -67,7 +67,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         noted.end("Failed", str(error), error.stage, may_pass=True)
         raise
     except (OSError, MemoryError) as error:
-        noted.end("Failed", f"The machine caused a failure: {type(error).__name__}: {error}.", may_pass=True)
+        noted.end("Failed", f"Failure of the machine: {type(error).__name__}: {error}.", may_pass=True)
         raise
     except Exception as error:
         noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")

@@ -100,7 +100,7 @@ class Stage(Generic[P, R]):
         ----------
         each : the keyword arguments; sets that are alike are run once.
         args : the arguments they share.
-        executor : where the runs are carried out beside each other; None: here, one after the other.
+        executor : where the runs are carried out side by side; None: here, one after the other.
         when_done : called with the index of a run in `each` and its outcome, as soon as it is known.
 
         Returns

@@ -1,1 +1,1 @@
-"""The parts of a server: Prefect's processes, who may ask them, the inbox and what watches it."""
+"""Parts of the server: Prefect's processes, access control, the inbox and its monitoring."""

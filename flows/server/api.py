@@ -3,7 +3,7 @@
 Runs and their states; and the automation that ends runs whose signs of life have stopped. A run says every
 half minute (`HEARTBEAT_S` of `flows.server.prefect_settings`) that it lives; so does one that is started by
 hand and reported to the server. If its machine dies, nobody else can tell. The automation lives in the
-server, so that it holds for runs on every machine; it changes no run that has ended.
+server, so that it applies to runs on every machine; it changes no run that has ended.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class FlowRun:
     since : when it came into that state, UTC.
     deployed : whether it belongs to a deployment, so that a runner can begin it again.
     flow : number of its flow.
-    parameters : as it was asked for.
+    parameters : as it was requested.
     """
 
     id: str
@@ -199,7 +199,7 @@ def set_state(api: Api, run_id: str, kind: str, name: str, message: str, *, forc
 
 
 #: Name of the silence_automation; one of this name that differs is replaced.
-AUTOMATION = "aerocal: runs without signs of life"
+AUTOMATION = "aerocal: runs without heartbeat"
 #: Seconds without any event of a run after which it counts as ended: four heartbeats.
 SILENCE_S = 120
 
@@ -243,7 +243,7 @@ def silence_automation() -> dict[str, Any]:
             {
                 "type": "change-flow-run-state",
                 "state": "CRASHED",
-                "message": f"It has sent no heartbeat for {SILENCE_S} s.",
+                "message": f"It has not sent a heartbeat for {SILENCE_S} s.",
             }
         ],
     }

@@ -26,7 +26,7 @@ from typing import BinaryIO
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
 
-#: A log that is larger, bytes, is started anew; the old one is kept once.
+#: A log that is larger, bytes, is started again; the old one is kept once.
 _LOG_BYTES = 20_000_000
 
 
@@ -109,7 +109,7 @@ class Child:
         self.process.wait()
 
     def begin_log_anew(self) -> None:
-        """Keep a log that has grown large as the old one, and go on in an empty one.
+        """Keep a log that has grown large as the old one, and continue in an empty one.
 
         Lines written between the copy and the cut are lost; a few in a year.
         """
@@ -226,7 +226,7 @@ class Supervised:
                 self._again = None
                 self.child = self._start()
         elif self.child.ended:
-            # What it has started works for nobody any more, and would stand beside what is started next.
+            # What it has started works for nobody any more, and would stand next to what is started next.
             self.child.end_group(0.0)
             self._ends = [*(end for end in self._ends if now - end < _PATIENCE.total_s), now]
             if len(self._ends) >= _ENDS:
@@ -241,7 +241,7 @@ class Supervised:
         return InstallationError(
             f"The {self.name} has stopped unexpectedly {_ENDS} times within "
             f"{_PATIENCE.total_s / 60:.0f} minutes.",
-            "Find the reason and start again; interrupted runs resume. "
+            "Find the cause and start again; interrupted runs resume. "
             f"Its log is {self.child.log}; the last lines:\n{self.child.last_lines()}",
         )
 

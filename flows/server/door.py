@@ -1,4 +1,4 @@
-"""What is let in at a port of ours: which host was asked for, which page asks, what is sent, and by whom.
+"""What is let in at a port of ours: which host was requested, which page asks, what is sent, and by whom.
 
 A browser carries out what any page tells it to, so knowing the port must not be enough, not even on loopback.
 Whoever asks knows the password (``user:password``), or is a browser that a link of ours has given a cookie.
@@ -102,12 +102,12 @@ class Door:
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return Refusal(
                 400,
-                "This server does not use that name. Ask for its address, or start it with --public-url, "
-                "or with the name in AEROCAL_HOSTS.",
+                "This server is not known under that name. Use its address, or start it with "
+                "--public-url, or with the name in AEROCAL_HOSTS.",
             )
         for origin in asked.all("origin"):
             if origin not in self.origins and urlsplit(origin).netloc.lower() != hosts[0].lower():
-                return Refusal(403, "Pages of other origins are not served.")
+                return Refusal(403, "Requests from other origins are refused.")
         if asked.method in _WRITING and _has_content(asked):
             kind = asked.one("content-type").partition(";")[0].strip().lower()
             if kind != "application/json":
@@ -188,7 +188,7 @@ def door_from(password: str | None, variable: str | None) -> Door:
         If there is no password: nothing is served without.
     """
     if not password:
-        raise ValueError("there is no password to ask for")
+        raise ValueError("no password is set")
     known = json.loads(variable or "{}")
     return Door(password, frozenset(known.get("names", ("localhost",))), frozenset(known.get("origins", ())))
 
@@ -239,7 +239,7 @@ document.getElementById("door").addEventListener("submit", async event => {
   event.preventDefault();
   sessionStorage.removeItem("entered");
   if (!await enter(document.getElementById("key").value))
-    said.textContent = "That is neither the link's key nor user:password of this server.";
+    said.textContent = "This is neither the key of the link nor user:password of this server.";
 });
 """
 
@@ -249,9 +249,9 @@ ENTRANCE_PAGE = f"""<!DOCTYPE html>
 <style>body{{font:16px/1.5 system-ui,sans-serif;max-width:40rem;margin:4rem auto;padding:0 1rem}}
 input{{font:inherit;width:100%;box-sizing:border-box}}</style></head>
 <body><form id="door" hidden><h1>This browser is not known yet</h1>
-<p>Open the link that <code>aerocal serve</code> has shown at its start; it stands in the file
-<code>link</code> of its state folder. Or give user:password of the server.</p>
-<p><input id="key" type="password" aria-label="user:password" autocomplete="off"> <button>Enter</button></p>
+<p>Open the link that <code>aerocal serve</code> showed when it started; it is also in the file
+<code>link</code> of its state folder. Or enter user:password of the server.</p> <p><input id="key"
+type="password" aria-label="user:password" autocomplete="off"> <button>Enter</button></p>
 <p id="said" role="alert"></p></form><script>{_SCRIPT}</script></body></html>"""
 
 _DIGEST = base64.b64encode(hashlib.sha256(_SCRIPT.encode()).digest()).decode()

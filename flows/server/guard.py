@@ -53,7 +53,7 @@ class Guard:
         elif not self.door.knows(asked):
             await _unknown(asked, send)
         elif asked.path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in asked.path:
-            await _say(send, 404, "There is nothing here.")
+            await _say(send, 404, "Page not found.")
         else:
             await self.app(_with_password(scope, self.door.password), receive, send)
 
@@ -63,7 +63,7 @@ class Guard:
         elif self.door.opens(asked, await _content(receive)):
             await _answer(send, 204, "", {"Set-Cookie": self.door.cookie(asked), "Cache-Control": "no-store"})
         else:
-            await _say(send, 403, "That is not the key.")
+            await _say(send, 403, "This key is not valid.")
 
 
 def _asked(scope: Any) -> Asked:

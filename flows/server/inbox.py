@@ -168,17 +168,17 @@ def _trouble_of_listed(folder: Path, roots: Roots, is_over: Callable[[], bool]) 
             continue
         found = _LISTED.fullmatch(line)
         if found is None:
-            return f"{MARKER}, line {number}: not a digest and a path as sha256sum writes them."
+            return f"{MARKER}, line {number}: not a digest and a path as written by sha256sum."
         digest, file = found.group(1).lower(), folder / found.group(2)
         if not roots.hold(file):
             return f"{MARKER}, line {number}: the file lies outside the folders of this server."
         if not file.is_file():
-            return f"{MARKER}, line {number}: {found.group(2)} is not there."
+            return f"{MARKER}, line {number}: {found.group(2)} does not exist."
         too_much = trouble_of(file.resolve(), "table")
         if too_much is not None:
             return f"{MARKER}, line {number}: {too_much}"
         if _digest(file, is_over) != digest:
-            return f"{MARKER}, line {number}: {found.group(2)} has other bytes than delivered."
+            return f"{MARKER}, line {number}: the content of {found.group(2)} differs from its digest."
     return None
 
 
@@ -218,7 +218,7 @@ def _delivered(folder: Path) -> Iterator[Path]:
         yield from (Path(at) / name for name in files if (Path(at) / name).is_file())
 
 
-#: What is done with deliveries.
+#: Flow to run for each delivery.
 StoryOfDeliveries: TypeAlias = Literal[
     "aerial-triangulation", "system-calibration", "direct-georeferencing-check"
 ]
@@ -286,7 +286,7 @@ def schedule_deliveries(
         with_outcome("begun"),
         with_outcome("known"),
         tuple(visible(folder.name) for folder in found.waiting),
-        tuple(visible(f"{folder.name} is not started. {why}") for folder, why in found.refused.items()),
+        tuple(visible(f"{folder.name} was not started. {why}") for folder, why in found.refused.items()),
     )
 
 
@@ -298,7 +298,7 @@ def _schedule(
         return "known"
     project_file = delivery.folder / "project.toml"
     # The server hands back the run there is when it has seen the key before. So nothing is lost or doubled if
-    # this process is killed before it can note the run, and one that the server has lost is made anew.
+    # this process is killed before it can note the run, and one that the server has lost is made again.
     body = {
         "parameters": {"project": str(project_file)},
         "idempotency_key": f"delivery-{delivery.key}",
@@ -319,7 +319,7 @@ def _scheduled(run_id: str, project_file: Path, story: str, delivery: Delivery) 
         str(project_file.parent / "results"),
         story,
         "Scheduled",
-        "Its turn has not come yet.",
+        "It is not its turn yet.",
         datetime.now(UTC),
         delivery=delivery.key,
     )

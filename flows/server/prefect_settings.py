@@ -61,7 +61,7 @@ def prepare_prefect(server: str | None = None) -> None:
 
 
 def server_address(option: str | None) -> str | None:
-    """The API address that was asked for: the option, else PREFECT_API_URL; None: none.
+    """The API address that was requested: the option, else PREFECT_API_URL; None: none.
 
     Parameters
     ----------
@@ -75,19 +75,19 @@ def server_address(option: str | None) -> str | None:
 
 
 def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> str | None:
-    """The API address of a server that answers: as asked for, else of ``aerocal serve``; None: in process.
+    """The API address of a server that answers: as requested, else of ``aerocal serve``; None: in process.
 
     The records of production of the latter are from then on this process's, too.
 
     Parameters
     ----------
     option : as of `server_address`.
-    remark : is told when a server that nobody asked for cannot be used.
+    remark : is told when a server that nobody requested cannot be used.
 
     Raises
     ------
     InstallationError
-        If a server was asked for and does not answer.
+        If a server was requested and does not answer.
     """
     address = server_address(option)
     if address is not None:
@@ -143,7 +143,7 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
                     f"To report runs to it, set {CLIENT_PASSWORD}=user:password.",
                 ) from error
         raise InstallationError(
-            f"The Prefect server {address} does not answer as one ({error}).", remedy
+            f"The Prefect server {address} does not answer like a Prefect server ({error}).", remedy
         ) from error
     except (OSError, urllib.error.URLError, ValueError) as error:
         reason = getattr(error, "reason", error)

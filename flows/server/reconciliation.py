@@ -4,7 +4,7 @@ A run writes its own end, into the records first and then to the server. One tha
 timed out can do neither; one whose server or database was away may have done one of them. Of both, the
 record of a decided run holds: its results are there. Everything else is what the server says, which hears of
 dead runs from the runner, or because their heartbeats have stopped; of those on this machine, it is told
-here. A run that the server no longer knows, because its database was lost or started anew, is dropped: its
+here. A run that the server no longer knows, because its database was lost or started again, is dropped: its
 delivery then gets another one.
 """
 
@@ -35,7 +35,7 @@ _LOOKING_BACK = timedelta(days=3)
 #: Types of the server's states in which a run that had started waits, and what is to be said about it.
 _WAITING: Mapping[str, str] = {
     "SCHEDULED": "",
-    "PAUSED": "Suspended: it continues when it is resumed in the dashboard.",
+    "PAUSED": "Suspended: resume it in the dashboard.",
 }
 _ENDED_HERE = "Its process was terminated from outside."
 
@@ -122,7 +122,7 @@ def _tell_decisions(api: Api, records: Records) -> None:
     decided = (run for run in records.runs_with(list(open_there)) if run.state in DECIDED)
     for run in decided:
         found = open_there[run.id]
-        # Somebody may have started it anew; then it has come into its state after the end that is noted.
+        # Somebody may have started it again; then it has come into its state after the end that is noted.
         unheard = run.ended is not None and found.since <= run.ended and died_here(run)
         if found.type == "CRASHED" or unheard:
             _tell(api, run)

@@ -89,25 +89,25 @@ class Roots:
         raise InputError(f"There is no project file '{text}' in the folders of this server.", self._remedy())
 
     def output_folder(self, project_file: Path, name: str) -> Path:
-        """The output folder of a run: a plain name beside the project file.
+        """The output folder of a run: a plain name next to the project file.
 
         Raises
         ------
         InputError
-            If it is no plain name, or a link that leads out of the folders.
+            If it is not a plain name, or a link that leads out of the folders.
         """
         try:
             output_name(name)
         except ValueError as error:
             raise InputError(
                 str(error),
-                "Give one name without slashes and without a dot in front; the folder is made beside the "
+                "Give a single name without slashes or a leading dot; the folder is created next to the "
                 "project file.",
             ) from error
         folder = project_file.parent / name
         if not all(self.hold(one) for one in (folder, folder / ".store", folder / ".store" / "lock")):
             raise InputError(
-                f"The output folder '{name}' leads out of the folders of this server.", "Remove the link."
+                f"The output folder '{name}' leads outside the folders of this server.", "Remove the link."
             )
         return folder
 
@@ -121,13 +121,13 @@ def roots_of(folders: Sequence[Path]) -> Roots:
     Raises
     ------
     InputError
-        If one of them is no folder, or none is given.
+        If one of them is not a folder, or none is given.
     """
     for folder in folders:
         if not folder.is_dir():
-            raise InputError(f"There is no folder {folder}.", "Correct --root, or make the folder.")
+            raise InputError(f"There is no folder {folder}.", "Correct --root, or create the folder.")
     if not folders:
-        raise InputError("No folder is given that runs may read and write.", "Name one with --root.")
+        raise InputError("No folder that runs may read and write is given.", "Name one with --root.")
     return Roots(tuple(dict.fromkeys(folder.resolve() for folder in folders)))
 
 
@@ -173,7 +173,7 @@ def results_of_server(option: str | None, roots: Roots) -> ObjectAddress | None:
     alike = [name for name, number in Counter(folder.name for folder in roots.folders).items() if number > 1]
     if alike:
         raise InputError(
-            f"Two folders are called '{alike[0]}': their projects would share places on object storage.",
+            f"Two folders are named '{alike[0]}': their projects would share locations on object storage.",
             "Rename one, or give another --root.",
         )
     # Loaded only for an address, as the client of the storage is.
@@ -186,7 +186,7 @@ def results_of_server(option: str | None, roots: Roots) -> ObjectAddress | None:
 def configured_results(
     project_file: Path, output: str, roots: Roots, environment: Mapping[str, str] = os.environ
 ) -> ObjectAddress | None:
-    """Where the results of a run of this process go on object storage; None: nowhere.
+    """Where the results of a run of this process are stored on object storage; None: nowhere.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def configured_results(
     Raises
     ------
     InputError
-        If a name in the path cannot stand in an address.
+        If a name in the path cannot be in an address.
     """
     text = environment.get(RESULTS_VARIABLE)
     if not text:
@@ -224,7 +224,7 @@ def registry_of_server(
     Raises
     ------
     InputError
-        If it is no address, or a file outside the folders of the server.
+        If it is not an address, or a file outside the folders of the server.
     """
     text = option or environment.get(REGISTRY_VARIABLE)
     if not text:

@@ -20,17 +20,17 @@ class RunForm(BaseModel):
         default=AS_GIVEN,
         title="Rejection of gross errors",
         description="Critical value: 4.13 gives one false alarm in 20 blocks of 1,500 observations, 3.29 one "
-        "in 1,000 observations; `none` rejects nothing.",
+        "in 1,000 observations; `none`: no rejection.",
     )
     rejection_test: Literal["as in the project file", "components", "observations"] = Field(
         default=AS_GIVEN,
-        title="What is tested",
+        title="Tested quantity",
         description="Single components of an observation, or both coordinates of an image point together.",
     )
     robust: Literal["as in the project file", "huber", "cauchy", "tukey", "biber", "danish"] = Field(
         default=AS_GIVEN,
         title="Robust search before the tests",
-        description="Weight function for blocks in which very many observations are wrong.",
+        description="Weight function for blocks with very many wrong observations.",
     )
     self_calibration: Literal[
         "as in the project file", "none", "bluh:1-12", "brown:K1,K2", "ebner", "gruen"
@@ -42,17 +42,17 @@ class RunForm(BaseModel):
     refraction: Literal["as in the project file", "standard", "none"] = Field(
         default=AS_GIVEN,
         title="Refraction",
-        description="`none` for image points that refraction has been taken from already.",
+        description="`none` for image points that are already corrected for refraction.",
     )
     datum: Literal["as in the project file", "observations", "free_network"] = Field(
         default=AS_GIVEN,
         title="Datum",
-        description="`free_network`: what the observations leave open is fixed by inner constraints.",
+        description="`free_network`: the undetermined part is fixed by inner constraints.",
     )
     sigma0: Literal["as in the project file", "a_posteriori", "a_priori"] = Field(
         default=AS_GIVEN,
         title="σ0 of the standard deviations",
-        description="`a_priori`: the stated σ of the observations are trusted.",
+        description="`a_priori`: the stated σ of the observations are taken as known.",
     )
     variance_components: Literal["as in the project file", "yes", "no"] = Field(
         default=AS_GIVEN,
@@ -61,8 +61,9 @@ class RunForm(BaseModel):
     )
     max_iterations: Annotated[int, Field(ge=1, le=200)] | None = Field(
         default=None,
-        title="Iterations at most",
-        description="After so many the adjustment counts as divergent; good starts need 2 to 5.",
+        title="Maximum number of iterations",
+        description="After this number, the adjustment is regarded as divergent; good initial values "
+        "need 2 to 5.",
     )
     sigma0_limit: Number | None = Field(
         default=None, title="Gate: largest σ0", description="σ0 a posteriori / a priori, e.g. 1.2."

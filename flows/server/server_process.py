@@ -50,7 +50,7 @@ class ServerAddress:
         """Address of the dashboard for browsers."""
         if self.public is not None:
             return self.public.rstrip("/")
-        # Listening everywhere is no address that a browser could open.
+        # Listening everywhere is not an address that a browser could open.
         everywhere = self.host in ("0.0.0.0", "::")
         return f"http://{socket.gethostname()}:{self.port}" if everywhere else self.base
 
@@ -88,7 +88,7 @@ class ServerAddress:
                 trial.bind((self.host, self.port))
             except OSError as error:
                 raise InstallationError(
-                    f"Nothing can listen on {self.host} port {self.port} ({error.strerror or error}).",
+                    f"Cannot listen on {self.host} port {self.port} ({error.strerror or error}).",
                     f"Choose another one with {option}, or end the program that uses it.",
                 ) from error
 
@@ -120,7 +120,7 @@ def server_environment(
     Raises
     ------
     InstallationError
-        If the database is not understood.
+        If the database is not valid.
     """
     settings = {
         "PREFECT_SERVER_API_HOST": address.host,
@@ -147,8 +147,8 @@ def _connection(database: str) -> str:
     found = re.match(r"(?:postgresql|postgres)(?:\+asyncpg)?://(.+)", database)
     if found is None:
         raise InstallationError(
-            "The address of the database is not understood.",
-            "Write postgresql://USER@HOST/DATABASE, the password in PGPASSWORD; or leave --database out.",
+            "The address of the database is not valid.",
+            "Write postgresql://USER@HOST/DATABASE with the password in PGPASSWORD, or omit --database.",
         )
     return f"postgresql+asyncpg://{found.group(1)}"
 

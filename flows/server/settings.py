@@ -1,7 +1,7 @@
 """What ``aerocal serve`` and ``aerocal runner`` are told: one object, from the options to the last process.
 
 Prefect has settings of its own and none for projects, inbox, registry and results. The object travels whole
-to the runner, in one variable of its environment. What a run needs to know stands in variables as well, the
+to the runner, in one variable of its environment. What a run needs to know is in variables as well, the
 same that Prefect's own workers are given (``deploy/prefect.yaml``).
 """
 
@@ -149,13 +149,13 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
     if story not in stories:
         raise InputError(f"There is no story '{story}'.", did_you_mean(story, stories))
     if database is not None and urlsplit(database).password is not None:
-        # It would stand in the list of processes, and in the state file.
+        # It would be in the list of processes, and in the state file.
         raise InputError(
             "The address of the database contains a password.",
             "Put it into the environment: PGPASSWORD=…, and write postgresql://USER@HOST/DATABASE.",
         )
     if inbox is not None and not inbox.is_dir():
-        raise InputError(f"There is no folder {inbox}.", "Correct --inbox, or make the folder.")
+        raise InputError(f"There is no folder {inbox}.", "Correct --inbox, or create the folder.")
     roots = roots_of([*(given.get("root") or [Path.cwd()]), *([inbox] if inbox is not None else [])])
     registry = registry_of_server(given.get("registry"), roots)
     if recalibration_cron is not None and registry is None:

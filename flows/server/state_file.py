@@ -176,9 +176,9 @@ def password_of(address: ServerAddress, folder: Path, environment: Mapping[str, 
         return given
     if not address.is_loopback:
         raise InstallationError(
-            f"With --host {address.host} others could start runs and read results without a password.",
-            f"Set {SERVER_PASSWORD}=user:password in the environment (and {CLIENT_PASSWORD} where runs are "
-            "reported from), or stay with 127.0.0.1.",
+            f"With --host {address.host}, others could start runs and read results without a password.",
+            f"Set {SERVER_PASSWORD}=user:password in the environment (and {CLIENT_PASSWORD} on machines "
+            "that report runs), or use 127.0.0.1.",
         )
     kept = kept_password(folder)
     if kept is None:
@@ -208,8 +208,8 @@ def kept_password(folder: Path) -> str | None:
         about = os.fstat(handle)
         if about.st_uid != os.geteuid() or about.st_mode & 0o077:
             raise InstallationError(
-                f"Others can read or have written the secret of the server, {file}.",
-                "Remove it; the next start of aerocal serve creates another one.",
+                f"The secret of the server, {file}, can be read or was written by others.",
+                "Remove it; aerocal serve creates a new one at the next start.",
             )
         return stream.read(1_000).strip() or None
 

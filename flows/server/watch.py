@@ -119,7 +119,7 @@ class Watch:
         for run in reconcile(self.api, self.records):
             self.say(f"Run of {run.project}: {run.state}. {run.message}")
         for run in begin_again(self.api, self.records):
-            self.say(f"Run of {run.project} is started again, for the {run.attempts - 1}. time.")
+            self.say(f"Run of {run.project} is restarted (restart {run.attempts - 1}).")
         if self.settings.inbox is None:
             return
         roots, story = self.settings.roots, self.settings.story

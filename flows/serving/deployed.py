@@ -125,7 +125,7 @@ def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[N
         Args:
             project: The project file or its folder; absolute, or as seen from a folder of this server.
             settings: What shall differ from the project file.
-            output: Name of the folder of the results, beside the project file.
+            output: Name of the folder of the results, next to the project file.
         """
         return _confined(story, project, settings, output)
 
@@ -180,10 +180,10 @@ def image_quality(project: ProjectParameter, output: OutputParameter = "image-qu
 
 @flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)
 def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
-    """Start a run for every complete delivery of the inbox that has none yet.
+    """Start a run for every complete new delivery of the inbox.
 
     Args:
-        story: What is done with deliveries.
+        story: Flow to run for each delivery.
     """
     records = configured_records()
     if records is None:
@@ -217,17 +217,17 @@ def recalibration_due(
     lever_arm_mm: Limit | None = None,
     without: CameraNames = (),
 ) -> State[None]:
-    """Say which cameras of the registry need a calibration: none in force, expiring, too old, or drifted.
+    """Report cameras that need a calibration: none in force, expiring, too old, or drifted.
 
     Args:
-        within_days: Days ahead; what ends so soon is due.
-        max_age_days: Age in days, from the flight on, up to which a calibration serves; 0 for no limit.
-        sigma: Limit of the change of a single parameter, in its σ; empty for one false alarm in 1,000.
-        focal_length_um: Limit of the change of the focal length besides, in µm, whatever its σ.
-        principal_point_um: The same of either coordinate of the principal point, in µm.
-        boresight_deg: The same of each angle of the boresight, in degrees.
-        lever_arm_mm: The same of each component of the lever arm, in mm.
-        without: Cameras that are left out; name, body or lens of each.
+        within_days: A calibration that expires within this number of days is due.
+        max_age_days: Maximum age of a calibration in days, counted from the flight; 0 for no limit.
+        sigma: Limit of the change of a single parameter, in σ; empty for one false alarm in 1,000.
+        focal_length_um: Additional absolute limit for the change of the focal length, in µm.
+        principal_point_um: The same for each coordinate of the principal point, in µm.
+        boresight_deg: The same for each angle of the boresight, in degrees.
+        lever_arm_mm: The same for each component of the lever arm, in mm.
+        without: Cameras to exclude; name, body or lens of each.
     """
     drift = DriftLimits(sigma, focal_length_um, principal_point_um, boresight_deg, lever_arm_mm)
     limits = DueLimits(within_days, max_age_days or None, drift, tuple(without))
@@ -263,11 +263,11 @@ def clean_up_run_name() -> str:
     on_failure=[name_outcome],
 )
 def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
-    """Remove stored results of stages that nobody has used for long; what a manifest names always stays.
+    """Remove stored results of stages that have not been used for long; files listed in a manifest are kept.
 
     Args:
-        keep_days: Days that a stored result stays after it was made or used last.
-        act: Remove them, or only look what would be removed.
+        keep_days: Days to keep a stored result after its last use.
+        act: Remove them, or only report what would be removed.
     """
     try:
         done = clean_up_below(configured_roots().folders, keep_days, act)

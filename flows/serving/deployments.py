@@ -51,7 +51,7 @@ class DrainingRunner(Runner):
     """A runner that carries out our flows only; asked to end, it begins no further run and waits.
 
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
-    the event loop was doing. And while the server is away, this runner goes on asking: Prefect's own ends
+    the event loop was doing. And while the server is away, this runner continues asking: Prefect's own ends
     after three questions without an answer, and its runs with it.
     """
 
@@ -80,7 +80,7 @@ class DrainingRunner(Runner):
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have started."""
-        _log.info("stopping: finishing the running runs, starting no more")
+        _log.info("stopping: finishing current runs, starting no new ones")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
 
@@ -105,7 +105,7 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
 
 def deployments(settings: Settings) -> list[RunnerDeployment]:
     """The deployments there are with these options; to be called outside an event loop."""
-    made = [_of(story, MANUAL, "Started by hand.") for story in STORIES]
+    made = [_of(story, MANUAL, "Started manually.") for story in STORIES]
     if settings.inbox is not None:
         story = next(one for one in STORIES if one.name == settings.story)
         made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
@@ -113,7 +113,7 @@ def deployments(settings: Settings) -> list[RunnerDeployment]:
             _of(
                 inbox,
                 NIGHTLY,
-                "Looks through the inbox and starts what has no run yet.",
+                "Searches the inbox and starts runs for new deliveries.",
                 schedule=Cron(settings.cron, timezone=settings.timezone) if settings.cron else None,
                 parameters={"story": settings.story},
             )
@@ -123,7 +123,7 @@ def deployments(settings: Settings) -> list[RunnerDeployment]:
             _of(
                 recalibration_due,
                 RECALIBRATION_DUE,
-                "Looks through the registry of calibrations.",
+                "Searches the registry for calibrations that are due.",
                 schedule=Cron(settings.recalibration_cron, timezone=settings.timezone),
             )
         )

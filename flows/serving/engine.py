@@ -27,7 +27,7 @@ _FORESEEN = re.compile(rf"Finished in state ({'|'.join(STATE_NAMES.values())})\(
 
 
 def main() -> None:
-    """Carry out the run that the environment names; an outcome that is foreseen is no error here."""
+    """Carry out the run that the environment names; an outcome that is foreseen is not an error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect.
     from flows.serving.deployed import FLOWS  # isort: skip
@@ -77,7 +77,7 @@ def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:
     try:
         flow.validate_parameters(parameters)
     except Exception as error:
-        return f"The parameters are refused. {visible(' '.join(str(error).split()))}"
+        return f"The parameters are not valid. {visible(' '.join(str(error).split()))}"
     finally:
         said.disabled = False
     return None

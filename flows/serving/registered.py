@@ -64,7 +64,7 @@ def identity() -> FlowRunIdentity:
 
 
 def show(text: ShortText) -> None:
-    """Store the text of the flow run that is active; what the server does not take is remarked on."""
+    """Store the text of the flow run that is active; what the server does not take is reported."""
     try:
         artifact = ArtifactCreate(
             key=f"{text.key}-verdict",
@@ -100,7 +100,7 @@ def _story_flow(
         Parameters
         ----------
         project_file : the project's TOML file.
-        out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` beside the project file.
+        out : output folder or ``s3://BUCKET/PREFIX``; by default ``results`` next to the project file.
         overrides : values to replace, each as ``a.b.c=VALUE``.
         data : a second folder for relative input paths.
         """

@@ -177,7 +177,7 @@ class _Serving:
 
     def _server_has_ended(self, server: Supervised) -> None:
         server.end()
-        self.say("The server has ended.")
+        self.say("The server has stopped.")
 
     def _is_well(self) -> bool:
         return is_well(self.settings.address)
@@ -206,14 +206,14 @@ class _Serving:
         self.say(f"Dashboard: {settings.address.dashboard}")
         self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
-        self.say("Projects may lie under: " + ", ".join(map(str, settings.roots.folders)))
-        self.say("Ready. The interrupt key or SIGTERM stops it when the running runs are finished.")
+        self.say("Projects may be located under: " + ", ".join(map(str, settings.roots.folders)))
+        self.say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
 
     def _tell_link(self) -> None:
         """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
         link = f"{self.settings.address.dashboard}{self.door.link}"
         file = keep_link(self.settings.state, link)
-        shown = link if sys.stdout.isatty() else f"it stands in {file}"
+        shown = link if sys.stdout.isatty() else f"it is stored in {file}"
         self.say(f"Open this link once to give a browser access: {shown}")
 
     def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
@@ -231,7 +231,7 @@ class _Serving:
         except InstallationError:
             runner.drain(self.requests)
             raise
-        self.say("Stopping when the running runs are finished; a second request stops them now.")
+        self.say("Stopping after the current runs; a second request stops them now.")
         runner.drain(self.requests)
         return 0
 
@@ -258,15 +258,13 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
     local = found.server if found is not None and found.alive else None
     url = server_address(server) or (None if local is None else local.url)
     if url is None:
-        raise InputError(
-            "There is no server to run for.", "Start aerocal serve, or name one with --server URL."
-        )
+        raise InputError("There is no server.", "Start aerocal serve, or name one with --server URL.")
     local = local if local is not None and local.url == url else None
     records = settings.database or (None if local is None else local.records)
     if records is None:
         raise InputError(
-            f"It is not known where the server {url} keeps the records of its runs.",
-            "Give the --database it was started with; from another machine it must be PostgreSQL.",
+            f"The database of the server {url} is not known.",
+            "Give the --database with which it was started; from another machine it must be PostgreSQL.",
         )
     overview = os.environ.get(OVERVIEW_VARIABLE) or (None if local is None else local.overview)
     page = ServerAddress("", 0, overview)
@@ -293,9 +291,9 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         runner = Supervised("runner", start, say, lambda: _answers(url))
         try:
             say(f"Working for {url}; log: {runner.child.log}")
-            say("Ready. The interrupt key or SIGTERM stops it when the running runs are finished.")
+            say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
             _look_after([runner], requests)
-            say("Stopping when the running runs are finished; a second request stops them now.")
+            say("Stopping after the current runs; a second request stops them now.")
             runner.drain(requests)
         finally:
             runner.end()

@@ -1,6 +1,6 @@
 """Examine a project: read and check it, compute approximate values, adjust nothing.
 
-What a run would stop at is one mistake; the doctor goes on behind it wherever the rest can be judged.
+What a run would stop at is one mistake; the doctor continues behind it wherever the rest can be judged.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Finding:
 
     Attributes
     ----------
-    subject : what was looked at.
+    subject : what was checked.
     figures : counts and numbers.
     problems : suspicions, plain sentences.
     """
@@ -59,7 +59,7 @@ class ListedMistake:
     what : what it looks like.
     evidence : what was measured under each hypothesis.
     remedy : what to do.
-    declare : the line of the project file; empty: the files must be mended.
+    declare : the line of the project file; empty: the files must be corrected.
     """
 
     what: str
@@ -164,7 +164,11 @@ def _single_rays(points: Outputs) -> list[ListedMistake]:
         return []
     what = next(text for text in note.problems if "measured in one image only" in text)
     share = f"{100.0 * single / all_points:.1f} % of {all_points:,} object points"
-    return [ListedMistake(what, (share,), "Check that all files name a point alike, or leave them out.", "")]
+    return [
+        ListedMistake(
+            what, (share,), "Check that all files use the same name for a point, or exclude these points.", ""
+        )
+    ]
 
 
 def _imported(

@@ -38,7 +38,7 @@ _APPROXIMATE = ("approximate_points", "approximate_boresight", "approximate_orie
 def sweep_of(request: RunRequest) -> Story:
     """The sweep of a project file as a story; its variants are read when it is run.
 
-    The story raises InstallationError if the machine stands in the way (full disk, no permission, a worker
+    The story raises InstallationError if the machine is in the way (full disk, no permission, a worker
     was ended, no cluster).
     """
     return lambda project, store: scenario_sweep(project, request.variants(), store)

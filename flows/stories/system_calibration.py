@@ -59,7 +59,7 @@ class OneStep:
 
 @dataclass(frozen=True)
 class SecondStep:
-    """The two-step calibration beside it; without outputs, remarks say why there is none."""
+    """The two-step calibration in addition; without outputs, remarks say why there is none."""
 
     outputs: tuple[Outputs, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -165,8 +165,8 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
     if one.project.has_heads:
         return SecondStep(
             remarks=(
-                "There is no two-step calibration and no check of direct georeferencing of a rig: both take "
-                "cameras one by one.",
+                "There is no two-step calibration and no check of direct georeferencing of a rig: both "
+                "handle single cameras only.",
             )
         )
     if not is_georeferenced(one.project):
@@ -186,7 +186,7 @@ def second_step(one: OneStep, store: Store, block: PreparedBlock) -> SecondStep:
     except NotComputableError as error:
         return SecondStep(
             remarks=(
-                "There is no two-step calibration: control alone does not carry the block. "
+                "There is no two-step calibration: the block cannot be adjusted with control points only. "
                 f"{str(error).partition('. ')[0].rstrip('.')}.",
             )
         )

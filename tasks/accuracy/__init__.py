@@ -1,1 +1,1 @@
-"""Statements about accuracy as published standards want them."""
+"""Accuracy statements according to published standards."""

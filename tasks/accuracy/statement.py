@@ -116,7 +116,7 @@ def statement(
 
     Parameters
     ----------
-    wanted : the class that is asked for; None: none.
+    wanted : the class that is requested; None: none.
     missing : of the tables it requires, those that are not there.
     """
     parts = tuple(
@@ -127,7 +127,10 @@ def statement(
     numbers = [part.number for part in parts]
     said = list(dict.fromkeys(part.sentence for part in parts if part.sentence))
     if max(numbers) == 0 and found.control:
-        said.append(f"The {found.control:,} control points took part in the adjustment and prove nothing.")
+        said.append(
+            f"The {found.control:,} control points were used in the adjustment and are no "
+            "evidence of accuracy."
+        )
     rough = _rough_survey(template, found, wanted)
     if rough:
         said.append(rough)

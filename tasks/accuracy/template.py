@@ -1,7 +1,7 @@
 """Templates of statements about accuracy: limits, required tables and wording of an authority, as data.
 
-Those of published standards lie beside this module, a file for each edition; a department adds its own in the
-same form.
+Those of published standards lie next to this module, a file for each edition; a department adds its own in
+the same form.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TABLES = (
 )
 #: What a text may quote besides quantities.
 _PLACES = ("name", "edition", "n", "least", "class", "exceeded")
-_REMEDY = "docs/statements.md says what a template holds."
+_REMEDY = "docs/statements.md describes templates."
 _Metres: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
@@ -100,7 +100,7 @@ class Template(_Data):
     source : where limits and wording were taken from.
     verified : what of them was compared with the document; empty: nothing, and every statement says so.
     least_check_points : independent check points that each part needs.
-    survey_at_most : largest survey error in parts of the class; None: not asked for.
+    survey_at_most : largest survey error in parts of the class; None: not requested.
     unit, decimals : of the numbers in the texts.
     tables : that must be published and not be empty.
     parts : one for each kind of points.
@@ -162,7 +162,7 @@ def _content(path: Path) -> Mapping[str, object]:
     try:
         return tomllib.loads(read_delivered(path.resolve(), "settings").decode("utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"The template is no TOML file: {error}.", _REMEDY, file=path) from error
+        raise InputError(f"The template is not a TOML file: {error}.", _REMEDY, file=path) from error
 
 
 def _quoted(text: str) -> list[str]:

@@ -1,1 +1,1 @@
-"""Between tables and the mathematics: the block that goes in, the results that come out."""
+"""Interface between tables and mathematics: the input block and the results."""

@@ -43,7 +43,7 @@ class Approximation:
     residual_px : (n, 2) column, row residuals of the image points at the intersections.
     height : median flying height above the intersections, metres.
     suspicions : slips of the orientations that the tie points suggest.
-    remarks : what was found about them that is no slip.
+    remarks : what was found about them that is not a mistake.
     """
 
     given: GivenOrientations

@@ -169,17 +169,17 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
     chosen = [KINDS[name] for name in settings.free]
     if any(kind.family in OF_HEADS for kind in chosen) and not mountings.has_heads:
         raise InputError(
-            "Relative positions, rotations and synchronisation offsets are of the heads of a rig, and no "
-            "camera is one.",
-            "Take relative_position, relative_rotation and synchronisation_offset out of `free`.",
+            "Relative positions, rotations and synchronisation offsets are of the heads of a rig, but no "
+            "camera is a head.",
+            "Remove relative_position, relative_rotation and synchronisation_offset from `free`.",
         )
     known = settings.priors.relative_position_m or settings.priors.synchronisation_offset_s
     if {"relative_position", "synchronisation_offset"} <= set(settings.free) and known is None:
         raise InputError(
-            "The relative position along the flight and the synchronisation offset of a head are the same at "
-            "one speed.",
-            "Give adjustment.priors.relative_position_m or adjustment.priors.synchronisation_offset_s, or "
-            "take one of the two out of `free`.",
+            "The relative position along the flight and the synchronisation offset of a head cannot be "
+            "separated at constant speed.",
+            "Give adjustment.priors.relative_position_m or adjustment.priors.synchronisation_offset_s, "
+            "or remove one of the two from `free`.",
         )
     values = {
         name: stated.get(name, np.zeros((len(entities[family.entity_kind]), len(family.components))))
@@ -321,7 +321,7 @@ def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | No
 
 
 def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances, ...]:
-    """Distances between object points of the block; those of the role check take no part. None: nothing."""
+    """Distances between object points of the block; those of the role check are not used. None: nothing."""
     ends = np.stack([places_of(table[name], block.points) for name in ("point", "other_point")])
     kept = np.flatnonzero((ends >= 0).all(axis=0))
     if len(kept) == 0:

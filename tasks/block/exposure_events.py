@@ -54,7 +54,8 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
     untimed = np.flatnonzero(in_rig & ~named & ~np.isfinite(given.time_s))
     if len(untimed):
         raise InputError(
-            f"{len(untimed):,} images of heads have no time of exposure; heads are joined by it.",
+            f"{len(untimed):,} images of heads have no time of exposure, which is needed to combine them "
+            "into events.",
             "Deliver the times of all images of a rig, or a column `event` with the name of their event.",
             entity=f"image {given.image[untimed[0]]}",
         )
@@ -91,7 +92,8 @@ def about_events(rig: Rig) -> tuple[str, ...]:
         return ()
     return (
         f"{int(joined.sum()):,} images of {len(np.unique(rig.camera_of_image))} heads were exposed at "
-        f"{len(joined):,} events, joined by their times: each has one pose and one reading of GNSS and INS.",
+        f"{len(joined):,} events, based on their times: each has one position and attitude, and one GNSS "
+        "and INS observation.",
     )
 
 
@@ -122,8 +124,8 @@ def _refuse_repeated_heads(given: GivenOrientations, event: Ints) -> None:
         one, other = (given.image[row] for row in order[again[0] : again[0] + 2])
         camera = given.mountings.names[given.camera[order[again[0]]]]
         raise InputError(
-            f"The head {camera} took two images at one moment: '{one}' and '{other}' have one event, or are "
-            f"less than {_ONE_EVENT_S * 1e3:g} ms apart.",
+            f"The head {camera} took two images at the same time: '{one}' and '{other}' have one event, or "
+            f"are less than {_ONE_EVENT_S * 1e3:g} ms apart.",
             "Correct the events or times, or declare the flights of two aircraft.",
             entity=f"image {one}",
         )
@@ -158,9 +160,9 @@ def _refuse_different_readings(given: GivenOrientations, event: Ints, first: Int
         return
     row = int(np.argmax(wrong))
     raise InputError(
-        f"Images of one moment have different readings of GNSS and INS: '{given.image[row]}' and "
+        f"Simultaneous images have different GNSS and INS observations: '{given.image[row]}' and "
         f"'{given.image[own[row]]}' differ by {apart[row]:.3f} m and {np.rad2deg(turned[row]):.4f}° of the "
-        "body. Heads of one body share one reading.",
+        "body. Heads of one body share one observation.",
         "Deliver positions of the antenna and angles of the body; or correct position_m and rotation_deg of "
         "the heads, from which positions and angles of the cameras follow.",
         entity=f"image {given.image[row]}",

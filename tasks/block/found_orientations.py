@@ -66,8 +66,8 @@ def found_orientations(
     places = _places(own, control)
     if len(places) == 0 and not map_frame.is_local:
         raise InputError(
-            "No exposure has a position and there are no control points: nothing says where in "
-            f"{map_frame.name} the block is.",
+            "No exposure has a position and there are no control points, so the location of the block "
+            f"in {map_frame.name} is unknown.",
             'Give control points or positions, or adjust it as a free network with crs = "local".',
         )
     frame = local_frame(map_frame, places)
@@ -160,14 +160,16 @@ def _remarks(
         if (lacking & ~known).any()
     ]
     remarks = [
-        f"{found:,} images were oriented by their image points ({', '.join(kinds)}): approximate values, no "
-        "observations."
+        f"{found:,} images were oriented by their image points ({', '.join(kinds)}): approximate values, "
+        "not observations."
     ]
     if any(not item.turned for item in placements):
         remarks.append(
-            "Control points and positions lie on one line or are too few to say how the block is turned: its "
-            "images were taken to look down."
+            "Control points and positions lie on one line or are too few to determine the rotation of "
+            "the block: its images were assumed to look down."
         )
     if any(not item.scaled for item in placements):
-        remarks.append("Nothing gives the scale of the block; that of its approximate values is arbitrary.")
+        remarks.append(
+            "The scale of the block is not determined; that of its approximate values is arbitrary."
+        )
     return tuple(remarks)

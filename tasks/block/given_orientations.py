@@ -143,7 +143,7 @@ class GivenOrientations:
     ) -> Self:
         """From exposures.parquet; the rows must be the images wanted, all with a position.
 
-        What has no standard deviation is no observation but an approximate value.
+        What has no standard deviation is not an observation but an approximate value.
         Positions that were reduced to the projection centre get back what their lever arm took off, so that
         all of them are observations of the antenna.
         """

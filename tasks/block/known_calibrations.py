@@ -36,7 +36,7 @@ class KnownCalibration:
     camera : its name.
     is_prior : whether its parameters are observed; else they are considered.
     names, units : of the k parameters, units of the adjustment.
-    places : where they stand in the families of the block.
+    places : where they are in the families of the block.
     covariance : (k, k) SI and radians, or the family's own units.
     """
 
@@ -130,7 +130,8 @@ def _refuse_free(one: KnownCalibration, free: dict[str, Bools]) -> None:
     if not named:
         if one.is_prior and len(set(one.names)) < len(one.names):
             raise InputError(
-                "The additional parameters of the registry are to be observed, and each flight has a set.",
+                "The additional parameters from the registry are to be observed, but each flight has its "
+                "own set.",
                 'Set adjustment.self_calibration.per = "camera".',
                 entity=f"cameras.{one.camera}",
             )
@@ -138,12 +139,16 @@ def _refuse_free(one: KnownCalibration, free: dict[str, Bools]) -> None:
     several = len(set(named)) > 1
     what = ", ".join(dict.fromkeys(named))
     raise InputError(
-        f"{what} {'are' if several else 'is'} free in this project, and the calibration of the registry is "
-        + ("to be observed." if one.is_prior else "considered: used as it is, its errors in every σ."),
+        f"{what} {'are' if several else 'is'} free in this project, but the calibration from the registry is "
+        + (
+            "to be observed."
+            if one.is_prior
+            else "considered: used unchanged, with its errors included in every σ."
+        ),
         f"Hold {'them' if several else 'it'} (adjustment.free, adjustment.self_calibration), or set "
         f"cameras.{one.camera}.calibration_use: "
         + ("" if one.is_prior else '"prior" lets the block improve the calibration, ')
-        + '"held" takes its values without their σ.',
+        + '"held" uses its values without their σ.',
         entity=f"cameras.{one.camera}",
     )
 

@@ -113,9 +113,9 @@ def _nothing_oriented(own: pd.DataFrame, measured: pd.DataFrame) -> tuple[str, s
     images = measured.groupby("point")["image"].nunique()
     return (
         f"None of the {len(own):,} measured images has an orientation ({', '.join(lacking)}; "
-        f"{', '.join(own['image'].iloc[:5])}{', …' if len(own) > 5 else ''}), and their image points do not "
-        f"give one: {int((images >= 2).sum()):,} points are measured in several images.",
-        "Measure at least 8 points that two images have in common, and 6 that every further image has in "
-        "common with the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of "
-        "named strips, which show the heading.",
+        f"{', '.join(own['image'].iloc[:5])}{', …' if len(own) > 5 else ''}), and their image points do "
+        f"not determine one: {int((images >= 2).sum()):,} points are measured in several images.",
+        "Measure at least 8 points common to two images, and 6 points common to every further image and "
+        "the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of named "
+        "strips, which show the heading.",
     )

@@ -75,8 +75,8 @@ def _require_group(given: OwnObservationsInput, group: object, names: Sequence[s
         )
     if group.name in names:
         raise InputError(
-            f"The observation type {given.type!r} returned a group named {group.name!r}, and there is one "
-            "already.",
+            f"The observation type {given.type!r} returned a group named {group.name!r}, which already "
+            "exists.",
             "Put the observations of one type into one file.",
             file=given.file,
         )

@@ -1,7 +1,7 @@
 """Mean residuals of the images of each camera, and their use as corrections of the image coordinates.
 
 The order: corrections from a file, if the project names one, are there from the beginning. The block is
-adjusted (and its additional parameters chosen). Then, if asked for, mean residuals are added to the image
+adjusted (and its additional parameters chosen). Then, if requested, mean residuals are added to the image
 coordinates until the cross-validation refuses; the last adjustment is a complete one again.
 """
 
@@ -203,7 +203,7 @@ def _iterated(
     found = iterate_grid(block, result, cells, block.camera_of_image, rule, options, start)
     for step in found.steps:
         _log.info(
-            "bundle_adjustment: corrected %d times by mean residuals: σ0 %.4f, means of %.3f µm are left",
+            "bundle_adjustment: corrected %d times by mean residuals: σ0 %.4f, remaining means of %.3f µm",
             step.number,
             step.sigma0,
             step.rms / _UM,

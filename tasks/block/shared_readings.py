@@ -33,6 +33,6 @@ def about_shared_readings(given: GivenOrientations) -> tuple[str, ...]:
         return ()
     moments = round(float((1.0 / heads[heads > 1]).sum()))
     return (
-        f"{int((heads > 1).sum()):,} images were exposed at {moments:,} moments by several heads: each "
-        "reading of GNSS and INS counts once, shared among them.",
+        f"{int((heads > 1).sum()):,} images were exposed at {moments:,} times by several heads: each "
+        "GNSS and INS observation is used once, shared among them.",
     )

@@ -80,8 +80,8 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     for parameter, needs in (("gnss_strip_bias", given), ("gnss_drift", given), *in_time):
         if parameter in settings.free and not all(needs.strip):
             raise InputError(
-                "The exposures name no strips.",
-                f"Add a strip column to the exposures{_OR_TRAJECTORY[parameter]}, or take it out of "
+                "The exposures contain no strips.",
+                f"Add a strip column to the exposures{_OR_TRAJECTORY[parameter]}, or remove it from "
                 "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
@@ -89,8 +89,8 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
         if parameter in settings.free and not np.isfinite(needs.time_s).all():
             raise InputError(
                 "The exposures have no times.",
-                f"Add a time column (seconds) to the exposures{_OR_TRAJECTORY[parameter]}, or take it out of "
-                "adjustment.free.",
+                f"Add a time column (seconds) to the exposures{_OR_TRAJECTORY[parameter]}, or remove it "
+                "from adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
 
@@ -113,10 +113,10 @@ def require_successive_times(given: GivenOrientations, settings: AdjustmentSetti
     ]
     if not keys:
         return
-    entity, remedy = f"adjustment.{keys[0]}", f"or take {' and '.join(keys)} out of the adjustment."
+    entity, remedy = f"adjustment.{keys[0]}", f"or remove {' and '.join(keys)} from the adjustment."
     if not all(given.strip):
         raise InputError(
-            "The exposures name no strips, along which errors could be correlated.",
+            "The exposures contain no strips along which errors could be correlated.",
             f"Add a strip column to the exposures, {remedy}",
             entity=entity,
         )

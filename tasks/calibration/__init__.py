@@ -1,1 +1,1 @@
-"""What a calibration says as a document: the record, its verdicts, certificate and registry build on it."""
+"""The record of a calibration and its verdicts, on which certificate and registry are based."""

@@ -59,7 +59,7 @@ class PairedOrientations:
     Attributes
     ----------
     cameras : ascending by name.
-    only_adjusted, only_observed : number of images that stand in one table only.
+    only_adjusted, only_observed : number of images that are in one table only.
     """
 
     cameras: tuple[CameraDifferences, ...]

@@ -55,7 +55,7 @@ class CalibratedParameter(RecordModel):
     parameter, entity, unit : as in parameters.parquet.
     value : calibrated, or held.
     given : value before the calibration.
-    sigma : a posteriori, with what was held beside it; None if it was held itself.
+    sigma : a posteriori, with what was held in addition to it; None if it was held itself.
     sigma_prior : of its pseudo-observation; None without one.
     status : as in parameters.parquet.
     verdict : determined, weak, not determinable, or held.
@@ -105,7 +105,7 @@ class CalibrationFlight(RecordModel):
     ----------
     project, crs : name of the project and CRS whose axes a GNSS shift refers to.
     flown : date of the flight; None if it was not declared.
-    images, strips, object_points, image_points, control_points : how many took part.
+    images, strips, object_points, image_points, control_points : how many were used.
     heights_m : flying heights above ground, one for each level.
     headings_deg : flight directions, one for each.
     gsd_m : ground sampling distance of each height.

@@ -37,7 +37,7 @@ Key: TypeAlias = tuple[str, str]
 MOSTLY_PRIOR = float(np.sqrt(0.5))
 # Correlated by this much or more, a parameter is explained by its partner.
 _ENTANGLED = 0.7
-# Part of its prior from which a σ is set beside it in a sentence.
+# Part of its prior from which a σ is set next to it in a sentence.
 _WORTH_SAYING = 0.1
 # A shift of a strip whose prior is wider than this, metres, is as good as free.
 _WIDE_PRIOR_M = 0.3
@@ -211,7 +211,7 @@ class _Said:
 
     @property
     def numbers(self) -> str:
-        """σ beside its limit, beside its prior, and the strongest correlation."""
+        """σ compared with its limit and with its prior, and the strongest correlation."""
         parts = [f"σ {written_sigma(self.sigma, self.unit)}"]
         if self.limit is not None:
             parts.append(f"limit {written_sigma(self.limit, self.unit)}")
@@ -333,7 +333,7 @@ def about_converging_heads(
 def _about_strips(
     parameters: pd.DataFrame, calibrated: list[ParameterVerdict]
 ) -> tuple[list[str], list[str]]:
-    """Reasons and remarks about shifts of strips beside an interior orientation."""
+    """Reasons and remarks about shifts of strips in addition to an interior orientation."""
     interior = [item for item in calibrated if kind_of(item.parameter) in ("focal_length", "principal_point")]
     by_gnss = interior + [
         item for item in calibrated if kind_of(item.parameter) in ("gnss_shift", "lever_arm")

@@ -36,11 +36,10 @@ def refuse_distorted_angles(frame: MapFrame) -> None:
     distortion = np.nanmax(angular_distortion(frame, places), initial=0.0)
     if distortion > _TOLERANCE:
         raise InputError(
-            f"This projection ({frame.crs.name}) distorts angles by up to {np.degrees(distortion):.2g}°, so "
-            "angles against its grid have no meaning.",
+            f"This projection ({frame.crs.name}) distorts angles by up to {np.degrees(distortion):.2g}°, "
+            "so angles relative to its grid have no meaning.",
             "Choose a conformal projection (UTM, Gauss-Krüger, Lambert conformal conic), or angles "
-            "against true "
-            "north for this input.",
+            "relative to true north for this input.",
             entity=frame.name,
         )
 

@@ -59,7 +59,9 @@ class MapFrame:
         if frame.is_local:
             if heights.geoid is not None or heights.linear_alteration is not None:
                 raise InputError(
-                    'A geoid has no place in the CRS "local".', 'Write heights = "ellipsoidal".', entity=crs
+                    'A geoid cannot be used with the CRS "local".',
+                    'Write heights = "ellipsoidal".',
+                    entity=crs,
                 )
             return frame
         check_usable(frame._crs, crs)
@@ -67,8 +69,8 @@ class MapFrame:
             _geoid_transformer(heights.geoid)
         if heights.linear_alteration is not None and (heights.geoid is None or frame._crs.is_geographic):
             raise InputError(
-                "The linear alteration is one of altitudes above a geoid in a map projection.",
-                "Give the geoid grid too, or take linear_alteration out.",
+                "The linear alteration applies to altitudes above a geoid in a map projection.",
+                "Also give the geoid grid, or remove linear_alteration.",
                 entity=crs,
             )
         return frame
@@ -119,7 +121,7 @@ class MapFrame:
 
     def _earthly(self) -> pyproj.CRS:
         if self.is_local:
-            raise ValueError("a local frame has no place on the earth")
+            raise ValueError("a local frame has no location on the earth")
         return self._crs
 
     def to_geodetic(self, x_in_map: Floats) -> Floats:
@@ -293,7 +295,7 @@ def _geoid_transformer(grid: Path) -> pyproj.Transformer:
     InputError
         If the grid is missing or PROJ cannot read it.
     """
-    remedy = "Give the GeoTIFF of the geoid as PROJ publishes it; undulations are never taken as zero."
+    remedy = "Give the GeoTIFF of the geoid as PROJ publishes it; undulations are never assumed to be zero."
     if not grid.is_file():
         raise InputError("The geoid grid is missing.", remedy, file=grid)
     if any(mark in str(grid) for mark in '",\n'):
@@ -303,4 +305,4 @@ def _geoid_transformer(grid: Path) -> pyproj.Transformer:
     try:
         return pyproj.Transformer.from_pipeline(f'+proj=vgridshift +grids="{grid}" +multiplier=1')
     except ProjError as error:
-        raise InputError("The geoid grid cannot be read as one.", remedy, file=grid) from error
+        raise InputError("The geoid grid cannot be read.", remedy, file=grid) from error

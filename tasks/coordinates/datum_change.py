@@ -48,7 +48,7 @@ class Transfer:
         """The transfer, after it was checked that it exists."""
         if source.is_local != target.is_local:
             raise InputError(
-                'Coordinates in the CRS "local" cannot be brought together with others.',
+                'Coordinates in the CRS "local" cannot be combined with others.',
                 'Declare "local" for the project and all its inputs, or for none.',
                 entity=source.name if source.is_local else target.name,
             )

@@ -29,7 +29,7 @@ _PIXEL_SCALE, _TIE_POINT = 33550, 33922
 def refuse_damaged_geoid(frame: MapFrame, position: Floats) -> None:
     """Refuse a geoid grid that is not smooth about the positions (n, 3) of a block.
 
-    Only grids whose nodes are told by a GeoTIFF are looked at.
+    Only grids whose nodes are told by a GeoTIFF are checked.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def refuse_damaged_geoid(frame: MapFrame, position: Floats) -> None:
             raise InputError(
                 f"The geoid grid is damaged: at {np.rad2deg(latitude[at]):.3f}° N, "
                 f"{np.rad2deg(longitude[at]):.3f}° E its undulation is {undulation[at]:.6g} m, about "
-                f"{rough[worst] / 2.0:.3g} m off its neighbours.",
+                f"{rough[worst] / 2.0:.3g} m different from its neighbours.",
                 "Fetch it again, and compare its digest with that of its publisher.",
                 file=grid,
             )

@@ -1,1 +1,1 @@
-"""Databases that something is kept in: where they are, how they are spoken to, what they complain about."""
+"""Databases: addresses, connections and errors."""

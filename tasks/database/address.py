@@ -94,7 +94,7 @@ def database_address(
         url = make_url(text)
         backend = url.get_backend_name()
     except (ArgumentError, ValueError) as error:
-        raise InputError(f"The address of the {holding.what} is not understood.", _FORMS) from error
+        raise InputError(f"The address of the {holding.what} is not valid.", _FORMS) from error
     if backend == "sqlite":
         if not url.database or url.database == ":memory:":
             raise InputError(f"The address of the {holding.what} names no file.", _FORMS)
@@ -114,7 +114,7 @@ def _of_server(url: URL, holding: Holding, environment: Mapping[str, str]) -> Da
     if unknown or (mode is not None and mode not in _SSL_MODES):
         what = f"sslmode={mode}" if not unknown else unknown[0]
         raise InputError(
-            f"'{what}' is not understood in the address of the {holding.what}.",
+            f"'{what}' is not valid in the address of the {holding.what}.",
             f"The only option is sslmode = {', '.join(_SSL_MODES)}.",
         )
     if not url.database:

@@ -22,7 +22,7 @@ _SERVER: Mapping[str, tuple[str, str]] = {
     "28P01": ("The database {address} refuses this user or password.", "Give the password in PGPASSWORD."),
     "28000": ("The database {address} refuses this user.", "Ask its administrator for access."),
     "3D000": ("There is no database {address}.", "Create it, or correct {named_by}."),
-    "42501": ("This user may not write into {address}.", "Ask its administrator for access."),
+    "42501": ("This user may not write to {address}.", "Ask its administrator for access."),
     "55P03": _BUSY,
     "25006": ("The database {address} may only be read.", "Name the server that accepts changes."),
 }

@@ -98,15 +98,15 @@ def _of_file(
     if isinstance(read, PixelCamera):
         if camera.pixel_um is None:
             raise InputError(
-                "The file gives the camera in pixels, and not how large they are.",
-                "Declare pixel_um of this camera beside its file.",
+                "The file gives the camera in pixels, but not the pixel size.",
+                "Declare pixel_um for this camera, next to its file.",
                 file=file,
             )
         return read.with_pixel(camera.pixel_um)
     if camera.pixel_um is not None:
         raise InputError(
-            f"The file gives pixels of {read.pixel_um:g} µm, and pixel_um is declared, too.",
-            "Keep one of the two, so that they cannot differ: leave pixel_um out.",
+            f"The file gives pixels of {read.pixel_um:g} µm, but pixel_um is also declared.",
+            "Leave pixel_um out, so that the two cannot differ.",
             file=file,
         )
     return _with_principal_point(camera, file, read)
@@ -136,7 +136,7 @@ def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
         return
     raise InputError(
         f"Pixels of {camera.pixel_um:g} µm make an image of {longest_mm:.6g} mm, with a focal length of "
-        f"{camera.focal_length_mm:.6g} mm: pixels have {low:g} to {high:g} µm, and images up to "
+        f"{camera.focal_length_mm:.6g} mm. Pixels are {low:g} to {high:g} µm wide, and images up to "
         f"{_LONGEST_MM:g} mm.",
         "Correct the size of the pixel or its unit: pixel_um is in µm, <pixel_size> of a camera file in m.",
         file=file,
@@ -225,11 +225,10 @@ def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:
 def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
     """Sentences about cameras that were filled: what was taken, and what was not."""
     return tuple(
-        f"Camera {name} has {source.rpartition(', ')[0]} of the registry: c {camera.focal_length_mm:.4f} mm, "
-        f"principal point {_listed(camera.principal_point_mm or (), 4)} mm, boresight "
-        f"{_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} m. "
-        f"{USES[camera.calibration_use]} A GNSS shift belongs to the flight it was found in and is not "
-        "taken over."
+        f"Camera {name} has {source.rpartition(', ')[0]} from the registry: c "
+        f"{camera.focal_length_mm:.4f} mm, principal point {_listed(camera.principal_point_mm or (), 4)} "
+        f"mm, boresight {_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} "
+        f"m. {USES[camera.calibration_use]} A GNSS shift applies only to its own flight and is not used."
         for name, camera in cameras.items()
         for kind, _, source in (str(camera.calibration or "").partition(", "),)
         if kind == REGISTRY and source

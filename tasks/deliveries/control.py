@@ -29,7 +29,7 @@ from tasks.store.notes import Notes
 _ROLES = ("control", "check")
 
 
-#: σ of a point that is fixed (σ = 0), metres: small beside any survey, but its residual can be told.
+#: σ of a point that is fixed (σ = 0), metres: small compared with any survey, but its residual can be told.
 FIXED_M = 1e-4
 
 
@@ -85,7 +85,7 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
     records = control_in_metres(records, source, frame)
     refuse_other_statement(records.file, records.states, source, frame, records.position)
     transfer = Transfer.between(frame, project)
-    # Zero is no slip here: the point is fixed.
+    # Zero is not a mistake here: the point is fixed.
     refuse_sigmas(places, np.where(records.sigma == 0.0, np.nan, records.sigma), records.point, METRES)
     _refuse_unknown_position(records, places)
     refuse_outside_area(frame, records.position, places, records.point, "control point")
@@ -105,7 +105,7 @@ def _refuse_unknown_position(records: ControlRecords, places: Places) -> None:
     half = known[:, 0] != known[:, 1]
     for mask, what, remedy in (
         (nothing, "The point has no coordinates.", "Give them, or delete the line."),
-        (half, "One of x and y is not known.", "Give both, or neither for a point known in height only."),
+        (half, "Only one of x and y is given.", "Give both, or neither for a height control point."),
     ):
         if mask.any():
             row = int(np.argmax(mask))
@@ -121,8 +121,8 @@ def _positions(records: ControlRecords, transfer: Transfer, places: Places) -> F
         row = int(np.argmax(without_plan))
         raise places.error(
             row,
-            "The point is known in height only, and its height system has to be changed, which needs a "
-            "place.",
+            "Only the height of the point is known, and its height system must be converted, which "
+            "requires a horizontal position.",
             "Give the control points in the CRS and heights of the project, or add approximate x and y "
             "to the point.",
             str(records.point[row]),
@@ -162,5 +162,7 @@ def roles_of_rows(given: pa.Array, places: Places, names: pa.Array) -> list[str 
     roles: list[str | None] = given.to_pylist()
     for row, role in enumerate(roles):
         if role is not None and role not in _ROLES:
-            raise places.error(row, f"There is no role '{role}'.", "Write control or check.", str(names[row]))
+            raise places.error(
+                row, f"The role '{role}' does not exist.", "Write control or check.", str(names[row])
+            )
     return roles

@@ -65,10 +65,10 @@ class CopiedImages:
         one, other = (measured.images[int(measured.image[row])].as_py() for row in same[:2])
         raise measured.error(
             int(same[1]),
-            f"{shared[measured.image[first]]:,} points of the image '{one}' lie in '{other}' at exactly the "
-            f"same place ({int(copied.sum()):,} of {np.count_nonzero(measurements):,} images share most of "
-            "their points so): it is one image under two names, and would count twice.",
-            "Deliver every image once.",
+            f"{shared[measured.image[first]]:,} points of the image '{one}' lie in '{other}' at exactly "
+            f"the same position ({int(copied.sum()):,} of {np.count_nonzero(measurements):,} images "
+            "share most of their points so). This is one image under two names, which would count twice.",
+            "Deliver each image once.",
             other,
         )
 

@@ -30,7 +30,8 @@ def with_declared_flights(
             names = sorted(pc.unique(records.flight.drop_null()).to_pylist())
             known = f"Its flights are: {', '.join(names)}." if names else "It names no flights."
             raise InputError(
-                f"inputs.exposures.flights declares the flight '{name}', of which the file has no exposure.",
+                f"inputs.exposures.flights declares the flight '{name}', but the file contains no "
+                "exposure of it.",
                 f"{known} {did_you_mean(name, names)}".strip(),
                 file=records.file,
                 entity=name,

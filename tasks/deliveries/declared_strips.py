@@ -57,7 +57,7 @@ def _strips_of_names(records: ExposureRecords, pattern: str, *, keep_flight: boo
     if row is not None:
         others = sum(one is None for one in found)
         raise InputError(
-            f"The image's name is not made like the pattern '{pattern}' ({others} of {len(found)}).",
+            f"The name of the image does not match the pattern '{pattern}' ({others} of {len(found)}).",
             "Correct strip.pattern of this input.",
             file=records.file,
             line=int(records.line[row]),
@@ -75,8 +75,8 @@ def _strips_of_times(records: ExposureRecords, factor: float) -> ExposureRecords
     if np.isnan(time).any():
         row = int(np.argmax(np.isnan(time)))
         raise InputError(
-            'Strips are to be found by gaps of time (strip = "time-gaps"), and this exposure has no time.',
-            'Give it, or find strips by name: strip = { pattern = "{strip}_*" }.',
+            'Strips are defined by time gaps (strip = "time-gaps"), but this exposure has no time.',
+            'Give it, or define strips by name: strip = { pattern = "{strip}_*" }.',
             file=records.file,
             line=int(records.line[row]),
             entity=str(records.image[row]),

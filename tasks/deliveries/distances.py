@@ -50,7 +50,7 @@ def distance_columns(
 
 
 def _refuse_same_pairs(records: Sequence[DistanceRecords], places: Places) -> None:
-    """Refuse a distance from a point to itself, and one that is there twice, whichever way round."""
+    """Refuse a distance from a point to itself, and one that exists twice, whichever way round."""
     ends = [
         [str(name) for own in records for name in getattr(own, side).to_pylist()]
         for side in ("point", "other_point")
@@ -59,7 +59,7 @@ def _refuse_same_pairs(records: Sequence[DistanceRecords], places: Places) -> No
     if same.any():
         row = int(np.argmax(same))
         raise places.error(
-            row, "The distance leads from a point to itself.", "Name the other end.", ends[0][row]
+            row, "The distance is from a point to itself.", "Name the other end point.", ends[0][row]
         )
     names, place = np.unique(np.array(ends[0] + ends[1], dtype=object), return_inverse=True)
     one, other = np.sort(place.reshape(2, -1), axis=0)

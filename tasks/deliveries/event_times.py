@@ -54,7 +54,7 @@ def on_clock_of(
     period = min(periods)
     if last - first >= period:
         raise InputError(
-            f"The trajectory lasts {last - first:,.0f} s, and event times repeat after {period:,.0f} s.",
+            f"The trajectory lasts {last - first:,.0f} s, but event times repeat after {period:,.0f} s.",
             "Deliver event times as dates, or a trajectory for each day.",
             file=file,
         )

@@ -96,13 +96,13 @@ def body_rates(records: ExposureRecords, declared: Angles) -> Floats:
     given = records.rates is not None and bool(np.isfinite(records.rates).any())
     if given and declared.rate_axes is None:
         raise InputError(
-            "The file gives rates (rate_roll, rate_pitch, rate_yaw), and their axes are not declared.",
+            "The file gives rates (rate_roll, rate_pitch, rate_yaw), but their axes are not declared.",
             'Declare angles.rate_axes = "forward-right-down" or "forward-left-up".',
             file=records.file,
         )
     if declared.rate_axes is not None and not given:
         raise InputError(
-            "The axes of rates are declared (angles.rate_axes), and the file has none.",
+            "The axes of rates are declared (angles.rate_axes), but the file contains no rates.",
             "Add the columns rate_roll, rate_pitch, rate_yaw, or leave rate_axes out.",
             file=records.file,
         )

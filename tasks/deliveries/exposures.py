@@ -215,8 +215,8 @@ def _known_cameras(records: ExposureRecords, cameras: tuple[str, ...], places: P
             row = int(np.argmax(camera.is_null().to_numpy(zero_copy_only=False)))
             raise places.error(
                 row,
-                "The exposure has no camera, and the project has several.",
-                'Write camera = "NAME" into this input of the project file, or add a camera column.',
+                "The exposure has no camera, but the project has several.",
+                'Write camera = "NAME" in this input of the project file, or add a camera column.',
                 str(records.image[row]),
             )
         camera = camera.fill_null(cameras[0])
@@ -243,8 +243,8 @@ def _without_attitude(records: ExposureRecords) -> str | None:
     if count == 0:
         return None
     return (
-        f"{records.file.name}: {count:,} exposures have no attitude; approximate ones are taken from the "
-        "image points, and there is no INS observation of them."
+        f"{records.file.name}: {count:,} exposures have no attitude. Approximate attitudes are computed "
+        "from the image points, without INS observations."
     )
 
 
@@ -256,8 +256,8 @@ def _without_position(records: ExposureRecords) -> str | None:
     names = ", ".join(str(records.image[int(row)]) for row in missing[:_EXAMPLES])
     return (
         f"{records.file.name}: {len(missing):,} exposures have no position "
-        f"({names}{', …' if len(missing) > _EXAMPLES else ''}); approximate ones are taken from the image "
-        "points, and there is no GNSS observation of them."
+        f"({names}{', …' if len(missing) > _EXAMPLES else ''}). Approximate positions are computed from "
+        "the image points, without GNSS observations."
     )
 
 
@@ -277,8 +277,8 @@ def _refuse_angles_of_no_place(
     row = int(np.argmax(lost))
     raise places.error(
         row,
-        "The exposure has angles but no position, and without one they cannot be turned into the axes of the "
-        f"project ({int(lost.sum())} exposures).",
+        "The exposure has angles but no position, without which they cannot be converted to the axes of "
+        f"the project ({int(lost.sum())} exposures).",
         "Give its position, leave its angles empty, or deliver ω, φ, κ about the grid of the project's CRS.",
         str(records.image[row]),
     )
@@ -292,6 +292,7 @@ def _accuracy_note(transfer: Transfer, records: ExposureRecords) -> str | None:
         return None
     stated = "unknown" if accuracy is None else f"{accuracy:g} m"
     return (
-        f"{records.file.name}: the positions change their datum ({transfer.description}); the published "
-        f"accuracy of that is {stated}. A constant difference against the control points may come from it."
+        f"{records.file.name}: the positions are transformed to another datum ({transfer.description}), "
+        f"with a published accuracy of {stated}. This may cause a constant difference from the control "
+        "points."
     )

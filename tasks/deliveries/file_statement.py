@@ -74,7 +74,7 @@ def refuse_other_statement(
     found, meant = _datum(datum), _datum(_datum_name(frame))
     if found is not None and meant is not None and found != meant:
         raise InputError(
-            f"The file states coordinates in the datum {found}, and {frame.name} is in {meant}.",
+            f"The file states coordinates in the datum {found}, but {frame.name} is in {meant}.",
             f"Declare the CRS of the file. {_MISLABELLED}",
             file=file,
         )
@@ -119,7 +119,7 @@ def _refuse_other_projection(file: Path, stated: MapFrame, declared: MapFrame, p
     code = stated.crs.to_authority(min_confidence=70)
     name = ":".join(code) if code is not None else stated.name
     raise InputError(
-        f"The file states its coordinates in {stated.crs.name} ({stated.name}), and {declared.name} is "
+        f"The file states its coordinates in {stated.crs.name} ({stated.name}), but {declared.name} is "
         "another projection.",
         f'Declare crs = "{name}" for this input. {_MISLABELLED}',
         file=file,

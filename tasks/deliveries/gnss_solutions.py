@@ -32,7 +32,7 @@ def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) ->
             done = _undeclared(solution, sigma[rows])
         elif use == "leave-out":
             position[rows] = np.nan
-            done = "are left out, as declared"
+            done = "are excluded, as declared"
         else:
             sigma[rows] = use
             done = f"have σ {', '.join(f'{value:g}' for value in use)} m, as declared"

@@ -42,7 +42,7 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
         if again.any():
             row = int(np.argmax(again))
             raise InputError(
-                "The name stands in two lines.", "Keep one.", table, int(rows.line[row]), names[row]
+                "The name is in two lines.", "Keep one of them.", table, int(rows.line[row]), names[row]
             )
     known = dict(zip(theirs, ours, strict=True))
     kept_once = isinstance(records.image, pa.DictionaryArray)

@@ -27,7 +27,7 @@ _NAMES = {
     "mm": "mm",
     "um": "µm",
     "centred-px": "pixels from the middle of the image (centred-px)",
-    "longer-side": "parts of the longer side of the image (longer-side)",
+    "longer-side": "fractions of the longer side of the image (longer-side)",
 }
 # Points that are looked at together.
 _BLOCK = 250_000
@@ -63,7 +63,7 @@ class _Measured:
 
     Attributes
     ----------
-    xy : (n, 2) as they stand in the file.
+    xy : (n, 2) as they are in the file.
     cameras : of the project.
     camera_of_code : number of the camera, by code of the image.
     code : (n,) of the image of each point.
@@ -208,14 +208,14 @@ def _outside(
         raise InputError(
             f"The image point ({x:.10g}, {y:.10g}) {unit} in image '{records.image[row]}' lies outside "
             f"the image ({of_all} do{allowed}).",
-            hint or "Check the camera, its size and the unit; delete points that are mistakes.",
+            hint or "Check the camera, its size and the unit; delete wrong points.",
             file=records.file,
             line=int(records.line[row]),
             entity=str(records.point[row]),
             declare=_declared(hint),
         )
     return (
-        f"{records.file.name}: {of_all} lie outside their image and are left out; the first is "
+        f"{records.file.name}: {of_all} lie outside their image and are ignored; the first is "
         f"'{records.point[row]}' in '{records.image[row]}' (line {records.line[row]})."
     )
 
@@ -258,11 +258,11 @@ def _hint(points: _Measured, declared: Unit, outside_share: float) -> str:
         share = extent.outside_share
         if share < min(least, 0.5) and extent.is_spread:
             what = "they would fit" if share == 0.0 else f"{100 * (1.0 - share):.3g} % of them would fit"
-            best = f'In {_NAMES[unit]} {what}: declare unit = "{unit}" if that is it.'
+            best = f'In {_NAMES[unit]} {what}: declare unit = "{unit}" if that is correct.'
             least = share
     if best:
         return best
     exchanged = _Extent.of(replace(points, xy=points.xy[:, ::-1]), declared)
     if exchanged.count == len(points.xy) and exchanged.is_spread:
-        return f"x and y look swapped: {_EXCHANGED} reads the one as the other."
+        return f"x and y look swapped: {_EXCHANGED} exchanges them."
     return best

@@ -44,7 +44,7 @@ _SIGMAS = SigmaRange(1e-3, 1e4, "px")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UsableImagePoints:
-    """The image points that take part.
+    """The image points that are used.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ def _with_images_alone(
     alone = sorted(measured - set(exposures["image"]))
     if alone and len(cameras) > 1:
         raise InputError(
-            f"{len(alone):,} images have no exposure, and the project has several cameras they may be of.",
+            f"{len(alone):,} images have no exposure, but the project has several cameras.",
             "List them in a file of exposures with their camera; positions and angles may be left empty.",
             entity=f"image {alone[0]}",
         )
@@ -252,14 +252,14 @@ def _notes(measured: MeasuredPoints, remarks: Sequence[str], outside: int, singl
         examples = ", ".join(measured.points.take(pa.array(first)).to_pylist())
         verb = ("point is", "was") if dropped == 1 else ("points are", "were")
         problems.append(
-            f"{dropped:,} {verb[0]} measured in one image only and {verb[1]} dropped: a single ray "
-            f"determines no point ({examples}{', …' if dropped > _EXAMPLES else ''})."
+            f"{dropped:,} {verb[0]} measured in one image only and {verb[1]} ignored: a single ray does "
+            f"not determine a point ({examples}{', …' if dropped > _EXAMPLES else ''})."
         )
     images = len(measured.images)
     without = images - int(np.count_nonzero(counted(measured.image, images)))
     if without:
         problems.append(
-            f"{without:,} of {images:,} exposures have no image points and take no part in the adjustment."
+            f"{without:,} of {images:,} exposures have no image points and are not used in the adjustment."
         )
     counts = {
         "image_points_read": len(measured.image),

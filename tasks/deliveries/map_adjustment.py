@@ -1,6 +1,6 @@
 """True orientations of a block that another program adjusted with map coordinates taken as Cartesian.
 
-Such orientations are no positions of the camera: to fit a world whose scale and curvature are wrong, heights
+Such orientations are not positions of the camera: to fit a world whose scale and curvature are wrong, heights
 move by decimetres to metres. What the program is right about is where its image points are on the ground. So
 a grid of image points of every image is projected to the ground by its own model, at three heights, and the
 true orientation is the one that sees these ground points through the curved earth (the other direction is
@@ -33,7 +33,7 @@ from tasks.formats.records import ExposureRecords
 from tasks.settings.inputs import ExposuresInput
 
 # Points along each side of the format, and how far heights reach from the middle, in flying heights: over one
-# height alone, a focal length and the height of a camera cannot be told apart.
+# height alone, a focal length and the height of a camera cannot be separated.
 _SIDE, _SPREAD = 9, 0.05
 #: Vertical images 4 km above ground leave 2 pixels; of more, something else was declared wrong.
 REFUSED_PX = 10.0
@@ -57,15 +57,15 @@ def true_orientations(
     Raises
     ------
     InputError
-        If the CRS is no map projection, an exposure is not above the ground, or what the program saw can be
-        seen by no true orientation.
+        If the CRS is not a map projection, an exposure is not above the ground, or what the program saw can
+        be seen by no true orientation.
     """
     declared = source.adjusted_in
     if declared is None:
         return records
     if not frame.is_projected:
         raise InputError(
-            f"The orientations cannot have been adjusted in {source.crs}: it is no map projection.",
+            f"The orientations cannot have been adjusted in {source.crs}, which is not a map projection.",
             "Declare the CRS in which they were adjusted, or leave adjusted_in out.",
             file=source.file,
         )
@@ -92,7 +92,8 @@ def true_orientations(
     worst = int(np.argmax(in_pixels))
     if in_pixels[worst] >= REFUSED_PX:
         raise InputError(
-            f"No true orientation sees what this one sees in the map: {in_pixels[worst]:.0f} pixels differ.",
+            f"No rigorous orientation reproduces the image points of this one: {in_pixels[worst]:.0f} "
+            "pixels differ.",
             "Check the camera, the CRS and adjusted_in.ground_m.",
             file=source.file,
             line=int(records.line[rows[worst]]),
@@ -109,9 +110,10 @@ def _remark(moved: Floats, left_px: float, world: str) -> str:
     """What was done to orientations that moved by (n, 3) metres."""
     plan = np.linalg.norm(moved[:, :2], axis=1).max()
     return (
-        f"{len(moved):,} orientations that were adjusted in the map ({world}) are turned into true ones: "
-        f"heights move by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m, plan by up to "
-        f"{plan:.2f} m; {left_px:.2f} pixels of that program's model are left."
+        f"{len(moved):,} orientations that were adjusted in map coordinates ({world}) are converted to "
+        f"rigorous ones: heights change by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m, "
+        f"horizontal positions by up to {plan:.2f} m; {left_px:.2f} pixels of error of that program's "
+        "model remain."
     )
 
 

@@ -180,7 +180,7 @@ def ranges(count: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
 
 
 def counted(numbers: Codes, most: int) -> NDArray[np.int64]:
-    """How often each of the numbers 0 … most − 1 stands in (n,); those below zero are passed over."""
+    """How often each of the numbers 0 … most − 1 is in (n,); those below zero are passed over."""
     result = np.zeros(most, dtype=np.int64)
     step = max(BLOCK, most)
     for begin in range(0, len(numbers), step):

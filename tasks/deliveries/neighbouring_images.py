@@ -51,9 +51,10 @@ class SharedPoints:
         names, first = self._names, alone[0]
         one, other = names.iloc[self._one[first]], names.iloc[self._other[first]]
         return (
-            f"{len(alone):,} of {len(shared):,} pairs of neighbouring images share hardly any image point, "
-            f"where {usual:.0f} are usual: first '{one}' ({shared[first]} shared) and '{other}' of strip "
-            f"{self._strip[first]}. The file of image points may end early, if there is no water.",
+            f"{len(alone):,} of {len(shared):,} pairs of neighbouring images share hardly any image "
+            f"points, where {usual:.0f} are usual. First: '{one}' ({shared[first]} shared) and '{other}' "
+            f"of strip {self._strip[first]}. The file of image points may be incomplete, unless there is "
+            "water.",
         )
 
 

@@ -42,7 +42,7 @@ def refuse_outside_area(
         remedy = "x and y look swapped: x is east and y is north in every input. Exchange the two columns."
         declare = 'columns = { x = "y", y = "x" }'
     elif feet:
-        remedy = 'Taken as feet they lie inside: declare length_unit = "ft" (or "us-ft") if they are.'
+        remedy = 'In feet they lie inside: declare length_unit = "ft" (or "us-ft") if they are.'
         declare = 'length_unit = "ft"'
     raise replace(places.error(first, what, remedy, str(names[first])), declare=declare)
 

@@ -59,7 +59,7 @@ def _by_point(measured: MeasuredPoints, shared: SharedPoints) -> Iterator[tuple[
 
 
 def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
-    """Raise, naming the first row of a point and image that stand in a row before."""
+    """Raise, naming the first row of a point and image that are in a row before."""
     second, again = len(measured.point), 0
     for rows, key in _by_point(measured, shared):
         order = np.argsort(key, kind="stable")
@@ -70,7 +70,7 @@ def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
 
 
 def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
-    """The first row whose point and image stand in a row before, and how many do; by a table of them."""
+    """The first row whose point and image are in a row before, and how many do; by a table of them."""
     images, count = len(measured.images), len(measured.point)
     seen = np.zeros(images * len(measured.points), dtype=bool)
     second, again = count, 0
@@ -87,7 +87,7 @@ def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
 
 
 def _refuse_rows_again(measured: MeasuredPoints, second: int, again: int) -> None:
-    """Raise if there are rows whose point and image stand in a row before; `second` is the first of them."""
+    """Raise if there are rows whose point and image are in a row before; `second` is the first of them."""
     if again == 0:
         return
     image, point = measured.image[second], measured.point[second]

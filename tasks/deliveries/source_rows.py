@@ -73,9 +73,9 @@ class Places:
 
 
 def given_twice(kind: str, line: int, other: Path | None, more: int) -> tuple[str, str]:
-    """That an entity also stands in a line, of the same or another file, and `more` do so; and the remedy."""
+    """That an entity also is in a line, of the same or another file, and `more` do so; and the remedy."""
     place = f"line {line}" + (f" of {other}" if other is not None else "")
-    count = f" ({more} more like it)" if more else ""
+    count = f" ({more} more like this)" if more else ""
     return f"This {kind} was already given in {place}{count}.", "Delete one of the two rows."
 
 
@@ -116,7 +116,8 @@ def refuse_sigmas(
         raise places.error(
             row,
             f"The standard deviation {value:g} cannot be{beyond if value > 0.0 else ''}.",
-            "Give a positive one in the unit of the file, or leave the field empty: the input's then holds.",
+            "Give a positive value in the unit of the file, or leave the field empty to use that of the "
+            "input.",
             str(row_names[row]),
         )
 
@@ -130,7 +131,7 @@ def about_missing_sigmas(
     ----------
     sigma : (n, k) as given, NaN where not.
     known : (n, k) whether there is a quantity at all.
-    default : what holds for the others, in words.
+    default : what applies to the others, in words.
     """
     without = int((np.isnan(sigma) & known).any(axis=1).sum())
     given = bool(np.isfinite(sigma).any())
@@ -140,6 +141,6 @@ def about_missing_sigmas(
 def sigmas_missing(file: Path, without: int, rows: int, default: str) -> str:
     """The sentence of :func:`about_missing_sigmas` about so many of all rows."""
     return (
-        f"{file.name}: {without:,} of {rows:,} rows leave a standard deviation empty that others give; "
-        f"{default} of the project file hold for them. Fill them in if that is not meant."
+        f"{file.name}: {without:,} of {rows:,} rows have no standard deviation although others do; "
+        f"{default} of the project file is used for them. Fill them in if this is not intended."
     )

@@ -3,7 +3,7 @@
 Positions by cubics through positions and velocities, attitudes by cubics of rotation vectors through
 attitudes and rates (`adjust.geometry.interpolation`), both geocentric; σ linearly. Where the file has no
 velocities, or others than those of its positions, they are taken from differences. How well it interpolates
-is found by leaving out the samples beside the events.
+is found by leaving out the samples next to the events.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _refuse_outside(events: EventRecords, found: _Found, declared: EventsInput) 
         return
     row = int(np.argmin(found.inside))
     raise InputError(
-        f"The trajectory does not have the moment of this event. {found.trouble[row]} "
+        f"The trajectory does not contain the time of this event. {found.trouble[row]} "
         f"({int((~found.inside).sum()):,} of {len(found.inside):,} events are outside.)",
         'Check the clocks, deliver the whole trajectory, or declare events.outside = "leave-out".',
         file=events.file,
@@ -259,7 +259,7 @@ def _with_sigmas(
     if beyond.any():
         row = int(rows[int(np.argmax(beyond))])
         raise InputError(
-            f"The accuracies {accuracy.file.name} do not have the moment of this event "
+            f"The accuracies {accuracy.file.name} do not contain the time of this event "
             f"({int(beyond.sum()):,} events); they run from {time[0]:,.3f} to {time[-1]:,.3f} s.",
             "Deliver those of the whole trajectory, or leave trajectory.accuracy out.",
             file=exposures.file,
@@ -277,7 +277,7 @@ def _about_outside(events: EventRecords, found: _Found) -> list[str]:
         return []
     row = int(outside[0])
     return [
-        f"{len(outside):,} events are left out, as declared ({_named(events.image, outside)}). "
+        f"{len(outside):,} events are excluded, as declared ({_named(events.image, outside)}). "
         f"The first: {found.trouble[row]}"
     ]
 
@@ -285,25 +285,25 @@ def _about_outside(events: EventRecords, found: _Found) -> list[str]:
 def _about_window(window: Window) -> list[str]:
     of = {"velocities": "positions", "rates": "attitudes"}
     return [
-        f"the {name} are not those with which the {of[name]} change; the interpolation takes {name} from the "
-        f"{of[name]}. Their axes may be others."
+        f"the {name} do not agree with the changes of the {of[name]}; the interpolation derives {name} "
+        f"from the {of[name]}. Their axes may be different."
         for name in window.contradicted
     ]
 
 
 def _about_precision(interval: float, metres: Floats, radians: Floats) -> str:
-    """How well samples beside the events are found from the others around them."""
+    """How well samples next to the events are found from the others around them."""
     known = np.isfinite(metres).any(axis=1)
     if not known.any():
-        return "no event has enough samples around it to say how well it is interpolated."
+        return "no event has enough samples around it to test the interpolation."
     worst = np.fmax(metres[:, 0], metres[:, 1])
     words = f"positions to {1e3 * np.nanmedian(worst):.2g} mm (largest {1e3 * np.nanmax(worst):.2g} mm)"
     if np.isfinite(radians).any():
         turn = np.degrees(np.fmax(radians[:, 0], radians[:, 1]))
         words += f", attitudes to {np.nanmedian(turn):.2g}° (largest {np.nanmax(turn):.2g}°)"
     return (
-        f"{len(metres):,} events interpolated between samples {interval:.4g} s apart. Samples beside the "
-        f"events that are left out are found again, over twice the interval, {words}."
+        f"{len(metres):,} events interpolated between samples {interval:.4g} s apart. Interpolation over "
+        f"twice the interval reproduces omitted samples near the events: {words}."
     )
 
 
@@ -314,13 +314,13 @@ def _about_motion(exposures: ExposureRecords, rows: Ints, metres: Floats) -> lis
     if len(rough) == 0:
         return []
     return [
-        f"a sixteenth of this, the error of the interpolation, is more than the σ of {len(rough):,} events "
+        f"a sixteenth of this, the interpolation error, exceeds the σ of {len(rough):,} events "
         f"({_named(exposures.image, rough)}): the samples are too far apart for this motion."
     ]
 
 
 def _outliers(metres: Floats, sigma: Floats) -> Ints:
-    """Events (k,) beside a sample that is farther from where the others put it than usual and than its σ."""
+    """Events (k,) next to a sample that is farther from where the others put it than usual and than its σ."""
     worst = np.nan_to_num(np.fmax(metres[:, 0], metres[:, 1]))
     length = np.linalg.norm(sigma, axis=1)
     allowed = np.where(np.isfinite(length), _OUTLIER_SIGMAS * length, _OUTLIER_M)
@@ -332,7 +332,7 @@ def _about_outliers(image: pa.Array, rows: Ints, metres: Floats) -> list[str]:
     if len(rows) == 0:
         return []
     return [
-        f"{len(rows):,} events lie beside samples that do not belong to those around them "
+        f"{len(rows):,} events lie near samples that are inconsistent with their neighbours "
         f"({_named(image, rows)}; up to {np.nanmax(metres):.3g} m): outliers of the trajectory, or gaps that "
         "it does not show."
     ]

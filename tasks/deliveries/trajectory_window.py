@@ -51,7 +51,7 @@ class Window:
         return between(self._pose(first, 1), self._pose(last, 1), interval, since)
 
     def left_out(self) -> tuple[Floats, Floats]:
-        """What a sample beside an event differs from where the others around it put it, m and rad.
+        """What a sample next to an event differs from where the others around it put it, m and rad.
 
         (n, 2) each, for the samples before and after the event; NaN where there are too few. Every other
         sample is left out, so that the interval is twice that of the interpolation.

@@ -1,1 +1,1 @@
-"""What every document is made of: tables, axes, maps, legends, colours."""
+"""Parts shared by all documents: tables, axes, maps, legends, colours."""

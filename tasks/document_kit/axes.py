@@ -95,7 +95,7 @@ def horizontal_axis(
 def vertical_axis(
     scale: Scale, left: float, right: float, label: str, *, about: int = 6, grid: bool = True
 ) -> Markup:
-    """Ticks, their texts, grid lines to `right`, and the label turned beside them."""
+    """Ticks, their texts, grid lines to `right`, and the label turned next to them."""
     ticks = scale.ticks(about)
     places = [scale.at(tick) for tick in ticks]
     lines = [markup.line(left - 4, y, right if grid else left, y) for y in places]

@@ -66,7 +66,7 @@ def arrows(row: Mapping[Hashable, Any], place: tuple[float, float], scale: Arrow
 
 
 def symbol(place: tuple[float, float], is_check: bool, took_part: bool, words: str) -> Markup:
-    """A triangle for control, a circle for a check point; hollow if it takes no part."""
+    """A triangle for control, a circle for a check point; hollow if it is not used."""
     x, y = place
     named = [markup.title(words)] if words else []
     css = "point" if took_part else "point hollow"

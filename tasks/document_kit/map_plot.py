@@ -36,7 +36,7 @@ class MapPlot:
         west, east, south, north = west - border, east + border, south - border, north + border
         unit = min((axes.WIDTH - _LEFT - _RIGHT) / (east - west), _TALLEST / (north - south))
         width, height = unit * (east - west), unit * (north - south)
-        # A narrow block stands in the middle.
+        # A narrow block is in the middle.
         left = _LEFT + 0.5 * (axes.WIDTH - _LEFT - _RIGHT - width)
         return cls(Scale(west, east, left, left + width), Scale(south, north, _TOP + height, _TOP))
 

@@ -1,1 +1,1 @@
-"""What an adjustment shows: figures and tables of residuals, parameters, precision and model tests."""
+"""Evaluation of an adjustment: figures and tables of residuals, parameters, precision and model tests."""

@@ -43,7 +43,7 @@ def tested_points(block: Block, surveyed: SurveyedPoints) -> tuple[int, ...]:
 def check_point_test(adjusted: AdjustedBlock, confidence: float) -> CheckPointTest | None:
     """Found and predicted figures along east, north, up; None without check points, or without a datum.
 
-    The limits of root mean square and mean hold for all figures together with the probability `confidence`
+    The limits of root mean square and mean apply to all figures together with the probability `confidence`
     (each for its part, Bonferroni). ``over_limit`` is the largest of all found figures over its upper
     limit: above 1 the check points are beyond their limits.
     """

@@ -20,7 +20,7 @@ from tasks.tables.parquet import write_table
 def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFrame:
     """distance_residuals.parquet: computed − given, with the predicted standard deviation.
 
-    That of a distance that took part is σ0 √(σ² − q), that of one that did not √(σ² + σ0² q), with the
+    That of a distance that were used is σ0 √(σ² − q), that of one that did not √(σ² + σ0² q), with the
     cofactor q of the adjusted distance, as for control and check points.
     """
     parts = [_rows(adjusted, item) for item in adjusted.result.groups if isinstance(item.group, Distances)]

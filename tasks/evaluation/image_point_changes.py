@@ -55,7 +55,7 @@ def image_errors(
     principal_point : (2,) of the camera, metres.
     """
 
-    # All parameters are asked for the same rows in turn.
+    # The same rows are requested for all parameters in turn.
     @lru_cache(maxsize=1)
     def basis(first: int, last: int) -> Floats:
         own = rays.camera_of_image[rays.image[first:last]] == camera

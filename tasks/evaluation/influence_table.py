@@ -33,7 +33,7 @@ _DEGREE = float(np.rad2deg(1.0))
 
 
 def write_parameter_influences(folder: Path, adjusted: AdjustedBlock, options: AdjustmentOptions) -> None:
-    """parameter_influences.parquet; empty where GNSS and INS did not take part or nothing was estimated.
+    """parameter_influences.parquet; empty where GNSS and INS were not used or nothing was estimated.
 
     In a free network, too: its parameters hang on the approximate values.
     """

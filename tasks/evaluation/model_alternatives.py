@@ -52,7 +52,7 @@ _DIFFERING: dict[str, tuple[Scope, ...]] = {
 }
 _IMAGE_ERRORS = "brown"
 _PER_MILLION = 1e-6
-# Less than this part of its height is no relief, or no second height, that a scale could show in.
+# Less than this part of its height is not a relief, or no second height, that a scale could show in.
 _FLAT = 1e-3
 # Refraction that stays below this part of the σ of every image point (close range) explains nothing.
 _NO_REFRACTION = 0.02

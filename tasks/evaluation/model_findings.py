@@ -17,7 +17,7 @@ POWER = NormalDist().inv_cdf(0.8)
 
 @dataclass(frozen=True)
 class _Kind:
-    """One kind of alternative: its words, what to check, and its axes where it is no kind of parameters.
+    """One kind of alternative: its words, what to check, and its axes where it is not a kind of parameters.
 
     ``place``: its axes are east, north and up, and its size is said as "too far west" or "too high".
     """
@@ -121,7 +121,7 @@ _IMAGE_ERRORS = _Kind(
     "The images of camera {entity} have systematic errors that no estimated parameter describes: {size}",
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
 )
-# Quantity → its kind and axis, of what is no parameter.
+# Quantity → its kind and axis, of what is not a parameter.
 _QUANTITIES = {
     "_".join(filter(None, (name, axis))): (name, axis)
     for name, kind in _KINDS.items()
@@ -130,7 +130,7 @@ _QUANTITIES = {
 
 
 def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
-    """The causes in a table of alternatives, the likeliest first; axes of the same thing are one cause."""
+    """The causes in a table of alternatives, the most likely first; axes of the same thing are one cause."""
     chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
     runner_up = _runner_up(alternatives)
     causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}

@@ -29,7 +29,7 @@ ERROR_PROBABILITY = 0.005
 _GRAVITY = (1.0, 30.0)
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
 _SCATTER_PROBABILITY = 0.001
-# Scores correlated by more than this cannot be told from each other by chance; so many are named.
+# Scores correlated by more than this cannot be separated from each other by chance; so many are named.
 _ALIKE, _MOST_ALIKE = 0.7, 3
 # With fewer strips their scatter says nothing.
 _FEW_STRIPS = 4
@@ -79,7 +79,7 @@ class ExaminedModel:
 
     @cached_property
     def order(self) -> tuple[int, ...]:
-        """The alternatives that explain the misclosures, the likeliest first."""
+        """The alternatives that explain the misclosures, the most likely first."""
         return self.found.tests.explanation(self.critical * self.scale)
 
     @cached_property

@@ -64,7 +64,7 @@ def parameter_table(
             if column >= 0:
                 sigma = adjusted.sigma0 * float(np.sqrt(cofactor[column]))
                 prior = priors.get((family.name, entity, component), np.nan)
-                # The prior takes part with its stated weight, whatever σ0 turns out to be.
+                # The prior is used with its stated weight, whatever σ0 turns out to be.
                 ratio = float(np.sqrt(cofactor[column])) / prior
                 t = (value - given) / sigma
                 row |= {"sigma": sigma * factor, "sigma_prior": prior * factor, "t": t}

@@ -120,7 +120,7 @@ def axes_of_orientations(adjusted: AdjustedBlock) -> Floats:
 
 
 def write_object_points(folder: Path, adjusted: AdjustedBlock, piece: int = PIECE) -> None:
-    """object_points.parquet: the points that took part, with standard deviations along the grid axes.
+    """object_points.parquet: the points that were used, with standard deviations along the grid axes.
 
     Parameters
     ----------

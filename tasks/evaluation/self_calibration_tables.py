@@ -103,7 +103,7 @@ class _AllTogether:
         return cls(names, estimate.change, sigma, t_values(estimate, selection.sigma0), correlation)
 
     def row(self, column: int) -> dict[str, object]:
-        """Columns of the table that speak of it."""
+        """Columns of the table that refer to it."""
         other = int(np.argmax(np.abs(self.correlation[column])))
         known = bool(np.isfinite(self.sigma[column])) and len(self.names) > 1
         return {

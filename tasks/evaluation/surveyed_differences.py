@@ -23,7 +23,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
     """control_residuals.parquet and check_points.parquet: computed − given along east, north, up.
 
     The predicted standard deviation of a control residual is that of v, σ0 √(σ² − q). That of a point that
-    took no part, as a check point, because it was rejected or as it would be left out, is √(σ² + σ0² q): σ0
+    were not used, as a check point, because it was rejected or as it would be left out, is √(σ² + σ0² q): σ0
     is of what was adjusted, so a survey that was not stands as stated, here and everywhere.
     """
     for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):

@@ -19,7 +19,7 @@ from tasks.results.figures import ComponentFigure, VarianceFigures
 
 
 def variance_figures(result: AdjustmentResult) -> JSON:
-    """A row for each part of the observations, and how often they were weighted anew; null without."""
+    """A row for each part of the observations, and how often they were weighted again; null without."""
     if not result.variance_components:
         return None
     return VarianceFigures(
@@ -74,7 +74,7 @@ def correlation_figures(result: AdjustmentResult, stated_s: Mapping[str, float |
 
 
 def correlation_sentences(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> list[str]:
-    """What the residuals say about correlation times: other than stated, none, or not to be told."""
+    """What the residuals say about correlation times: other than stated, none, or not determinable."""
     return [
         sentence
         for item in result.correlation_times

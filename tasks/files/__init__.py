@@ -1,1 +1,1 @@
-"""Files as they are delivered, JSON, and what the installation can do."""
+"""Input files, JSON, and the capabilities of the installation."""

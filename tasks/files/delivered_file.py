@@ -69,7 +69,8 @@ class FileLimits:
         if size <= most * _MB:
             return None
         return InputError(
-            f"The file has {math.ceil(size / _MB):,} MB, more than the {most:,} MB this installation reads.",
+            f"The file has {math.ceil(size / _MB):,} MB, more than the {most:,} MB that this "
+            "installation accepts.",
             f"Deliver the right file, or divide it; the administrator can raise {variable}.",
             file=path,
         )
@@ -84,7 +85,7 @@ class FileLimits:
         """
         if rows > self.rows:
             raise InputError(
-                f"The file has {rows:,} rows, more than the {self.rows:,} this installation reads.",
+                f"The file has {rows:,} rows, more than the {self.rows:,} that this installation accepts.",
                 f"Deliver the right file, or divide it; the administrator can raise {ROWS_VARIABLE}.",
                 file=path,
             )
@@ -113,7 +114,8 @@ def _number(environment: Mapping[str, str], variable: str, usual: int) -> int:
         return usual
     if not (text.isascii() and text.isdecimal() and len(text) < 16 and int(text) > 0):
         raise InstallationError(
-            f"{variable} is '{text}', which is no limit.", "Set it to a positive whole number, or not at all."
+            f"{variable} is '{text}', which is not a valid limit.",
+            "Set it to a positive whole number, or not at all.",
         )
     return int(text)
 
@@ -197,7 +199,7 @@ def digest_of_delivered(path: Path) -> str:
 
 
 def digest_for_key(path: Path) -> str:
-    """The digest of a delivered file that stands in `keyed_by`, else that of its bytes now.
+    """The digest of a delivered file that is in `keyed_by`, else that of its bytes now.
 
     Raises
     ------
@@ -279,5 +281,5 @@ def _trouble_of_place(path: Path, status: os.stat_result) -> InputError | None:
         # Gone, or links in a circle: not there any more either way.
         pass
     return InputError(
-        "The path leads over a link that was not there before.", "Deliver the file itself.", file=path
+        "The path contains a link that did not exist before.", "Deliver the file itself.", file=path
     )

@@ -63,12 +63,12 @@ def _unambiguous(pairs: Sequence[tuple[str, JSON]]) -> dict[str, JSON]:
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
         double = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"the key {quoted(double)} stands there twice")
+        raise ValueError(f"the key {quoted(double)} exists twice")
     return found
 
 
 def _no_number(text: str) -> JSON:
-    raise ValueError(f"{text} is no number")
+    raise ValueError(f"{text} is not a number")
 
 
 def read_json(path: Path) -> JSON:
@@ -80,7 +80,7 @@ def read_json(path: Path) -> JSON:
         If the file is not JSON as `from_json` reads it, or larger than any of ours.
     """
     if path.exists() and (not path.is_file() or path.stat().st_size > _LARGEST_BYTES):
-        raise ValueError(f"{path.name} is no JSON file of ours")
+        raise ValueError(f"{path.name} is not a JSON file of aerocal")
     return cast(JSON, from_json(path.read_text(encoding="utf-8")))
 
 
@@ -89,7 +89,7 @@ def replace_json(path: Path, value: JSON) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.unlink(missing_ok=True)
-        # Made anew, so that a link of this name is not followed.
+        # Made again, so that a link of this name is not followed.
         with temporary.open("x", encoding="utf-8") as stream:
             stream.write(json_text(value, indent=2) + "\n")
             stream.flush()

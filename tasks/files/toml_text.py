@@ -71,7 +71,7 @@ def _text(text: str) -> str:
 
 
 def toml_value(value: TomlValue) -> str:
-    """A value in one line; a table stands in braces."""
+    """A value in one line; a table is in braces."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -82,4 +82,4 @@ def toml_value(value: TomlValue) -> str:
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items()) + " }"
-    raise TypeError(f"{type(value).__name__} has no place in TOML")
+    raise TypeError(f"{type(value).__name__} cannot be written in TOML")

@@ -1,1 +1,1 @@
-"""Foreign files: one reader a format, all returning records with the line each row came from."""
+"""File formats: one reader per format, all returning records with the line of each row."""

@@ -65,7 +65,7 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
     found = _FORMAT.search(text)
     if found is None:
         raise InputError(
-            "There is no line 'Record Format:', with which the header of an Applanix EO file ends.",
+            "There is no line 'Record Format:', which ends the header of an Applanix EO file.",
             "Deliver the file with its header, or declare another format.",
             file=path,
         )
@@ -82,9 +82,11 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
     missing = [name for name in ("ID", "TIME (S)", *wanted) if name not in names]
     if missing or len(set(names)) < len(names):
         raise InputError(
-            f"The columns of this file lack {', '.join(missing)}." if missing else "A column is named twice.",
-            "Needed are ID, TIME (s) and EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, or X, Y, Z, "
-            "ROLL, PITCH, HEADING.",
+            f"The columns of this file lack {', '.join(missing)}."
+            if missing
+            else "A column name is used twice.",
+            "Required are ID, TIME (s) and EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, or X, "
+            "Y, Z, ROLL, PITCH, HEADING.",
             file=path,
             line=begin + head + 1,
         )
@@ -140,7 +142,7 @@ def _stated_order(header: str, path: Path) -> AngleOrder:
         return _ORDERS[angles]
     raise InputError(
         "The header does not say that rotations are about x by omega, about y by phi, about z by kappa "
-        f"({', '.join(angles) or 'nothing is said of their sequence'}).",
+        f"({', '.join(angles) or 'no sequence is stated'}).",
         "Compute the orientations with this sequence, or deliver them as a table.",
         file=path,
     )
@@ -191,4 +193,4 @@ def _applied(path: Path, header: str) -> tuple[str, ...]:
         for line in header.split("\n")
         if any(name.lower() in line.lower() for name in _APPLIED)
     ]
-    return (f"{path.name}: its header says: {'; '.join(said)}.",) if said else ()
+    return (f"{path.name}: its header states: {'; '.join(said)}.",) if said else ()

@@ -40,7 +40,9 @@ def read_bal_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     names = [str(number) for number in range(len(cameras))]
     at = [2 + len(observations) + _OF_CAMERA * number for number in range(len(cameras))]
     if (np.abs(cameras[:, :3]) > 1e3).any():
-        raise InputError("A rotation vector is longer than any turn.", "Deliver the file again.", file=path)
+        raise InputError(
+            "A rotation vector is longer than a full turn.", "Deliver the file again.", file=path
+        )
     world_from_camera = np.swapaxes(exp(cameras[:, :3]), 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, cameras[:, 3:6])
     angles = degrees_of_rotations(path, world_from_camera, names, at)
@@ -91,12 +93,14 @@ def _opened(path: Path) -> tuple[Floats, Floats]:
             file=path,
         )
     if strange is not None:
-        raise InputError("Something in the file is no number.", "Deliver it again.", file=path) from strange
+        raise InputError(
+            "The file contains text where a number is expected.", "Deliver it again.", file=path
+        ) from strange
     table = values[: _OF_OBSERVATION * observations].reshape(-1, _OF_OBSERVATION)
     index = table[:, :2]
     if not ((index >= 0) & (index < [cameras, points]) & (index == np.round(index))).all():
         raise InputError("An observation names no camera or point.", "Deliver it again.", file=path)
     if not np.isfinite(values).all():
-        raise InputError("Something in the file is no finite number.", "Deliver it again.", file=path)
+        raise InputError("The file contains a number that is not finite.", "Deliver it again.", file=path)
     begin = _OF_OBSERVATION * observations
     return table, values[begin : begin + _OF_CAMERA * cameras].reshape(-1, _OF_CAMERA)

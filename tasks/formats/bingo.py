@@ -28,7 +28,7 @@ def read_bingo_control(path: Path) -> ControlRecords:
     Raises
     ------
     InputError
-        With file and line: no such lines, coordinates that are no numbers.
+        With file and line: no such lines, coordinates that are not numbers.
     """
     point, role = [], []
     position, at = array("d"), array("q")
@@ -53,7 +53,7 @@ def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
     """
     if order == "heading-pitch-roll":
         raise InputError(
-            "A file of BINGO holds φ, ω, κ (or ω, φ, κ), but the project file declares heading-pitch-roll.",
+            "A BINGO file contains φ, ω, κ (or ω, φ, κ), but the project file declares heading-pitch-roll.",
             'Declare angles.order = "phi-omega-kappa".',
             file=path,
         )

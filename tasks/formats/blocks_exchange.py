@@ -91,7 +91,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
     Raises
     ------
     InputError
-        If there is none, numbers are missing, or one is no perspective camera.
+        If there is none, numbers are missing, or one is not a perspective camera.
     """
     found = {}
     for group in parsed_xml(path).iter("Photogroup"):
@@ -115,9 +115,9 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
         skew = _number(path, group, "Skew") if group.find("Skew") is not None else 0.0
         if not (columns.is_integer() and rows.is_integer() and c > 0.0) or aspect != 1.0 or skew != 0.0:
             raise InputError(
-                "The camera has no whole pixels, a focal length that is not positive, or pixels that are not "
-                "square.",
-                "Write the camera into the project file.",
+                "The camera has a fractional number of pixels, a focal length that is not positive, or "
+                "pixels that are not square.",
+                "Declare the camera in the project file.",
                 file=path,
                 entity=name,
             )
@@ -178,7 +178,7 @@ def read_blocks_control(path: Path) -> ControlRecords:
     given = np.array(position).reshape(-1, 3)
     if np.isnan(given).any():
         raise InputError(
-            "Points without one coordinate are not read east, north, up of a place.",
+            "Points with incomplete coordinates cannot be read in a local east, north, up system.",
             "Export them in a map projection.",
             path,
             entity=point[int(np.argmax(np.isnan(given).any(axis=1)))],
@@ -253,7 +253,9 @@ def _camera_from_ours(path: Path, group: ElementTree.Element) -> Floats:
     name = group.findtext("CameraOrientation") or "XRightYDown"
     found = _ORIENTATION.match(name.strip())
     if found is None or np.dot(_AXES[found.group(1)], _AXES[found.group(2)]) != 0.0:
-        raise InputError(f"The camera orientation '{name}' is none.", "Export the block again.", file=path)
+        raise InputError(
+            f"The camera orientation '{name}' does not exist.", "Export the block again.", file=path
+        )
     x, y = _AXES[found.group(1)], _AXES[found.group(2)]
     return np.array([x, y, np.cross(x, y)])
 
@@ -276,7 +278,7 @@ def _reference(
     ):
         return text, None
     raise InputError(
-        f"The reference system '{text[:40]}' is none that is read.",
+        f"The reference system '{text[:40]}' is not supported.",
         "Export the block in an EPSG system.",
         path,
     )

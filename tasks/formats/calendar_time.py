@@ -22,7 +22,7 @@ def seconds_of_date(path: Path, text: str, line: int) -> float:
     Raises
     ------
     InputError
-        If the text is no date with a time.
+        If the text is not a date with a time.
     """
     found = _DATE.fullmatch(text)
     try:
@@ -35,7 +35,7 @@ def seconds_of_date(path: Path, text: str, line: int) -> float:
             raise ValueError
     except ValueError as error:
         raise InputError(
-            f"{quoted(text)} is no date with a time since 1980.",
+            f"{quoted(text)} is not a date with a time since 1980.",
             "Write it like 2020-12-24T21:28:42.000.",
             file=path,
             line=line,

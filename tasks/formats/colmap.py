@@ -128,7 +128,7 @@ def read_colmap_cameras(path: Path) -> Mapping[str, PixelCamera]:
     Raises
     ------
     InputError
-        If the file is damaged, or a model is no frame camera with Brown's distortion.
+        If the file is damaged, or a model is not a frame camera with Brown's distortion.
     """
     content = read_bytes(path, "document")
     rows = _camera_rows_text(path, content) if _is_text(content) else _camera_rows_binary(path, content)
@@ -161,8 +161,8 @@ def camera_of_colmap(
     names = _MODELS.get(model, "").split()
     if not names or len(parameters) < len(names) or not all(abs(value) < 1e9 for value in parameters):
         raise InputError(
-            f"The camera model {model} is none that is read, or its parameters are not complete.",
-            "Write the camera into the project file. Read are: "
+            f"The camera model {model} is not supported, or its parameters are incomplete.",
+            "Declare the camera in the project file. Supported models: "
             f"{', '.join(name for name, parameters in _MODELS.items() if parameters)}.",
             file=path,
             line=line,
@@ -173,7 +173,7 @@ def camera_of_colmap(
     if c <= 0.0 or any(values.get(name) for name in ("k4", "k5", "k6")):
         raise InputError(
             "The focal length is not positive, or distortion is a fraction (k4 to k6), which is not read.",
-            "Write the camera into the project file.",
+            "Declare the camera in the project file.",
             file=path,
             line=line,
             entity=f"camera {number}",
@@ -286,7 +286,7 @@ def _unpacked(path: Path, layout: str, content: bytes, at: int) -> tuple[Any, ..
 
 def _cut_off(path: Path, entry: int | None) -> InputError:
     return InputError(
-        "The file ends in the middle of an entry, or is no binary file of COLMAP.",
+        "The file ends in the middle of an entry, or is not a binary file of COLMAP.",
         "Deliver it again.",
         file=path,
         line=entry,
@@ -306,7 +306,7 @@ def _rotations(path: Path, quaternion: Floats, name: list[str], line: array[int]
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(
-            f"The quaternion has the length {length[row]:.6g}, and one of a rotation has 1.",
+            f"The quaternion has the length {length[row]:.6g}; that of a rotation must be 1.",
             "Deliver the file again.",
             file=path,
             line=line[row],

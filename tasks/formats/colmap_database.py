@@ -6,7 +6,8 @@
 | ``keypoints``, ``two_view_geometries`` | verified matches joined to tie points; pixels from the corner of the first one |
 | ``pose_priors`` | positions: latitude, longitude, ellipsoidal height as longitude, latitude, height; or Cartesian ones, local |
 
-Of ``pose_priors`` there are three generations, told apart by their columns. The database is opened in memory: nothing in it is carried out.
+Of ``pose_priors`` there are three generations, distinguished by their columns. The database is opened in
+memory: nothing in it is carried out.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -161,7 +162,9 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
             sigma.extend(_sigma(path, row[2], entry))
             systems.add(system)
     if len(systems) > 1:
-        raise InputError("Some priors are geographic, others Cartesian.", "Write them alike.", file=path)
+        raise InputError(
+            "Some priors are geographic, others Cartesian.", "Use the same system for all.", file=path
+        )
     states = FileStatement(crs="local" if systems == {_CARTESIAN} else None, datum="WGS 84")
     return exposures_of(
         path,
@@ -189,7 +192,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     """The database in memory; its errors as one sentence."""
     content = read_bytes(path)
     if not content.startswith(_MAGIC):
-        raise InputError("This is no SQLite database.", "Deliver COLMAP's database.db.", file=path)
+        raise InputError("This is not a SQLite database.", "Deliver COLMAP's database.db.", file=path)
     with closing(sqlite3.connect(":memory:")) as connection:
         try:
             connection.deserialize(content)

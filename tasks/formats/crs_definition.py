@@ -31,7 +31,7 @@ def known_crs(name: str) -> pyproj.CRS:
         crs = pyproj.CRS.from_user_input(name)
     except CRSError as error:
         raise InputError(
-            "This coordinate reference system is not known.",
+            "This coordinate reference system is not known to PROJ.",
             'Give one that PROJ knows, e.g. crs = "EPSG:2154", or "local".',
             entity=name,
         ) from error
@@ -42,14 +42,14 @@ def known_crs(name: str) -> pyproj.CRS:
 
 def _names_file(crs: str) -> InputError:
     return InputError(
-        "This CRS names a file of its own.",
+        "This CRS refers to a file.",
         'Give it by its code, e.g. crs = "EPSG:2154"; the grid of a geoid goes into `heights`.',
         entity=crs,
     )
 
 
 def check_usable(crs: pyproj.CRS, name: str) -> None:
-    """Refuse what is no horizontal CRS in metres or degrees with axes to east and north.
+    """Refuse what is not a horizontal CRS in metres or degrees with axes to east and north.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def check_usable(crs: pyproj.CRS, name: str) -> None:
     """
     if crs.is_compound or len(crs.axis_info) > 2 or crs.is_geocentric:
         raise InputError(
-            "This CRS includes heights; the height system is declared apart.",
+            "This CRS includes heights; the height system must be declared separately.",
             "Give the horizontal CRS, and `heights`.",
             entity=name,
         )
@@ -75,7 +75,7 @@ def check_usable(crs: pyproj.CRS, name: str) -> None:
         )
     if crs.is_projected and any(abs(axis.unit_conversion_factor - 1.0) > 1e-12 for axis in crs.axis_info):
         raise InputError(
-            f"This CRS is in {crs.axis_info[0].unit_name}, and coordinates here are in metres.",
+            f"This CRS is in {crs.axis_info[0].unit_name}, but coordinates must be in metres.",
             "Convert the coordinates into the metric CRS of the same zone.",
             entity=name,
         )

@@ -161,8 +161,8 @@ def _refuse_near_misses(
             continue
         meant = f"'{like or found[0]}'" if like or found else "a standard deviation"
         raise InputError(
-            f"The column '{name}' looks like {meant}, and nothing reads it.",
-            f"Rename it, also if it is something else; columns of that kind are {', '.join(optional)}. Or "
+            f"The column '{name}' looks like {meant}, but it is not used.",
+            f"Rename it, even if it is something else; columns of that kind are {', '.join(optional)}. Or "
             f'declare what it is: columns = {{ {like or (found or ["sx"])[0]} = "{name}" }}, or '
             f'unused = ["{name}"].',
             file=path,
@@ -184,17 +184,17 @@ def _check_columns(
         like = {
             name: nearest(name, [n for n in names if n not in (*required, *optional)]) for name in missing
         }
-        hints = [f"'{found}' may be meant for '{name}'" for name, found in like.items() if found]
+        hints = [f"'{found}' may mean '{name}'" for name, found in like.items() if found]
         what = f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}."
         remedy = f"Needed are {', '.join(required)}" + (f"; {', '.join(hints)}." if hints else ".")
         remedy += declaration(missing, names, layout)
         raise InputError(what, remedy, file=path, line=line)
     trouble = next((found for found in map(trouble_in, names) if found is not None), None)
     if trouble is not None or len(names) > _MOST_COLUMNS:
-        what = trouble or f"The header names {len(names):,} columns, more than {_MOST_COLUMNS}."
-        raise InputError(what, "Deliver a table with the columns that are needed.", file=path, line=line)
+        what = trouble or f"The header has {len(names):,} columns, more than {_MOST_COLUMNS}."
+        raise InputError(what, "Deliver a table with the required columns.", file=path, line=line)
     double = next((name for name in names if list(names).count(name) > 1), None)
     if double is not None:
         raise InputError(
-            f"The header names the column '{double}' twice.", "Delete one.", file=path, line=line
+            f"The header contains the column '{double}' twice.", "Delete one.", file=path, line=line
         )

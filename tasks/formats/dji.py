@@ -31,7 +31,7 @@ _LINE = re.compile(
     rf"{_NUMBER},Lat\s+{_NUMBER},Lon\s+{_NUMBER},Ellh\s+{_NUMBER},\s*{_NUMBER},\s*{_NUMBER}\s+(\d+),Q",
     re.ASCII,
 )
-# 52 is written by newer drones beside standard deviations of one or two centimetres.
+# 52 is written by newer drones next to standard deviations of one or two centimetres.
 _QUALITY = {0: "none", 16: "single", 34: "float", 50: "fixed", 52: "fixed"}
 _STATES = FileStatement(heights="ellipsoidal", position="projection_centre")
 
@@ -74,7 +74,7 @@ def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
 
 
 def read_mrk_events(path: Path) -> EventRecords:
-    """Read the moments of exposures, with the way from the antenna to the camera.
+    """Read the times of exposures, with the way from the antenna to the camera.
 
     Raises
     ------
@@ -107,9 +107,9 @@ def _marks(path: Path) -> _Marks:
         found = _LINE.match(line.strip())
         if found is None:
             raise InputError(
-                "There is no line of MRK here: number, seconds, [week], N, E, V, Lat, Lon, Ellh, three "
+                "This is not a line of an MRK file: number, seconds, [week], N, E, V, Lat, Lon, Ellh, three "
                 "standard deviations, Q.",
-                "Deliver the file as the drone wrote it.",
+                "Deliver the unchanged file of the drone.",
                 file=path,
                 line=number,
             )
@@ -118,8 +118,8 @@ def _marks(path: Path) -> _Marks:
             0.0 <= second <= WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
         ):
             raise InputError(
-                "Time or position of this line are none: seconds of a week, degrees.",
-                "Deliver the file as the drone wrote it.",
+                "Time or position of this line are not valid: seconds of the week, degrees.",
+                "Deliver the unchanged file of the drone.",
                 file=path,
                 line=number,
                 entity=found[1],
@@ -140,5 +140,5 @@ def _of_unknown_quality(path: Path, marks: _Marks) -> tuple[str, ...]:
         return ()
     return (
         f"{path.name}: {len(unknown):,} exposures have a quality other than 0, 16, 34, 50, 52 (the first: "
-        f"{unknown[0]}); their own standard deviations stand.",
+        f"{unknown[0]}); the standard deviations of the file are used.",
     )

@@ -65,7 +65,7 @@ def mapped_names(
     for ours, theirs in layout.columns.items():
         if ours not in known:
             raise InputError(
-                f"columns declares {quoted(ours)}, and no column of this kind of file is called so.",
+                f"columns declares {quoted(ours)}, which is not a column of this kind of file.",
                 f"Columns are {', '.join(known)}.",
                 file=path,
                 entity=ours,
@@ -76,9 +76,9 @@ def mapped_names(
             else [k for k, heading in enumerate(fields) if heading == theirs]
         )
         if len(places) != 1:
-            trouble = "is not in the file" if not places else "is there twice"
+            trouble = "is not in the file" if not places else "exists twice"
             raise InputError(
-                f"columns declares {quoted(str(theirs))} for '{ours}', and that column {trouble}.",
+                f"columns declares {quoted(str(theirs))} for '{ours}', but that column {trouble}.",
                 did_you_mean(str(theirs), fields)
                 if isinstance(theirs, str) and not places
                 else f"The file has {len(fields)} columns; give the number of one, from 1.",
@@ -87,7 +87,10 @@ def mapped_names(
             )
         if names[places[0]] != fields[places[0]]:
             raise InputError(
-                f"columns declares the same column, {quoted(str(theirs))}, twice.", "Keep one.", path, line
+                f"columns declares the same column, {quoted(str(theirs))}, twice.",
+                "Keep one of them.",
+                path,
+                line,
             )
         names[places[0]] = ours
     # What is declared to be another column is not this one, whatever its heading.
@@ -156,6 +159,6 @@ def declaration(missing: Iterable[str], fields: Sequence[str], layout: TableLayo
     if found:
         every = {**{name: str(heading) for name, heading in layout.columns.items()}, **found}
         pairs = ", ".join(f'{name} = "{heading}"' for name, heading in every.items())
-        text = f" If they are what they look like, write columns = {{ {pairs} }} into this input."
+        text = f" If these are the corresponding columns, write columns = {{ {pairs} }} into this input."
     instead = [_INSTEAD[name] for name in missing if name in _INSTEAD and name not in found]
-    return text + (f" In the place of a column: {' and '.join(instead)}." if instead else "")
+    return text + (f" Instead of a column: {' and '.join(instead)}." if instead else "")

@@ -188,12 +188,14 @@ def _refuse_other_unit(
     numbers = "; ".join(says)
     if in_other:
         raise InputError(
-            f"The numbers are no lens in either unit: {wrong} ({numbers}).", "Check them.", file=path
+            f"The numbers do not describe a lens in either unit: {wrong} ({numbers}).",
+            "Check them.",
+            file=path,
         )
     raise InputError(
-        f"The numbers cannot be in {unit}: {wrong} ({numbers}). They are in {other}, whatever the table is "
-        "headed.",
-        f'Write unit = "{other}". A focal length printed as a sum of mm and these numbers is wrong, too.',
+        f"The numbers cannot be in {unit}: {wrong} ({numbers}). They are in {other}, regardless of the "
+        "heading of the table.",
+        f'Write unit = "{other}". A focal length printed as a sum of mm and these numbers is also wrong.',
         file=path,
         entity="unit",
     )

@@ -56,7 +56,7 @@ def homologous_points(folder: PackedFolder) -> ImagePointRecords:
         )
     of_ends = np.concatenate([np.repeat(of, counts) for of in np.array(pairs, dtype=np.int32).T])
     ends = np.concatenate([*(rows[:, :2] for rows in places), *(rows[:, 2:] for rows in places)])
-    # As large as the ends themselves, and the file beside them.
+    # As large as the ends themselves, and the file next to them.
     places.clear()
     folder.archive.close()
     kept, track = joined_to_tracks(of_ends, ends)

@@ -62,8 +62,8 @@ def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -
     lens_mm = float(stated.group(1))
     if abs(focal_mm / lens_mm - 1.0) > _LENS_TOLERANCE:
         raise InputError(
-            f"The principal distance of {focal_mm:.6g} mm (<focal> times <pixel_size>) is not that of the "
-            f"lens, {lens_mm:g} mm (<objectif>).",
+            f"The principal distance of {focal_mm:.6g} mm (<focal> times <pixel_size>) differs from that "
+            f"of the lens, {lens_mm:g} mm (<objectif>).",
             "Correct <pixel_size>, which is in metres, or <focal>, which is in pixels.",
             file=path,
         )
@@ -84,7 +84,7 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     found = root.findall(name)
     if len(found) > 1:
         raise InputError(
-            f"The camera file has {len(found)} elements <{name}>, and only one of them can be meant.",
+            f"The camera file has {len(found)} elements <{name}>, but must have only one.",
             "Deliver it with one.",
             file=path,
         )
@@ -98,7 +98,7 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     if not abs(value) <= LARGEST:
         raise InputError(
             f"The camera file lacks a number in <{name.replace('/', '><')}>.",
-            "Deliver it again, or write the camera's values into the project file.",
+            "Deliver it again, or declare the values of the camera in the project file.",
             file=path,
         )
     return value

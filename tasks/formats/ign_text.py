@@ -6,12 +6,12 @@
 | ``.OPK`` | image X Y Z ω φ κ [camera] | as declared; R_x(ω) R_y(φ) R_z(κ), grid axes |
 | ``.APP`` | point code x y z | CRS and heights as declared |
 
-Columns are separated by any number of blanks; names may stand in quotation marks; lines may end in blank,
+Columns are separated by any number of blanks; names may be in quotation marks; lines may end in blank,
 CR, blank, LF, and the last one in nothing. An OPK file may open with lines ``KEY : value`` and a line of
 column names (``NOM`` or ``ID``, X, Y, Z, O, P, K, CAMERA). Image names like ``21FD244720x00015_00614`` hold
 flight (before the x), strip (``x00015``) and number.
 
-Code of a control point: 13 and 3 occur, and no description of them was at hand. In the one delivery with
+Code of a control point: 13 and 3 occur, and no description of them was available. In the one delivery with
 both, points of code 13 fit given orientations to 0.1 to 0.5 px and the one of code 3 to 1.1 to 1.4 px along
 the columns, which fits "3 = height only" but does not prove it. Every row therefore counts as known in x, y
 and z, and a remark names the points of another code than 13.
@@ -97,9 +97,9 @@ def _code_remark(path: Path, table: TextTable) -> tuple[str, ...]:
     listed = ", ".join(f"{name} ({value})" for name, value in zip(point, code, strict=True))
     shown = listed + (", …" if count > _SHOWN else "")
     return (
-        f"{path.name}: control points with another code than {_FULL_CONTROL} are taken as known in x, y "
-        f"and z: {shown}. If some of their coordinates are only approximate, deliver them as CSV with those "
-        "left empty.",
+        f"{path.name}: control points with a code other than {_FULL_CONTROL} are assumed to be known in "
+        f"x, y and z: {shown}. If some of their coordinates are only approximate, deliver them as CSV "
+        "with these coordinates empty.",
     )
 
 
@@ -114,7 +114,7 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
     """
     if order == "heading-pitch-roll":
         raise InputError(
-            "A file in ign-opk format holds ω, φ, κ, but the project file declares heading-pitch-roll.",
+            "A file in ign-opk format contains ω, φ, κ, but the project file declares heading-pitch-roll.",
             'Declare angles.order = "omega-phi-kappa".',
             file=path,
         )
@@ -184,13 +184,13 @@ def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(
-            f"The header names the column {quoted(twice)} twice.", "Name each column once.", path, line
+            f"The header contains the column {quoted(twice)} twice.", "Use each column name once.", path, line
         )
     missing = [name for name in _OPK_COLUMNS[1:7] if name not in names]
     if missing:
         raise InputError(
             f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}.",
-            "Needed are NOM (or ID), X, Y, Z, O, P, K and, if there are several cameras, CAMERA.",
+            "Required are NOM (or ID), X, Y, Z, O, P, K and, if there are several cameras, CAMERA.",
             file=path,
             line=line,
         )

@@ -227,7 +227,7 @@ def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
         if block.name in _CAMERAS:
             found[block.name_of(path, "ID", "CAMERA_ID")] = _camera(path, _calibrated(block))
     if not found:
-        raise InputError("There is no camera in the file.", "Write it into the project file.", file=path)
+        raise InputError("There is no camera in the file.", "Declare it in the project file.", file=path)
     return found
 
 
@@ -254,7 +254,7 @@ def _camera(path: Path, block: _Block) -> CameraRecord:
         raise InputError(
             "The interior orientation of this camera is not x right, y up from the middle of the image with "
             "square pixels.",
-            "Write the camera into the project file, with its images as they are turned.",
+            "Declare the camera in the project file, with the rotation of its images.",
             file=path,
             line=block.line,
         )
@@ -271,8 +271,8 @@ def _refuse_distortion(path: Path, block: _Block) -> None:
         for number, words in block.values.get(key, []):
             if any(numbers_of(path, words, len(words), number, "a coefficient")):
                 raise InputError(
-                    f"The camera has distortion (${key}), and the file does not say of which direction.",
-                    "Write the camera into the project file, with cameras.NAME.additional_parameters.",
+                    f"The camera has distortion (${key}), but the file does not state its direction.",
+                    "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
                     file=path,
                     line=number,
                 )

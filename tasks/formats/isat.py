@@ -96,7 +96,7 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     for entry in _entries(path, "photo_parameters"):
         title = entry.title
         if not title:
-            raise InputError("The photo has no name.", "Give it one.", file=path, line=entry.line)
+            raise InputError("The photo has no name.", "Give it a name.", file=path, line=entry.line)
         image.append(title[0])
         strip.append(title[2] if len(title) > 2 and title[1].lower() == "strip_id" else None)
         named = entry.values.get("camera_name", (0, []))[1]
@@ -124,7 +124,7 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
 
 
 def read_isat_control(path: Path) -> ControlRecords:
-    """Read control points: name X Y Z and what else stands in the line.
+    """Read control points: name X Y Z and what else is in the line.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
             raise InputError("The image has no whole number of pixels.", "Correct it.", path, entry.line)
         found[" ".join(entry.title)] = CameraRecord(int(columns), int(rows), pixel, c, (x0, y0))
     if not found:
-        raise InputError("There is no camera in the file.", "Write it into the project file.", file=path)
+        raise InputError("There is no camera in the file.", "Declare it in the project file.", file=path)
     return found
 
 
@@ -171,7 +171,7 @@ def _refuse_distortion(path: Path, entry: _Entry) -> None:
     if on and any(number_of(path, text, number, "a distortion") for text in given):
         raise InputError(
             "The camera has a table of radial distortion, which is not read.",
-            "Write the camera into the project file, with cameras.NAME.additional_parameters.",
+            "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
             file=path,
             line=number,
             entity=" ".join(entry.title),

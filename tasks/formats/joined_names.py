@@ -26,7 +26,7 @@ _MOST_BYTES = 2**31 - 1
 def joined_names(parts: list[pa.DictionaryArray]) -> pa.DictionaryArray:
     """Columns of names one after the other, each name kept once; the list is empty then.
 
-    Up to half a million names stand in the order in which they come first.
+    Up to half a million names are in the order in which they come first.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def joined_names(parts: list[pa.DictionaryArray]) -> pa.DictionaryArray:
         part = parts.pop(0)
         share = _share_of(part.dictionary, shares)
         dealt.append([part.dictionary.filter(pa.array(share == own)) for own in range(shares)])
-        # Until a name has its number, that of its share stands there, below zero.
+        # Until a name has its number, that of its share is there, below zero.
         number_of.append(-1 - share)
         indices.append(part.indices)
         del part
@@ -126,7 +126,7 @@ def _numbered(dealt: list[list[pa.StringArray | None]], number_of: list[NDArray[
         begin, end = end, end + int(added[-1] - added[0])
         if end > _MOST_BYTES:
             raise InputError(
-                f"The names of one kind have more than {_MOST_BYTES:,} bytes.",
+                f"The names of one kind have more than {_MOST_BYTES:,} bytes in total.",
                 "Deliver the right file, or shorter names.",
             )
         text[begin:end] = np.frombuffer(found.dictionary.buffers()[2], dtype=np.uint8)[added[0] : added[-1]]

@@ -46,12 +46,12 @@ class JsonValue:
     def each(self) -> Iterator[JsonValue]:
         """The elements of a list, one after the other: a list of many takes no more memory."""
         if not isinstance(self.value, list):
-            raise self._trouble("This is no list.")
+            raise self._trouble("This is not a list.")
         for k, one in enumerate(self.value):
             yield JsonValue(self.file, f"{self.where}[{k}]", one)
 
     def taken(self) -> Iterator[JsonValue]:
-        """As `each`; the list forgets every element when the next one is asked for."""
+        """As `each`; the list forgets every element when the next one is required."""
         for k, one in enumerate(self.each()):
             yield one
             assert isinstance(self.value, list)
@@ -60,26 +60,26 @@ class JsonValue:
     def number(self) -> float:
         """A number."""
         if isinstance(self.value, bool) or not isinstance(self.value, int | float):
-            raise self._trouble("This is no number.")
+            raise self._trouble("This is not a number.")
         return number_of(self.file, repr(self.value), 1, self.where[-_LONGEST_SHOWN:])
 
     def whole(self) -> int:
         """A whole number that is not negative, such as an identifier."""
         if isinstance(self.value, bool) or not isinstance(self.value, int) or not 0 <= self.value < 2**64:
-            raise self._trouble("This is no whole number.")
+            raise self._trouble("This is not a whole number.")
         return self.value
 
     def numbers(self, count: int) -> list[float]:
         """A list of so many numbers."""
         found = self.items()
         if len(found) != count:
-            raise self._trouble(f"There are {len(found)} numbers, and {count} are needed.")
+            raise self._trouble(f"There are {len(found)} numbers, but {count} are required.")
         return [one.number() for one in found]
 
     def text(self) -> str:
         """A text."""
         if not isinstance(self.value, str):
-            raise self._trouble("This is no text.")
+            raise self._trouble("This is not text.")
         return self.value
 
     def _trouble(self, what: str) -> InputError:
@@ -100,5 +100,5 @@ def json_value(file: Path, content: bytes, where: str = "") -> JsonValue:
         return JsonValue(file, where, from_json(content))
     except ValueError as error:
         raise InputError(
-            f"This is no JSON: {error}.", "Deliver it again.", file, entity=where or None
+            f"This is not JSON: {error}.", "Deliver it again.", file, entity=where or None
         ) from error

@@ -85,7 +85,7 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     if earthly:
         if len(earthly) < len(to_earth):
             raise InputError(
-                "Some cameras are on the earth and some are in a local frame.",
+                "Some cameras are geocentric and some are in a local frame.",
                 "Export one component of the chunk.",
                 file=path,
                 entity=image[to_earth.index(None)],
@@ -152,7 +152,7 @@ def _sensor(
     kind = calibration.get("type") or item.get("type")
     if kind not in (None, "frame"):
         raise InputError(
-            f"The camera is of the type '{kind}', and only frame cameras are read.",
+            f"The camera is of the type '{kind}', but only frame cameras are supported.",
             "Leave it out.",
             path,
             None,
@@ -233,7 +233,7 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
             name, seen_in = markers.get(item.get("marker_id")), cameras.get(location.get("camera_id"))
             if name is None or seen_in is None:
                 raise InputError(
-                    "A measurement is of a marker or in a camera that the file does not have.",
+                    "A measurement refers to a marker or camera that is not in the file.",
                     "Export the markers with the cameras of the chunk.",
                     file=path,
                     entity=f"camera {location.get('camera_id')}",

@@ -28,7 +28,7 @@ def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        With file and line: fields missing, angles that are not those of the rotation beside them.
+        With file and line: fields missing, angles that are not those of the rotation next to them.
     """
     image: list[str] = []
     values, at = array("d"), array("q")
@@ -64,7 +64,7 @@ def _refuse_other_angles(
     if (away > _SAME_DEG).any():
         row = int(np.argmax(away))
         raise InputError(
-            f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation beside them.",
+            f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation next to them.",
             "Export the orientations again, as OPK.",
             file=path,
             line=at[first + row],

@@ -9,7 +9,7 @@
 | ``DicoAppuisFlottant`` | the one file | ground points; an uncertainty that is not positive means an unknown coordinate |
 
 Where pixels count from is not published; they are taken from the corner (pixel_origin = "corner"). Distortion leads from the measured
-to the ideal point and is fitted anew as ``brown-forward``; a fit that misses it by more than 0.1 px is refused.
+to the ideal point and is refitted as ``brown-forward``; a fit that misses it by more than 0.1 px is refused.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ def _correction(path: Path, distortion: ElementTree.Element, measured: Floats, n
     if len(models) != 1 or radial is None:
         raise InputError(
             f"The distortion is {', '.join(models) or 'missing'}; ModRad and ModPhgrStd are read.",
-            "Convert the calibration in MicMac (ConvertCalib), or write the camera into the project file.",
+            "Convert the calibration in MicMac (ConvertCalib), or declare the camera in the project file.",
             file=path,
             entity=name,
         )
@@ -223,7 +223,7 @@ def _as_brown(path: Path, measured: Floats, ideal: Floats, c: float, name: str) 
             pass
     if not missed <= _MOST_MISSED_PX:
         raise InputError(
-            "The distortion cannot be expressed as Brown's within a tenth of a pixel.",
+            "The distortion cannot be expressed by Brown's model within a tenth of a pixel.",
             "Check the calibration, or give corrected images.",
             file=path,
             entity=name,

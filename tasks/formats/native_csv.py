@@ -13,7 +13,8 @@ Images of the heads of a rig that belong to one event may have its name in `even
 `camera`. The three angles of an exposure may be left empty together: it has no attitude then; likewise its position.
 
 Names are text and are kept verbatim. Headings may have upper case and be written as others do (``sigma_x``,
-``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and remarked on.
+``std x``); one that is nearly one of these columns is an error. Further columns are kept as text and
+reported.
 
 Tables of others are read as they stand where their layout is declared (`tasks.formats.table_layout`): separator,
 decimal comma, headings of the columns, values of columns that are missing.
@@ -151,12 +152,12 @@ def read_csv_distances(path: Path) -> DistanceRecords:
 
 
 def read_csv_events(path: Path, count: Count, layout: TableLayout = _OURS) -> EventRecords:
-    """Read moments of exposures, in seconds or as dates with a time.
+    """Read times of exposures, in seconds or as dates with a time.
 
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns; a text that is no date.
+        With file and line: see `tasks.formats.text_table`; missing columns; a text that is not a date.
     """
     numeric = () if count == "date" else ("time",)
     table, extra = read_table(path, ("image", "time"), ("camera", "strip", "flight"), numeric, layout)
@@ -181,7 +182,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
     Raises
     ------
     InputError
-        With file and line: see `tasks.formats.text_table`; missing columns; a camera that is there twice, no
+        With file and line: see `tasks.formats.text_table`; missing columns; a camera that exists twice, no
         whole number of pixels, or pixels that do not make the image of the stated size.
     """
     required = ("camera", *_SIZE, *_LENGTHS, *_PRINCIPAL_POINT)
@@ -196,7 +197,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
         size, (pixel_um, focal_mm) = sizes[row], lengths[row]
         trouble = _trouble_of_camera(size, pixel_um, focal_mm, stated[row])
         if name in found:
-            trouble = "The camera is there twice."
+            trouble = "The camera exists twice."
         if trouble is not None:
             raise InputError(trouble, "Correct it.", file=path, line=int(table.line[row]), entity=name)
         x0, y0 = principal_point[row].tolist()
@@ -208,7 +209,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
 def _trouble_of_camera(size: Floats, pixel_um: float, focal_mm: float, stated_mm: Floats) -> str | None:
     """What is wrong with a row; misread certificates have other pixels than their image has room for."""
     if (size != np.floor(size)).any() or (size <= 0.0).any() or (size > MOST_PIXELS).any():
-        return "The size of the image is no number of pixels."
+        return "The size of the image is not a number of pixels."
     if pixel_um <= 0.0 or focal_mm <= 0.0:
         return "The pixel or the focal length is not positive."
     away = np.abs(size * pixel_um * 1e-3 - stated_mm)

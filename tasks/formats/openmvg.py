@@ -63,7 +63,9 @@ def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         centre.extend(pose["center"].numbers(3))
         rows = pose["rotation"].items()
         if len(rows) != 3:
-            raise InputError("The rotation has not three rows.", "Deliver it again.", path, entity=pose.where)
+            raise InputError(
+                "The rotation does not have three rows.", "Deliver it again.", path, entity=pose.where
+            )
         for row in rows:
             rotation.extend(row.numbers(3))
         at.append(number)
@@ -92,8 +94,8 @@ def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:
         kind = kinds.get(number, "")
         if kind not in _DISTORTION:
             raise InputError(
-                f"The intrinsic is '{kind}', and only {', '.join(_DISTORTION)} are read.",
-                "Write the camera into the project file.",
+                f"The intrinsic is '{kind}', but only {', '.join(_DISTORTION)} are supported.",
+                "Declare the camera in the project file.",
                 file=path,
                 entity=name,
             )
@@ -129,7 +131,10 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
                 view = names.get(seen["key"].whole())
                 if view is None:
                     raise InputError(
-                        "An observation is in no view.", "Deliver it again.", path, entity=seen.where
+                        "An observation does not belong to a view.",
+                        "Deliver it again.",
+                        path,
+                        entity=seen.where,
                     )
                 image.append(view)
                 point.append(name)
@@ -141,7 +146,9 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
 def _opened(path: Path) -> JsonValue:
     found = json_value(path, read_bytes(path, "document"))
     if not found.has("sfm_data_version"):
-        raise InputError("This is no sfm_data.json.", "Check that it is the file of OpenMVG.", file=path)
+        raise InputError(
+            "This is not an sfm_data.json file.", "Check that it is the file of OpenMVG.", file=path
+        )
     return found
 
 

@@ -4,7 +4,7 @@
 |---|---|
 | ``reconstruction.json`` | shots as longitude, latitude, ellipsoidal height and angles against true north where it has a reference (its frame is east, north, up there), else local; cameras perspective and brown, in pixels |
 | ``tracks.csv`` | image points from the middle of the image, in parts of its longer side: unit = "longer-side" |
-| ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are told apart by their coordinates |
+| ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are distinguished by their coordinates |
 | ``geo.txt`` | CRS in the first line, then image x y z and, not read, angles |
 
 A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point.
@@ -59,7 +59,7 @@ def read_opensfm_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     Raises
     ------
     InputError
-        If the file is no reconstruction, has several, or numbers are missing.
+        If the file is not a reconstruction, has several, or numbers are missing.
     """
     shots = _shots(path)
     image, at = shots.image, range(1, len(shots.image) + 1)
@@ -113,7 +113,7 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
     Raises
     ------
     InputError
-        If the file is no reconstruction, or a camera is neither perspective nor brown.
+        If the file is not a reconstruction, or a camera is neither perspective nor brown.
     """
     found = {}
     for name, given in _table(path, _reconstruction(path), "cameras").items():
@@ -121,7 +121,7 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
         kind = camera.get("projection_type")
         if kind not in ("perspective", "brown"):
             raise InputError(
-                f"The camera is '{kind}', and only perspective and brown ones are read.",
+                f"The camera is '{kind}', but only perspective and brown cameras are supported.",
                 "Leave it out.",
                 file=path,
                 entity=name,
@@ -229,7 +229,7 @@ def _gcp_list(
         column_row = numbers_of(path, fields[3:], 2, number, "x, y, z, column, row, image")
         height = number_of(path, fields[2], number, "z of the point") if z is None else z
         if len(fields) < 6:
-            raise InputError("The line names no image.", "Add it.", file=path, line=number)
+            raise InputError("The line contains no image.", "Add it.", file=path, line=number)
         # Not a number is not itself, and would make of each row a point of its own.
         key = (x, y, -1e15 if np.isnan(height) else height)
         name = fields[6].strip() if len(fields) > 6 and fields[6].strip() else None
@@ -289,12 +289,12 @@ def _reconstruction(path: Path) -> Mapping[str, object]:
     try:
         found = from_json(read_bytes(path, "document"))
     except ValueError as error:
-        raise InputError(f"This is no JSON: {error}.", "Deliver the file again.", file=path) from error
+        raise InputError(f"This is not JSON: {error}.", "Deliver the file again.", file=path) from error
     if not isinstance(found, list) or len(found) != 1 or not isinstance(found[0], dict):
         count = len(found) if isinstance(found, list) else 0
         raise InputError(
-            f"The file has {count} reconstructions, and one is read.",
-            "Deliver the one that is meant in a list of its own.",
+            f"The file has {count} reconstructions, but only one can be read.",
+            "Deliver a file with the required one only.",
             file=path,
         )
     return cast("Mapping[str, object]", found[0])
@@ -319,5 +319,5 @@ def _vector(path: Path, of: Mapping[str, object], key: str, name: str) -> list[f
 
 def _number(path: Path, value: object, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{what} is no number.", "Deliver the file again.", file=path)
+        raise InputError(f"{what} is not a number.", "Deliver the file again.", file=path)
     return number_of(path, repr(value), 1, what)

@@ -7,11 +7,11 @@
 | ``projected_input_cameras`` | instead of these, where it is there: both in the CRS of the scene, with σ |
 | ``input_control_points`` | control and check points; marks of these and of manual tie points (pixel_origin = "corner") |
 | ``constraints`` | distances between control or tie points (``scale_constraints``) |
-| ``gps_bias`` | remarked on: calibrated positions do not have it |
+| ``gps_bias`` | reported: calibrated positions do not have it |
 | sparse cloud of ``calibration`` | tie points with their matches, called tie1, tie2, … in its order |
 
-Images go by their file names. Yaw, pitch and roll of captures are not read: how the axes of the body lie does not stand in the file.
-Cameras of a rig are read as they are calibrated, each for itself.
+Images go by their file names. Yaw, pitch and roll of captures are not read: how the axes of the body lie is
+not in the file. Cameras of a rig are read as they are calibrated, each for itself.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ from tasks.formats.records import (
 )
 
 _IN_MAP = (
-    "The orientations of this OPF project were adjusted in a map frame taken as Cartesian: they are no "
-    "positions of the camera."
+    "The orientations of this OPF project were adjusted in map coordinates treated as Cartesian: they "
+    "are not true camera positions."
 )
 
 
@@ -100,7 +100,7 @@ def read_opf_cameras(path: Path) -> Mapping[str, PixelCamera]:
     Raises
     ------
     InputError
-        If the project is damaged, or a sensor is no perspective camera.
+        If the project is damaged, or a sensor is not a perspective camera.
     """
     project = OpfProject(path)
     names = project.sensor_names()
@@ -132,7 +132,7 @@ def read_opf_cameras(path: Path) -> Mapping[str, PixelCamera]:
         centre = (column - 0.5 * columns, 0.5 * rows - row)
         found[names[number]] = PixelCamera(columns, rows, c, centre, known)
     if not found:
-        raise InputError("There is no sensor in the project.", "Export the input cameras, too.", path)
+        raise InputError("There is no sensor in the project.", "Also export the input cameras.", path)
     return found
 
 

@@ -13,7 +13,7 @@ from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_
 from tasks.formats.plain_records import exposures_of
 from tasks.formats.records import ExposureRecords, FileStatement
 
-_GIVEN = "No camera of this OPF project is calibrated: what its captures were given is read."
+_GIVEN = "No camera of this OPF project is calibrated: the values given for its captures are used."
 
 
 def captures_of(
@@ -36,7 +36,7 @@ def captures_of(
         angles.append(turn["angles_deg"].numbers(3) if turn is not None and is_opk else nothing)
     if len(definitions) != 1:
         raise InputError(
-            f"No camera is calibrated, and the captures are in {len(definitions)} CRSs.",
+            f"No camera is calibrated, but the captures are in {len(definitions)} CRSs.",
             "Export the calibrated cameras, or captures of single cameras with positions in one CRS.",
             file=path,
         )

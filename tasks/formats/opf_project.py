@@ -28,7 +28,7 @@ class OpfProject:
         found = [name for name in self._folder.members if name.lower().endswith(".opf")]
         if len(found) != 1:
             raise InputError(
-                f"The packed folder has {len(found)} files *.opf, and one is read.",
+                f"The packed folder has {len(found)} files *.opf, but must have one.",
                 "Pack the folder of one project, with its project.opf.",
                 file=path,
             )
@@ -60,7 +60,7 @@ class OpfProject:
         if found is None:
             raise InputError(
                 f"The project has no {item} ({kind}).",
-                "Export it, too.",
+                "Export it as well.",
                 self._folder.file,
                 entity=self._name,
             )
@@ -104,13 +104,13 @@ def canonical_shift(scene: JsonValue) -> Floats:
     if swapped != (_directions(crs_of(scene["crs"])) == ["north", "east"]):
         raise InputError(
             "swap_xy is true where the axes of the CRS are x north, y east, and only there; here it is not.",
-            "Export the project again: which coordinate is east does not stand in it.",
+            "Export the project again: it does not state which coordinate is east.",
             scene.file,
             entity=frame.where,
         )
     if any(abs(value - 1.0) > 1e-12 for value in frame["scale"].numbers(3)):
         raise InputError(
-            "The scene has another unit than metres.",
+            "The unit of the scene is not metres.",
             "Export it in a metric CRS.",
             scene.file,
             entity=frame.where,

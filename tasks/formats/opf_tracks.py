@@ -104,7 +104,7 @@ def _chosen(entries: list[JsonValue], number: JsonValue) -> JsonValue:
 
 def _damaged(value: JsonValue) -> InputError:
     return InputError(
-        "The tie points of the sparse cloud do not fit together.",
+        "The tie points of the sparse cloud are inconsistent.",
         "Export the project again.",
         file=value.file,
         entity=value.where[-80:],

@@ -65,10 +65,12 @@ def read_ossim_camera(path: Path) -> Mapping[str, CameraRecord]:
             path,
             said["pixel_size"][0],
             "Pixels are not square, or the focal length is not positive.",
-            "Write the camera into the project file.",
+            "Declare the camera in the project file.",
         )
     if not all(value.is_integer() and 0.0 < value <= MOST_PIXELS for value in size):
-        _refuse(path, said["image_size"][0], "The size of the image is no number of pixels.", "Correct it.")
+        _refuse(
+            path, said["image_size"][0], "The size of the image is not a number of pixels.", "Correct it."
+        )
     return {
         said["sensor"][1]: CameraRecord(
             int(size[0]), int(size[1]), 1e3 * pitch[0], focal, (x0, y0), _distortion(path, said)
@@ -85,9 +87,11 @@ def _said(path: Path) -> dict[str, tuple[int, str]]:
             continue
         parts = _LINE.fullmatch(line)
         if parts is None:
-            _refuse(path, number, "This is no keyword with a value.", "Check that this is a file of OSSIM.")
+            _refuse(
+                path, number, "This is not a keyword with a value.", "Check that this is a file of OSSIM."
+            )
         if parts[1] in found:
-            _refuse(path, number, f"The keyword {parts[1]} is there twice.", "Keep one of the two.")
+            _refuse(path, number, f"The keyword {parts[1]} exists twice.", "Keep one of the two.")
         found[parts[1]] = (number, parts[2])
         if len(found) > _MOST:
             _refuse(path, number, f"There are more than {_MOST:,} keywords.", "Deliver the camera's file.")
@@ -153,7 +157,7 @@ def _refuse_misprint(path: Path, lines: list[int], radius: Floats, value: Floats
         _refuse(
             path,
             None,
-            f"The distortion is no polynomial of r³, r⁵, r⁷: it is off by {1e3 * misfit:.3g} µm.",
+            f"The distortion is not a polynomial of r³, r⁵, r⁷: it is off by {1e3 * misfit:.3g} µm.",
             "Write the camera, with a parameter set that has this distortion, into the project file.",
         )
     expected = float(radius[row] ** _POWERS @ coefficients)

@@ -79,10 +79,12 @@ def packed_folder(path: Path, content: bytes | None = None) -> PackedFolder:
     """
     content = read_bytes(path) if content is None else content
     if not is_packed(content):
-        raise InputError("This is no zip file.", "Pack the folder into one zip file, and deliver that.", path)
+        raise InputError(
+            "This is not a zip file.", "Pack the folder into one zip file, and deliver that.", path
+        )
     if content.count(_ENTRY) > _MOST_MEMBERS:
         raise InputError(
-            f"The packed folder has more than {_MOST_MEMBERS:,} files.", "Pack what is needed only.", path
+            f"The packed folder has more than {_MOST_MEMBERS:,} files.", "Pack only the required files.", path
         )
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))

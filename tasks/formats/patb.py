@@ -67,7 +67,7 @@ def _by_threes(path: Path) -> Iterator[list[tuple[int, str]]]:
             record = []
     if record:
         raise InputError(
-            f"There are {count} lines, and every image has three.",
+            f"There are {count} lines, but every image needs three.",
             "The file may have been cut off: deliver it again.",
             file=path,
             line=record[-1][0],
@@ -98,7 +98,7 @@ def read_patb_control(path: Path) -> ControlRecords:
     Raises
     ------
     InputError
-        With file and line: a point twice in a list, fields that are no numbers.
+        With file and line: a point twice in a list, fields that are not numbers.
     """
     rows: dict[str, int] = {}
     position, at = array("d"), array("q")
@@ -127,7 +127,7 @@ def read_patb_control(path: Path) -> ControlRecords:
         if own == 0 or own > 3 or twice:
             raise InputError(
                 "The point is in this list twice." if twice else f"The point has {own} coordinates.",
-                "The first list has points with X and Y, the second with Z.",
+                "The first list must contain points with X and Y, the second those with Z.",
                 file=path,
                 line=number,
                 entity=name,
@@ -149,6 +149,5 @@ def _counted(path: Path, position: Floats) -> str:
     plan, height = np.isfinite(position[:, 0]), np.isfinite(position[:, 2])
     return (
         f"{path.name}: {int((plan & height).sum())} points known in X, Y and Z, "
-        f"{int((plan & ~height).sum())} in X and Y, {int((height & ~plan).sum())} in Z. Check that so "
-        "many were surveyed."
+        f"{int((plan & ~height).sum())} in X and Y, {int((height & ~plan).sum())} in Z. Check these numbers."
     )

@@ -115,7 +115,7 @@ def _camera(path: Path, number: int, words: list[str], body: list[tuple[int, lis
     if not (whole and fx == fy > 0.0 and skew == 0.0):
         raise InputError(
             "The pixels are not whole or not square, or the focal length is not positive.",
-            "Write the camera into the project file.",
+            "Declare the camera in the project file.",
             file=path,
             line=number,
         )

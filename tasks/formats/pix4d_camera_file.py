@@ -3,7 +3,7 @@
 Cameras begin with ``camera_calibration_file N``. Of each are read: size of the sensor (mm, in the comment
 above ``FOCAL``) and of the image (``#Image size``), ``FOCAL`` (mm), the principal point from the middle of
 the image, and distortion. The principal point is there three times: in mm for Inpho (x along columns, y
-against rows), in mm and in pixels with x reversed. Distortion is that of the file beside it,
+against rows), in mm and in pixels with x reversed. Distortion is that of the file next to it,
 ``…_calibrated_camera_parameters.txt``: forward, of coordinates divided by the focal length, here with powers
 of that in it:
 
@@ -90,7 +90,7 @@ def _said(path: Path) -> Iterator[tuple[str, _Camera]]:
             )
         if found := _BEGIN.fullmatch(line):
             if found[1] in names:
-                raise InputError(f"The camera {found[1]} is there twice.", "Keep one.", path, number)
+                raise InputError(f"The camera {found[1]} exists twice.", "Keep one of them.", path, number)
             names.add(found[1])
             camera, unit = _Camera(number), ""
             yield found[1], camera
@@ -124,8 +124,8 @@ def _record(path: Path, camera: _Camera) -> CameraRecord:
         len(offset) != 2 for offset in offsets
     ):
         raise InputError(
-            "The camera lacks some of: size of sensor and image, FOCAL, SYM_DIST, DEC_DIST, three offsets of "
-            "the principal point.",
+            "The camera lacks at least one of: size of sensor and image, FOCAL, SYM_DIST, DEC_DIST, "
+            "three offsets of the principal point.",
             _CUT,
             file=path,
             line=camera.line,
@@ -135,7 +135,7 @@ def _record(path: Path, camera: _Camera) -> CameraRecord:
     if not (min(pixels) > 0.0 and focal > 0.0 and abs(pixels[1] / pixels[0] - 1.0) < _SAME):
         raise InputError(
             "Sensor and image do not have square pixels, or the focal length is not positive.",
-            "Write the camera into the project file.",
+            "Declare the camera in the project file.",
             file=path,
             line=camera.line,
         )
@@ -145,13 +145,13 @@ def _record(path: Path, camera: _Camera) -> CameraRecord:
     if any(abs(a - b) > _SAME_MM for one, other in pairwise(points) for a, b in zip(one, other, strict=True)):
         raise InputError(
             "The three offsets of the principal point (mm for Inpho, mm, pixels) are not the same point.",
-            "Use …_calibrated_camera_parameters.txt, or write the camera into the project file.",
+            "Use …_calibrated_camera_parameters.txt, or declare the camera in the project file.",
             file=path,
             line=camera.line,
         )
     if radial[0] or tangential[2]:
         raise InputError(
-            "K0 or p3 is not zero, and Pix4D's distortion has neither.",
+            "K0 or p3 is not zero, but Pix4D's distortion has neither.",
             "Check where the file comes from.",
             file=path,
             line=camera.line,

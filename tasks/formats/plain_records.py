@@ -180,7 +180,7 @@ def degrees_of_rotations(path: Path, rotation: Floats, image: Sequence[str], lin
     Raises
     ------
     InputError
-        If one is no rotation.
+        If one is not a rotation.
     """
     rotation = np.asarray(rotation, dtype=np.float64).reshape(-1, 3, 3)
     result = np.empty((len(rotation), 3))
@@ -202,7 +202,7 @@ def _degrees(path: Path, rotation: Floats, image: Sequence[str], line: Sequence[
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(
-            "The nine numbers are no rotation: rows are not perpendicular, not of length 1, or mirrored.",
+            "The nine numbers are not a rotation: rows are not perpendicular, not of length 1, or mirrored.",
             "Deliver the file again; a digit may be missing.",
             file=path,
             line=int(line[row]),
@@ -230,7 +230,9 @@ def number_of(path: Path, text: str, line: int, what: str) -> float:
         value = np.nan
     if not abs(value) <= HUGE:
         remedy = "Correct it." if "," not in text else "Write it with a decimal point."
-        raise InputError(f"{quoted(text)} is no number, but should be {what}.", remedy, file=path, line=line)
+        raise InputError(
+            f"{quoted(text)} is not a number, but should be {what}.", remedy, file=path, line=line
+        )
     return float(value)
 
 
@@ -240,11 +242,11 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
     Raises
     ------
     InputError
-        If there are fewer, or one is no number.
+        If there are fewer, or one is not a number.
     """
     if len(texts) < count:
         raise InputError(
-            f"There are {len(texts)} fields here, and {count} are needed: {what}.",
+            f"There are {len(texts)} fields here, but {count} are required: {what}.",
             "The file may have been cut off: deliver it again.",
             file=path,
             line=line,
@@ -263,7 +265,7 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
 def _refuse_none(path: Path, count: int, what: str) -> None:
     if count == 0:
         raise NothingInFileError(
-            f"There is no {what} in the file.", "Check that it is the file and format that was meant.", path
+            f"There is no {what} in the file.", "Check that it is the intended file and format.", path
         )
 
 
@@ -307,7 +309,7 @@ def _numbers(
     if bad.any():
         row = int(np.argmax(bad.any(axis=1)))
         raise InputError(
-            "A number here is more than any quantity has.",
+            "A number here is too large for any quantity.",
             "Correct it.",
             file=path,
             line=int(line[row]),

@@ -2,7 +2,7 @@
 
 The rotation world from camera (x right, y up) is R_z(−heading) R_x(pitch) R_y(roll), degrees; it is read as
 ω, φ, κ. Whether east, north, up are those at each camera or at the anchor of the project depends on the
-export and does not stand in the file.
+export and is not in the file.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
     if missing:
         raise InputError(
             f"The first line lacks {', '.join(missing)}.",
-            "It is '#name,x,y,alt,heading,pitch,roll' and whatever else.",
+            "It must be '#name,x,y,alt,heading,pitch,roll', possibly with more columns.",
             file=path,
             line=1,
         )
@@ -50,7 +50,7 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
         fields = next(csv.reader([line]))
         if len(fields) < len(head):
             raise InputError(
-                f"This line has {len(fields)} fields, and the first one names {len(head)}.",
+                f"This line has {len(fields)} fields, but the first line has {len(head)}.",
                 "The file may have been cut off: deliver it again.",
                 file=path,
                 line=number,

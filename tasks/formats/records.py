@@ -1,4 +1,4 @@
-"""What readers return: columns as they stand in the file, and the line of every row.
+"""What readers return: columns as they are in the file, and the line of every row.
 
 Nothing is converted here. Units, frames and datums are declared in the project file and applied in
 ``tasks.stages.ingest``; a reader only knows the file's layout. Texts are Arrow arrays, numbers numpy arrays;
@@ -177,7 +177,7 @@ class CameraRecord:
     Attributes
     ----------
     columns, rows : size of the image, px.
-    pixel_um : side of a pixel, µm.
+    pixel_um : pixel size, µm.
     focal_length_mm : principal distance, mm.
     principal_point_mm : x, y in the image system (from the format centre), mm.
     additional_parameters : distortion, as the project file would give it.

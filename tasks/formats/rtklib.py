@@ -59,7 +59,7 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
         fields = _split(line)
         if len(fields) < len(head) + 1:
             raise InputError(
-                f"This line has {len(fields)} fields, and its heading names {len(head) + 1}.",
+                f"This line has {len(fields)} fields, but the heading has {len(head) + 1}.",
                 "The file may have been cut off: deliver it again.",
                 file=path,
                 line=number,
@@ -130,12 +130,12 @@ def _records(path: Path, head: list[str], time: Floats, values: Floats, at: arra
     for bad, what in (
         (late, "is not later than the one above"),
         (unknown, "has a quality Q other than 1 to 6"),
-        (nowhere, "lies nowhere on the earth"),
+        (nowhere, "is not a position on the earth"),
     ):
         if bad.any():
             raise InputError(
                 f"The solution {what} ({int(bad.sum())} of {len(bad)}).",
-                "Deliver the file as RTKLIB wrote it.",
+                "Deliver the unchanged file of RTKLIB.",
                 file=path,
                 line=at[int(np.argmax(bad))],
             )

@@ -57,7 +57,9 @@ def read_sbet(path: Path) -> TrajectoryRecords:
         | (np.abs(table[:, 7:11]) > 4.0 * np.pi).any(axis=1)
         | (np.abs(table[:, 14:17]) > _FASTEST_RAD_S).any(axis=1)
     )
-    _refuse(path, impossible, "has numbers that no SBET has (position, velocity, angles or rates)")
+    _refuse(
+        path, impossible, "has numbers that are impossible in an SBET (position, velocity, angles or rates)"
+    )
     wander = table[:, 10]
     sine, cosine = np.sin(wander), np.cos(wander)
     north = table[:, 4] * cosine - table[:, 5] * sine
@@ -85,8 +87,8 @@ def read_smrmsg(path: Path) -> AccuracyRecords:
     table = _records(path, SMRMSG_FIELDS, "smrmsg")
     rms = table[:, 1:]
     impossible = (rms < 0.0).any(axis=1) | (rms[:, :6] > _HIGHEST_M).any(axis=1) | (len(rms) < _FEWEST)
-    _refuse(path, np.asarray(impossible), "is no accuracy, or stands alone")
-    # Zero stands where nothing was computed.
+    _refuse(path, np.asarray(impossible), "is not an accuracy, or is the only record")
+    # Zero is where nothing was computed.
     rms = np.where(rms > 0.0, rms, np.nan)
     return AccuracyRecords(
         path, _ascending(path, table[:, 0]), rms[:, [1, 0, 2]], rms[:, [8, 7, 6]] * _ARC_MINUTE
@@ -99,14 +101,16 @@ def _records(path: Path, fields: int, name: str) -> Floats:
     size = 8 * fields
     if len(content) % size:
         raise InputError(
-            f"The file has {len(content):,} bytes, and {name} has records of {size}: "
-            f"{len(content) % size} are left.",
+            f"The file has {len(content):,} bytes, but {name} has records of {size}: "
+            f"{len(content) % size} remain.",
             "The file may have been cut off, or is of another format: deliver it again.",
             file=path,
         )
     file_limits().require_rows(path, len(content) // size)
     table = np.frombuffer(content, dtype="<f8").reshape(-1, fields)
-    _refuse(path, ~np.asarray((np.abs(table) <= HUGE).all(axis=1)), f"has numbers that no {name} has")
+    _refuse(
+        path, ~np.asarray((np.abs(table) <= HUGE).all(axis=1)), f"has numbers that are impossible in a {name}"
+    )
     return np.asarray(table, dtype=np.float64)
 
 
@@ -120,7 +124,7 @@ def _refuse(path: Path, bad: Bools, what: str) -> None:
 
 
 def _ascending(path: Path, time: Floats) -> Floats:
-    """Times (n,) that go on over the end of a week or a day."""
+    """Times (n,) that continue over the end of a week or a day."""
     _refuse(path, (time < 0.0) | (time > WEEK_S), "has a time beyond the seconds of a week")
     step = np.diff(time)
     for period in (WEEK_S, DAY_S):

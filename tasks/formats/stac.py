@@ -57,7 +57,7 @@ def read_stac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         crs.add(_crs(said))
         heights |= {str(said["pers:vertical_crs"].value)} if said.has("pers:vertical_crs") else set()
     if len(crs) > 1:
-        raise InputError("The items are in several CRSs.", "Deliver those of each by themselves.", file=path)
+        raise InputError("The items are in several CRSs.", "Deliver each of them separately.", file=path)
     at = list(range(1, len(image) + 1))
     angles = degrees_of_rotations(path, np.array(rotations).reshape(-1, 3, 3), image, at)
     states = FileStatement(
@@ -113,7 +113,9 @@ def _of_type(path: Path, *kinds: str) -> Iterator[JsonValue]:
         if one["type"].text() in kinds:
             yield one
     if not seen:
-        raise InputError("This is no STAC.", "Deliver an item, or a folder of items as one zip file.", path)
+        raise InputError(
+            "This is not a STAC file.", "Deliver an item, or a folder of items as one zip file.", path
+        )
 
 
 def _image(item: JsonValue) -> str:
@@ -153,7 +155,7 @@ def _rotation(said: JsonValue) -> Floats:
         away = np.abs(from_omega_phi_kappa(np.radians(degrees)[None])[0] - matrix).max()
         if not away < np.radians(_SAME_DEG):
             raise InputError(
-                "pers:rotation_matrix is not the rotation of the angles beside it.",
+                "pers:rotation_matrix is not the rotation of the stated angles.",
                 "Deliver the items again: the matrix is image from object, row by row, angles are degrees.",
                 file=said.file,
                 entity=said.where[-80:] or None,
@@ -169,7 +171,7 @@ def _camera(given: JsonValue, name: str) -> CameraRecord:
     if not whole or across <= 0.0 or focal <= 0.0 or across != along:
         raise InputError(
             "Size, pixel or focal length are not those of a camera with square pixels.",
-            "Write the camera into the project file.",
+            "Declare the camera in the project file.",
             file=given.file,
             entity=name,
         )

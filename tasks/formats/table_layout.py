@@ -22,9 +22,9 @@ class TableLayout:
     columns : our name of a column → its heading in the file, or its number from 1.
     elsewhere : our names of columns that the project file gives in another way, and none need have.
     unused : headings that are not to be read, however much they are like ours.
-    header : whether a line of headings stands above the rows.
+    header : whether a line of headings is above the rows.
     skip_lines : lines above the headings (or the rows) that are none.
-    comment : beginning of lines that are no rows.
+    comment : beginning of lines that are not rows.
     quote : mark around texts with separators.
     encoding : of the text.
     """

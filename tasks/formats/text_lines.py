@@ -62,7 +62,7 @@ class DeliveredLines:
             file_limits().require_rows(file, lines - 1)
         if blank:
             raise InputError(
-                "The file is empty.", "Deliver it again, or take it out of the project file.", file=file
+                "The file is empty.", "Deliver it again, or remove it from the project file.", file=file
             )
         return cls(file, lines, size, is_utf8, lone_return)
 

@@ -133,7 +133,7 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
     for position, name in enumerate(layout.numeric):
         column = table.column(name)
         numbers = column.to_numpy()
-        # "nan" is no number, whatever Arrow makes of it.
+        # "nan" is not a number, whatever Arrow makes of it.
         if np.count_nonzero(np.isnan(numbers)) != column.null_count:
             return None
         values[:, position] = numbers
@@ -261,7 +261,7 @@ def _too_many(layout: Layout, line: int | None) -> InputError:
 def _refuse_other_counts(content: bytes, layout: Layout, first_line: int) -> None:
     """Refuse rows with fewer marks than columns, as a file ends with that was cut off inside a row, or more.
 
-    An empty field keeps its mark, so this is no question of what is given; one at the end is no column.
+    An empty field keeps its mark, so this is no question of what is given; one at the end is not a column.
     """
     expected = len(layout.names)
     signs = np.frombuffer(content, dtype=np.uint8)
@@ -279,8 +279,8 @@ def _refuse_other_counts(content: bytes, layout: Layout, first_line: int) -> Non
             raise _too_many(layout, first_line + row)
         found = int(marks[row]) + 1
         raise InputError(
-            f"This line has {found} column{'s' * (found > 1)}, and the header names {expected}.",
-            "The file may have been cut off here: deliver it again. An empty field keeps its "
+            f"This line has {found} column{'s' * (found > 1)}, but the header has {expected}.",
+            "The file may have been cut off here: deliver it again. An empty field still needs its "
             f"{layout.separator}.",
             file=layout.file,
             line=first_line + row,
@@ -303,7 +303,7 @@ def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> Inp
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + first_line
     return InputError(
-        f"There are characters here that are not {encoding.upper()} text.",
+        f"This contains characters that are not {encoding.upper()} text.",
         "Save the file as UTF-8.",
         file=file,
         line=line,
@@ -342,6 +342,8 @@ def _not_a_number(
     if _DECIMAL_COMMA.match(value):
         remedy = 'Declare decimal = "," for this input, or write numbers with a decimal point.'
     elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
-        remedy = "Leave the field empty if the value is not known and may be missing, else delete the line."
+        remedy = (
+            "Leave the field empty if the value is not known and may be missing; otherwise delete the line."
+        )
     what = f"{quoted(value)} in the column '{name}' is not a number."
     return InputError(what, remedy, file=file, line=row + first_line)

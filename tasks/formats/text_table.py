@@ -174,7 +174,7 @@ def read_bytes(path: Path, kind: Kind = "table") -> bytes:
     content = read_delivered(path, kind).removeprefix(b"\xef\xbb\xbf")
     if not content or content.isspace():
         raise InputError(
-            "The file is empty.", "Deliver it again, or take it out of the project file.", file=path
+            "The file is empty.", "Deliver it again, or remove it from the project file.", file=path
         )
     return content
 
@@ -240,7 +240,7 @@ def read_table_text(
         count, first_line = end, first_line + (line_feeds(piece) if rows.line is not None else end - count)
     if count == 0:
         raise InputError(
-            "The file has no rows.", "Deliver it again, or take it out of the project file.", file=layout.file
+            "The file has no rows.", "Deliver it again, or remove it from the project file.", file=layout.file
         )
     # Column by column, so that no two are in memory twice.
     columns = {name: joined_names(texts.pop(0)) for name in layout.texts}
@@ -250,8 +250,8 @@ def read_table_text(
 def _refuse_larger(size: float, most_bytes: float, rows: int, file: Path) -> None:
     if size > most_bytes:
         raise InputError(
-            f"The file has {rows:,} rows, so short, or so many with names of their own, that their columns "
-            "would take more than twice its size in memory.",
+            f"The file has {rows:,} rows that are so short, or have so many different names, that their "
+            "columns would take more than twice its size in memory.",
             "Deliver the right file, or divide it.",
             file=file,
         )

@@ -19,7 +19,7 @@ def parsed_xml(path: Path) -> ElementTree.Element:
     Raises
     ------
     InputError
-        If the file is no well-formed XML, or declares document types or entities.
+        If the file is not a well-formed XML, or declares document types or entities.
     """
     return _parsed(path, _plain_text(path, read_bytes(path, "document"), None), None)
 
@@ -71,7 +71,7 @@ def _plain_text(path: Path, content: bytes, entity: str | None) -> str:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(
             "The file declares document types or entities (<!DOCTYPE>).",
-            "Deliver it without them; it needs none.",
+            "Deliver it without them.",
             file=path,
             entity=entity,
         )

@@ -1,7 +1,7 @@
 """The approved calibrations of the registry for the cameras and the date of a project.
 
-This is no stored stage: the registry may say something else the next time. What was chosen goes into the key
-of the stage that applies it.
+This is not a stored stage: the registry may say something else the next time. What was chosen goes into the
+key of the stage that applies it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def choose_calibrations(
     control: tuple[ControlInput, ...],
     project: ProjectSettings,
 ) -> tuple[RegisteredCalibration, ...]:
-    """The calibration that holds for each camera of the exposures on the day of the flight.
+    """The calibration that applies to each camera of the exposures on the day of the flight.
 
     Raises
     ------

@@ -27,7 +27,7 @@ def calibrated_cameras(cameras: pd.DataFrame, calibration: Calibration) -> pd.Da
     Raises
     ------
     InputError
-        If the calibration does not know a camera, or has additional parameters that hold for one flight only.
+        If the calibration does not know a camera, or has additional parameters that apply to one flight only.
     """
     if calibration.is_empty:
         return cameras
@@ -37,7 +37,7 @@ def calibrated_cameras(cameras: pd.DataFrame, calibration: Calibration) -> pd.Da
         name = str(row["camera"])
         if name not in known:
             raise InputError(
-                f"The calibration knows no camera '{name}'.",
+                f"The calibration contains no camera '{name}'.",
                 f"{did_you_mean(name, known)} Name the camera as in the calibrated project.",
                 entity=f"cameras.{name}",
             )
@@ -59,8 +59,8 @@ def _additional(calibration: Calibration, camera: str) -> dict[str, float]:
             continue
         if calibration.of_one_flight.get((parameter, entity), "") in (camera, None):
             raise InputError(
-                f"The calibration has additional parameters of their own for '{entity}'; they hold for no "
-                "other flight.",
+                f"The calibration has separate additional parameters for '{entity}'; they are valid for "
+                "that flight only.",
                 'Calibrate with adjustment.self_calibration.per = "camera".',
                 entity=f"cameras.{camera}",
             )

@@ -30,7 +30,7 @@ def refuse_other_cameras(source: CalibrationInput, cameras: pd.DataFrame) -> Non
         Naming the first camera and everything that differs.
     """
     if source.cameras is None:
-        raise ValueError("the calibration does not lie in the results of another run")
+        raise ValueError("the calibration is not in the results of another run")
     table, _ = read_foreign_table(source.cameras, schemas.CAMERAS, _REMEDY, complete=True)
     recorded = {body.name: body for body in _bodies(table)}
     for body in _bodies(cameras):
@@ -38,7 +38,7 @@ def refuse_other_cameras(source: CalibrationInput, cameras: pd.DataFrame) -> Non
         if found:
             raise InputError(
                 f"The calibration is {', '.join(found)}; the project has {body.label}, {body.product}, "
-                f"{body.image}, mounting {body.mounting}. Nothing of it is applied.",
+                f"{body.image}, mounting {body.mounting}. None of it is applied.",
                 f"Name a calibration of this camera, or correct cameras.{body.name} or its identity where "
                 "one of the two projects has it wrong.",
                 file=source.cameras,

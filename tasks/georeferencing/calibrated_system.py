@@ -124,7 +124,7 @@ def calibrated_flights(
         if wanted not in known and (shift_of_flight is not None or len(known) > 1):
             raise InputError(
                 f"The calibration has no GNSS shift for the flight '{wanted}'.",
-                f"{did_you_mean(wanted, known)} Say which one holds.",
+                f"{did_you_mean(wanted, known)} Specify which one to use.",
                 entity="direct_georeferencing.shift_of_flight",
             )
         found[flight] = wanted if wanted in known else known[0]

@@ -47,7 +47,7 @@ class SurveyedControl:
     def contains(self, point: Iterable[str], x_in_map: Floats, crs: str) -> Bools:
         """Which of other points (n,) with coordinates (n, 3) are among them.
 
-        In the same CRS the place decides, with half a metre of tolerance: names are given anew in every
+        In the same CRS the place decides, with half a metre of tolerance: names are given again in every
         project. In another CRS it is the name; with local axes, which may be others, either of the two.
         """
         by_name = np.isin(np.array(list(point), dtype=object), np.array(self.point, dtype=object))
@@ -123,7 +123,7 @@ class Calibration:
 
 
 def control_of(surveyed: pd.DataFrame, residuals: pd.DataFrame, crs: str) -> SurveyedControl:
-    """The points of control_points.parquet that took part as control, that is stand in control_residuals."""
+    """The points of control_points.parquet that were used as control, that is are in control_residuals."""
     own = surveyed[surveyed["point"].isin(residuals["point"])]
     return SurveyedControl(tuple(own["point"]), own[["x_m", "y_m", "z_m"]].to_numpy(np.float64), crs)
 
@@ -176,7 +176,7 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
         or source.control_residuals is None
         or source.control_points is None
     ):
-        raise ValueError("the calibration does not lie in the results of another run")
+        raise ValueError("the calibration is not in the results of another run")
     residuals, _ = read_foreign_table(source.control_residuals, schemas.CONTROL_RESIDUALS, _REMEDY)
     surveyed, crs = read_foreign_table(source.control_points, schemas.CONTROL_POINTS, _REMEDY)
     control = control_of(surveyed, residuals, crs)
@@ -198,7 +198,7 @@ def _refuse_impossible(parameters: pd.DataFrame, file: Path) -> None:
         most = _LARGEST.get(str(row["unit"]))
         if most is not None and abs(row["value"]) > most:
             raise InputError(
-                f"The value {row['value']:g} {row['unit']} cannot be.",
+                f"The value {row['value']:g} {row['unit']} is impossible.",
                 _REMEDY,
                 file=file,
                 entity=named(row["parameter"], row["entity"]),

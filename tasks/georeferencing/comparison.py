@@ -92,7 +92,7 @@ def _independent(
 ) -> Bools:
     """(k,) surveyed points that had no part in the calibration.
 
-    Of values that stand in the project's cameras nobody knows where they come from: the project's own
+    Of values that are in the project's cameras nobody knows where they come from: the project's own
     control points are then not counted as independent.
     """
     if calibration.is_empty:

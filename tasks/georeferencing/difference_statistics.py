@@ -1,4 +1,4 @@
-"""Root mean square, mean, spread and largest of differences and parallaxes, beside their predictions."""
+"""Root mean square, mean, spread and largest of differences and parallaxes, next to their predictions."""
 
 from __future__ import annotations
 

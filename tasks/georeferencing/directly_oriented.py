@@ -53,7 +53,7 @@ class Delivery:
 
 @dataclass(frozen=True, eq=False)
 class CheckRules:
-    """Settings of a check: its own, what it shares with the adjustment, and the least angle of rays.
+    """Settings of a check: its own, those shared with the adjustment, the minimum angle of intersection.
 
     Shared are refraction, corrections by mean residuals, biases of strips and errors correlated over time.
     """
@@ -168,7 +168,8 @@ def _observed_images(delivery: Delivery) -> tuple[GivenOrientations, AdjustmentF
     observed = given.attitude_observed & given.position_observed
     if not observed.any():
         raise InputError(
-            "None of the measured images has position and attitude: nothing can be georeferenced directly.",
+            "None of the measured images has position and attitude, so direct georeferencing is not "
+            "possible.",
             "Give x, y, z and ω, φ, κ or heading, pitch, roll in the exposures.",
         )
     others = [name for name, known in zip(given.image, observed, strict=True) if not known]
@@ -232,7 +233,7 @@ def _common_to_strip(given: GivenOrientations, rules: CheckRules) -> Floats:
     common = np.array([*position, *np.deg2rad(rules.direct.strip_bias_deg)])
     if common.any() and not all(given.strip):
         raise InputError(
-            "The exposures name no strips, but errors common to a strip are stated.",
+            "The exposures contain no strips, but errors common to a strip are declared.",
             "Add a strip column to the exposures, or set direct_georeferencing.strip_bias_m and "
             "strip_bias_deg to 0.",
             entity="direct_georeferencing.strip_bias_m",

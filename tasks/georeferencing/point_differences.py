@@ -41,7 +41,7 @@ class SurveyedRays:
 
 @dataclass(frozen=True, eq=False)
 class PointDifferences:
-    """q intersections of surveyed points beside their survey, along east, north, up at each.
+    """q intersections of surveyed points next to their survey, along east, north, up at each.
 
     Attributes
     ----------

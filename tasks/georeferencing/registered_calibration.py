@@ -1,4 +1,4 @@
-"""Calibrations of the registry as they are applied to the cameras of a project."""
+"""Calibrations from the registry as they are applied to the cameras of a project."""
 
 from __future__ import annotations
 

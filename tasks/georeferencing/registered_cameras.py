@@ -46,13 +46,13 @@ def with_registered_cameras(project: Project) -> Project:
 
 
 def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: str) -> CameraInput:
-    """A camera with the values of a record; what the record does not speak of stays."""
+    """A camera with the values of a record; what the record does not refer to stays."""
     image, recorded = camera_record(camera), record.camera.name
     values = {item.parameter: item.value for item in record.parameters if item.entity == recorded}
     if any(map(record.holds_in_one_flight, record.parameters)):
         raise InputError(
-            "The calibration of the registry has additional parameters of their own for each flight; they "
-            "hold for no other.",
+            "The calibration from the registry has separate additional parameters for each flight, which "
+            "are valid for that flight only.",
             'Calibrate with adjustment.self_calibration.per = "camera".',
             entity=f"cameras.{name}",
         )

@@ -16,7 +16,7 @@ _SHOWN = 5
 # A mean beyond this many of its standard deviations cannot be due to chance.
 _SYSTEMATIC = 3.3
 _POOR = {
-    "not_determinable": "could not be determined by the calibration (inseparable from others)",
+    "not_determinable": "could not be determined by the calibration (cannot be separated from others)",
     "prior_only": "was not determined by the calibration but taken from its prior",
 }
 
@@ -43,14 +43,14 @@ def difference_remarks(figures: Mapping[str, JSON], of: str) -> Iterator[str]:
             continue
         if rms > high:
             yield (
-                f"The differences {way} at the {of} have a root mean square of {rms:.3f} m; the σ of image "
-                f"points, GNSS/INS, calibration and survey let expect {low:.3f} to {high:.3f} m "
-                f"({100 * CONFIDENCE:g} %): something is wrong that no σ covers."
+                f"The differences {way} at the {of} have a root mean square of {rms:.3f} m; expected "
+                f"from the σ of image points, GNSS/INS, calibration and survey: {low:.3f} to {high:.3f} "
+                f"m ({100 * CONFIDENCE:g} %). There is an error that the stated σ do not include."
             )
         if mean is not None and sigma is not None and abs(mean) > _SYSTEMATIC * sigma:
             yield (
-                f"The differences {way} at the {of} have a mean of {mean:+.3f} m, {abs(mean) / sigma:.1f} of "
-                "its standard deviation: a systematic error."
+                f"The differences {way} at the {of} have a mean of {mean:+.3f} m, "
+                f"{abs(mean) / sigma:.1f} times its standard deviation: a systematic error."
             )
 
 
@@ -60,21 +60,22 @@ def parallax_remarks(figures: Mapping[str, JSON]) -> Iterator[str]:
         _number(figures[f"y_parallax_{name}_um"]) for name in ("rms", "predicted_low", "predicted_high")
     )
     if rms is not None and low is not None and high is not None:
-        expected = f"the σ let expect {low:.1f} to {high:.1f} µm ({100 * CONFIDENCE:g} %)"
+        expected = f"expected from the σ: {low:.1f} to {high:.1f} µm ({100 * CONFIDENCE:g} %)"
         if rms > high:
             yield f"The y-parallaxes have a root mean square of {rms:.1f} µm; {expected}."
         if rms < low:
             yield (
-                f"The y-parallaxes have a root mean square of {rms:.1f} µm only; {expected}. The errors of "
-                "GNSS and INS change less from one exposure to the next than independent ones: state for how "
-                "long they last (adjustment.gnss_correlation_s, ins_correlation_s), or what is common to a "
-                "strip (direct_georeferencing.strip_bias_m, strip_bias_deg)."
+                f"The y-parallaxes have a root mean square of {rms:.1f} µm only; {expected}. The errors "
+                "of GNSS and INS change less between successive exposures than independent errors "
+                "would: declare their correlation time (adjustment.gnss_correlation_s, "
+                "ins_correlation_s), or the errors common to a strip "
+                "(direct_georeferencing.strip_bias_m, strip_bias_deg)."
             )
     used, mismatches = (_number(figures[f"y_parallax{name}"]) or 0.0 for name in ("es", "_mismatches"))
     if mismatches:
         yield (
             f"{mismatches:,.0f} of {used + mismatches:,.0f} y-parallaxes do not follow the relative "
-            "orientation of their model: these points are mismatched and are left out of the parallaxes."
+            "orientation of their model. These points are mismatched and are excluded."
         )
 
 
@@ -82,8 +83,8 @@ def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) ->
     """What is to be known about the calibration that was applied."""
     if calibration.is_empty:
         yield (
-            "The values of the project's cameras are the calibration; they come without σ, so the prediction "
-            "takes them to be free of error."
+            "The calibration consists of the camera values in the project. They have no σ, so the "
+            "prediction assumes that they are free of error."
         )
         return
     yield _of_which_flight(oriented.from_calibration)
@@ -103,39 +104,38 @@ def _of_which_flight(exposures: SharedExposures) -> str:
     """Whether the prediction takes the calibration as of this flight or of another one."""
     if exposures.of_calibration == 0:
         return (
-            "Which exposures the calibration was made with is not known: the prediction takes its errors as "
-            "independent of those of this flight, and is too large if it is the same."
+            "The exposures used for the calibration are not known. The prediction assumes that its "
+            "errors are independent of this flight, and is too large if the flight is the same."
         )
     if exposures.shared == 0:
         return (
-            "The calibration was made with other exposures: the prediction takes its errors as independent "
-            "of those of this flight."
+            "The calibration was made with other exposures. The prediction assumes that its errors are "
+            "independent of this flight."
         )
     return (
         f"The calibration was made with this flight ({exposures.shared:,} of its "
-        f"{exposures.of_calibration:,} exposures are the same): the prediction knows that it has seen "
-        "their errors."
+        f"{exposures.of_calibration:,} exposures are the same). The prediction accounts for the correlation."
     )
 
 
 def coverage_remarks(
     oriented: DirectlyOriented, not_intersected: Sequence[str], *, has_models: bool
 ) -> Iterator[str]:
-    """What takes no part."""
+    """What is not used."""
     if oriented.not_oriented:
         yield (
-            "Measured images without position or attitude of their own take no part "
-            f"({len(oriented.not_oriented)}): {_listed(oriented.not_oriented)}."
+            f"Measured images without position or attitude are not used ({len(oriented.not_oriented)}): "
+            f"{_listed(oriented.not_oriented)}."
         )
     if not_intersected:
         yield (
-            "Surveyed points that cannot be intersected (fewer than two rays, or rays nearly parallel) take "
-            f"no part ({len(not_intersected)}): {_listed(not_intersected)}."
+            "Surveyed points that cannot be intersected (fewer than two rays, or rays nearly parallel) "
+            f"are not used ({len(not_intersected)}): {_listed(not_intersected)}."
         )
     if not has_models:
         yield (
             "There are no stereo models and no y-parallaxes: no two consecutive images of a strip have "
-            "common points" + ("." if any(oriented.given.strip) else ", and the exposures name no strips.")
+            "common points" + ("." if any(oriented.given.strip) else ", and the exposures contain no strips.")
         )
 
 
@@ -143,11 +143,11 @@ def point_remarks(independent: int, control: int) -> Iterator[str]:
     """Which points say something about the accuracy."""
     if control:
         yield (
-            f"{control} surveyed point{'s were' if control > 1 else ' was'} control of the calibration: the "
-            "differences there are reported apart and say nothing about the accuracy."
+            f"{control} surveyed point{'s were' if control > 1 else ' was'} control of the calibration. "
+            "The differences there are reported separately and are no evidence of accuracy."
         )
     if independent == 0:
-        yield "There is no independent check point: the accuracy of direct georeferencing is not tested."
+        yield "There is no independent check point: the accuracy of direct georeferencing was not tested."
 
 
 def _listed(names: Sequence[str]) -> str:

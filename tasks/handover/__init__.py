@@ -1,1 +1,1 @@
-"""Results for other programs: each is given what its own understanding of the world needs."""
+"""Results for other programs, each converted to the conventions of the receiving program."""

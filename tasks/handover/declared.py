@@ -28,8 +28,8 @@ def deliver(store: Store, project: Project, summary: Summary) -> Summary:
     problems = [sentence for _, sentence in made if sentence]
     if store.remote is not None:
         problems.append(
-            f"The deliveries are in {directory} only: object storage keeps tables and pages. Elsewhere "
-            "write them with `aerocal export` after `aerocal fetch`."
+            f"The deliveries are in {directory} only: object storage contains tables and pages only. On "
+            "other machines, write them with `aerocal export` after `aerocal fetch`."
         )
     told = summary.model_copy(
         update={
@@ -76,7 +76,7 @@ def _clear(folder: Path) -> None:
         return
     if not folder.is_dir() or (any(folder.iterdir()) and not (folder / STATEMENT).is_file()):
         raise InputError(
-            "The folder holds something else than a delivery.",
+            "The folder contains other files than a delivery.",
             "Give the delivery another `folder`.",
             file=folder,
         )

@@ -87,7 +87,7 @@ class DeliveryFormat:
 
     Attributes
     ----------
-    name : on the command line; what it can be written for stands in `OFFERS`.
+    name : on the command line; what it can be written for is in `OFFERS`.
     meaning : one line for people.
     write : the files.
     precision : how precisely its numbers are printed, in words.

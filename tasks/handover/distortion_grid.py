@@ -19,7 +19,7 @@ _INTERVALS = (16, 32, 64, 128)
 _ENOUGH = 0.05e-6
 # Points along each side at which the misfit is taken; none of them is a node twice.
 _CHECKED = 211
-# What no digit shows is no correction, metres.
+# What no digit shows is not a correction, metres.
 _LEAST = 1e-9
 
 

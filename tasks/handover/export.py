@@ -72,7 +72,7 @@ def export_results(
     ----------
     to : name of the format.
     out : folder of the files; None: RESULTS/export/FORMAT.
-    world : kind of program; None: the usual one of the format.
+    world : kind of program; None: the usual one for the format.
     force : write even if the program's model misses ours by a pixel and more.
 
     Raises
@@ -155,8 +155,8 @@ def _refusal(delivery: Delivery, wanted: Wanted, misfit: float) -> DeliveryRefus
     what = "this camera" if wanted.form.lens else "these orientations"
     return DeliveryRefusedError(
         f"A program of the kind '{wanted.world}' would be wrong by {misfit:.1f} pixels with {what}.",
-        "Write them for another kind (--world local, map or map-cartesian-curved; --to rpc), or "
-        "insist with --force.",
+        "Write them for another kind of program (--world local, map or map-cartesian-curved; --to rpc), "
+        "or use --force.",
         entity=f"image {worst}",
         misfit_px=misfit,
     )
@@ -177,7 +177,7 @@ def chosen_world(text: str | None, form: DeliveryFormat) -> World:
         if text == world:
             return world
     raise InputError(
-        f"The format {form.name} cannot be written for the kind '{text}'.",
+        f"The format {form.name} cannot be written for programs of the kind '{text}'.",
         did_you_mean(text, list(form.worlds)),
         entity="--world",
     )

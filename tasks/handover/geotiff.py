@@ -217,7 +217,7 @@ def _directory_size(level: _Level) -> int:
 
 
 def _padded(entry: _Entry) -> int:
-    """Bytes beside the directory; values of four bytes and less stand in it."""
+    """Bytes next to the directory; values of four bytes and less are in it."""
     return 0 if len(entry.data) <= 4 else len(entry.data) + len(entry.data) % 2
 
 

@@ -8,7 +8,7 @@ wrong by decimetres for another.
 * ``map``: it knows the map projection and computes with the curved earth: true positions in the map, angles
   from grid north.
 * ``map-cartesian``: it takes map coordinates as Cartesian: orientations, and where it takes our camera one
-  focal length and one radial term for each camera, are fitted anew to its model.
+  focal length and one radial term for each camera, are refitted to its model.
 * ``map-cartesian-curved``: the same, and it corrects the curvature of the earth itself.
 * ``rpc``: it takes rational polynomials in place of a camera, from latitude, longitude and ellipsoidal
   height.
@@ -68,7 +68,7 @@ def hand_over(results: Results, world: World, freed: Freed) -> HandedOver:
     Raises
     ------
     InputError
-        If the block has no place on the earth and the kind needs one.
+        If the block has no location on the earth and the kind needs one.
     """
     images = results.images
     n = len(images.names)
@@ -79,7 +79,7 @@ def hand_over(results: Results, world: World, freed: Freed) -> HandedOver:
     if images.map_frame.is_local:
         if world == "rpc":
             raise InputError(
-                "Rational polynomials need latitude and longitude, and the block is local.",
+                "Rational polynomials require latitude and longitude, but the block is local.",
                 "Write it for a Cartesian world (--world local).",
                 entity="project.crs",
             )
@@ -88,7 +88,7 @@ def hand_over(results: Results, world: World, freed: Freed) -> HandedOver:
         return _polynomials(results)
     if not images.map_frame.is_projected:
         raise InputError(
-            "The results are in latitude and longitude, which no such program takes.",
+            "The results are in latitude and longitude, which such programs do not support.",
             "Adjust in a projected CRS, or write for a Cartesian world (--world local).",
             entity="project.crs",
         )

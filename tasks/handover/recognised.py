@@ -64,7 +64,7 @@ def recognised(given: Path) -> RecognisedBlock | None:
         found = _folder(given)
         if found is None:
             raise InputError(
-                "The folder is no block of COLMAP or OpenSfM.",
+                "The folder is not a block of COLMAP or OpenSfM.",
                 "Name a project file, or pack a project of OPF into one zip file.",
                 file=given,
             )
@@ -162,8 +162,8 @@ def _cameras(block: RecognisedBlock, pixel_um: float | None) -> dict[str, TomlVa
         in_pixels = isinstance(camera, PixelCamera)
         if in_pixels and pixel_um is None:
             raise InputError(
-                "The block knows pixels, and not how large they are.",
-                "Give their side in micrometres, e.g. --pixel-um 4.",
+                "The block is in pixels, but does not contain the pixel size.",
+                "Give the pixel size in micrometres, e.g. --pixel-um 4.",
                 file=block.cameras,
                 entity=f"camera {name}",
             )

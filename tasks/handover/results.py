@@ -127,8 +127,8 @@ class Results:
         """
         if self.flown is None:
             raise InputError(
-                "This format needs the date of the flight, and the project does not state it.",
-                "Write it into the project file (flown = 2026-05-24) and run again; nothing is computed.",
+                "This format needs the date of the flight, which the project does not state.",
+                "Declare it in the project file (flown = 2026-05-24) and run again; nothing is recomputed.",
                 entity="project.flown",
             )
         return self.flown
@@ -208,7 +208,7 @@ def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool, Interpolatio
         grid = ResidualGridSettings.model_validate(adjustment["residual_grid"])
     except (KeyError, AttributeError, ValidationError) as error:
         raise InputError(
-            "The manifest does not say how the block was adjusted.", _REMEDY, file=folder
+            "The manifest does not contain the settings of the adjustment.", _REMEDY, file=folder
         ) from error
     return stated, MapFrame.of(stated.crs, stated.heights), refracted, grid.interpolation
 

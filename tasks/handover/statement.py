@@ -15,23 +15,24 @@ from tasks.handover.receiver import WARNED_PX
 from tasks.settings.deliver import World
 
 _WORLDS: dict[World, str] = {
-    "local": "The program must take the coordinates as Cartesian, without any correction for the "
-    "curvature of the earth or the scale of a map.",
-    "map": "The program must know the map projection and compute with the curved earth. Positions are "
-    "true, angles count from grid north at each camera. A program that takes map coordinates as "
-    "Cartesian is wrong by decimetres with them.",
-    "map-cartesian": "For programs that take map coordinates as Cartesian, with their corrections for "
+    "local": "The program must treat the coordinates as Cartesian, without any correction for "
+    "earth curvature or map scale.",
+    "map": "The program must model the map projection and earth curvature. Positions are true; angles "
+    "refer to grid north at each camera. In a program that treats map coordinates as Cartesian, they "
+    "cause errors of decimetres.",
+    "map-cartesian": "For programs that treat map coordinates as Cartesian, with their corrections for "
     "curvature, map scale and refraction switched OFF.",
-    "map-cartesian-curved": "For programs that take map coordinates as Cartesian and correct the "
-    f"curvature of the earth themselves: switch that ON (radius {EARTH_RADIUS_M / 1000:,.0f} km), "
-    "corrections for map scale and refraction OFF.",
-    "rpc": "Latitude, longitude and ELLIPSOIDAL height lead to row and column of the delivered image "
-    "(centre of the first pixel: 0, 0). Camera, distortion, refraction and the earth are contained; no "
-    "switch is needed.",
+    "map-cartesian-curved": "For programs that treat map coordinates as Cartesian and correct earth "
+    f"curvature themselves: switch that ON (radius {EARTH_RADIUS_M / 1000:,.0f} "
+    "km), corrections for map scale and refraction OFF.",
+    "rpc": "Latitude, longitude and ELLIPSOIDAL height are converted to row and column of the delivered "
+    "image (centre of the first pixel: 0, 0). Camera, distortion, refraction and earth curvature "
+    "are contained; no corrections need to be switched.",
 }
 _AS_DELIVERED = (
-    "Nothing of this block is adjusted: orientations are delivered or approximate ones, object points are "
-    "intersected from them, image points are as measured (refraction is not corrected), cameras as given."
+    "This block is not adjusted: orientations are delivered or approximate ones, object points are "
+    "intersected from them, image points are as measured (not corrected for refraction), cameras as "
+    "given."
 )
 _LEAST_DISTORTION_UM = 0.05
 # Below this a misfit is rounding.
@@ -95,8 +96,8 @@ def _about_refraction(delivery: Delivery, *, straight: bool) -> list[str]:
         ]
     if straight:
         return [
-            "Refraction of the standard atmosphere, which the adjustment corrected, is taken from the image "
-            "points: switch such a correction OFF."
+            "Refraction of the standard atmosphere, which the adjustment corrected, is removed from the "
+            "image points: switch such a correction OFF."
         ]
     return ["The adjustment corrected refraction (standard atmosphere): switch such a correction ON."]
 
@@ -118,20 +119,21 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
         distortion = camera.largest_distortion * 1e6
         if distortion > _LEAST_DISTORTION_UM:
             text += (
-                f"; its additional parameters move image points by up to {distortion:.1f} µm and "
+                f"; its additional parameters change image points by up to {distortion:.1f} µm and "
                 + _contained(form)
                 + ("" if corrected or form.grid else ": use corrected images or image coordinates")
             )
         found.append(f"{text}.")
     if form.straight:
         found.append(
-            "Image points count from the centre of the format, x right, y up, and additional parameters are "
-            "corrected in them: the program must take a camera without distortion, with this principal point."
+            "Image points refer to the centre of the format, x right, y up, and are corrected by the "
+            "additional parameters: the program must use a camera without distortion, with this "
+            "principal point."
         )
     elif corrected:
         found.append(
-            "Image points count from the principal point, and additional parameters are corrected in them: "
-            "the program must take a camera without distortion whose principal point is 0, 0."
+            "Image points refer to the principal point and are corrected by the additional parameters: "
+            "the program must use a camera without distortion whose principal point is 0, 0."
         )
     return found
 
@@ -154,19 +156,19 @@ def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
         largest = max(forth.misfit, back.misfit)
         found.append(
             f"Camera {one.camera}: distortion grids of {len(forth.x)} × {len(forth.y)} nodes; bilinear "
-            f"between them the correction is reproduced to {largest * 1e6:.3f} µm (root mean square "
+            f"interpolation reproduces the correction to {largest * 1e6:.3f} µm (root mean square "
             f"{max(forth.rms, back.rms) * 1e6:.3f} µm)."
             + (
-                " That is more than 0.1 µm: the correction jumps or bends between nodes."
+                " This is more than 0.1 µm: the correction has a step or a bend between nodes."
                 if largest > NOTEWORTHY
                 else ""
             )
         )
     if found and form.oriented:
         found.append(
-            "The grids are written in both directions, ideal_from_measured.dat and measured_from_ideal.dat: "
-            "which one the program takes must be seen from a few points. It must not take a distortion of "
-            "the camera besides."
+            "The grids are written in both directions, ideal_from_measured.dat and "
+            "measured_from_ideal.dat: test with a few points which one the program uses. It must not "
+            "apply any other distortion of the camera."
         )
     return found
 
@@ -174,7 +176,7 @@ def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
 def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     """Of cameras whose image points were corrected by mean residuals."""
     return [
-        f"Camera {camera.frame.name}: mean residuals, which the adjustment added to image points, move "
+        f"Camera {camera.frame.name}: mean residuals, which the adjustment added to image points, change "
         f"them by up to {camera.largest_mean_residual * 1e6:.1f} µm and {_contained(form)}."
         for camera in delivery.results.cameras
         if camera.largest_mean_residual * 1e6 > _LEAST_DISTORTION_UM
@@ -182,7 +184,7 @@ def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]
 
 
 def _about_model(model: LensModel) -> str:
-    """The camera as it stands in the files."""
+    """The camera as it is in the files."""
     (fx, fy), (column, row) = model.focal, model.principal_point
     lens = ", ".join(f"{name} {value:.6g}" for name, value in model.distortion.items() if value)
     return (
@@ -190,7 +192,7 @@ def _about_model(model: LensModel) -> str:
         f"{column:.4f}, {row:.4f} pixels from the corner of the first one; distortion from the ideal to the "
         f"measured point: {lens or 'none'}, fitted over the format to {model.misfit_um:.3f} µm."
         + (
-            " That is more than 0.1 µm: compare corrected image points."
+            " This is more than 0.1 µm: compare corrected image points."
             if model.misfit_um > NOTEWORTHY * 1e6
             else ""
         )
@@ -209,7 +211,7 @@ def _about_lens_fit(delivery: Delivery) -> list[str]:
         f"{delivery.names[worst]}."
     )
     if misfit[worst] >= WARNED_PX:
-        text += " That is much: use corrected images, or rational polynomials (--to rpc)."
+        text += " This is large: use corrected images, or rational polynomials (--to rpc)."
     return [text]
 
 
@@ -226,14 +228,14 @@ def _about_fit(delivery: Delivery) -> list[str]:
         f"median of the images {np.median(handed.misfit_px):.3f} pixels."
     )
     if handed.misfit_px[worst] >= WARNED_PX:
-        text += " That is much: where the program takes another kind, use it (--world)."
+        text += " This is large: if the program supports another kind of coordinates, use it (--world)."
     if not handed.refitted:
         return [text]
     moved = handed.pose.centre - images.map_pose.centre
     changed = (
-        "Orientations were fitted to the program's model: they are NO positions of the camera any more "
-        f"(heights moved by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m). Never compare them "
-        "with GNSS; the true ones are in eo_rigorous.csv."
+        "Orientations were fitted to the program's model: they are NO LONGER camera positions (heights "
+        f"changed by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m). Never compare them with "
+        "GNSS; the rigorous ones are in eo_rigorous.csv."
     )
     focal = {
         camera.frame.name: 1e3 * float(handed.pose.focal_length[np.argmax(images.camera == k)])
@@ -241,5 +243,5 @@ def _about_fit(delivery: Delivery) -> list[str]:
     }
     if not np.allclose(handed.pose.focal_length, images.focal_length[images.camera], rtol=0, atol=1e-12):
         listed = ", ".join(f"{name} {value:.4f} mm" for name, value in focal.items())
-        changed += f" The focal length to be entered is fitted, too: {listed}."
+        changed += f" The focal length to be entered is also fitted: {listed}."
     return [text, changed]

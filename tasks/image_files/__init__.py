@@ -1,1 +1,1 @@
-"""Images, read in windows: what a file says about itself, its pixels, and which of them are valid."""
+"""Images read in windows: metadata, pixels, and which of them are valid."""

@@ -130,11 +130,11 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
     Raises
     ------
     InputError
-        If the file is not there, is no image of `DRIVERS`, or has pixels that are no real numbers of up to 64 bits
-        (complex ones, 64-bit integers, colours of a palette).
+        If the file is not there, is not an image of `DRIVERS`, or has pixels that are no real numbers of up
+        to 64 bits (complex ones, 64-bit integers, colours of a palette).
     InstallationError
         If rasterio is not installed.
-    """  # noqa: E501
+    """
     if not (is_there(path) and path.is_file()):
         raise InputError("There is no such file.", "Check the path.", file=path)
     with raster_environment(threads) as rasterio:
@@ -143,7 +143,7 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
             dataset = rasterio.DatasetReader(str(path.resolve()), driver=list(DRIVERS))
         except rasterio.errors.RasterioError as error:
             raise InputError(
-                f"This is no image that can be read ({_reason(error)}).",
+                f"This image cannot be read ({_reason(error)}).",
                 "Deliver TIFF, JPEG, PNG or JPEG 2000.",
                 file=path,
             ) from error
@@ -159,7 +159,7 @@ def _description(path: Path, dataset: Any) -> ImageDescription:
     if len(types) != 1 or not types <= set(_TYPES) or palette:
         what = "colours of a palette" if palette else f"pixels of the type {', '.join(sorted(types))}"
         raise InputError(
-            f"The image has {what}, between which nothing can be interpolated.",
+            f"The image has {what}, which cannot be interpolated.",
             "Deliver it with integers of up to 32 bits or with floating point.",
             file=path,
         )
@@ -202,5 +202,5 @@ def _validity(dataset: Any) -> Validity:
 
 
 def _reason(error: Exception) -> str:
-    """What GDAL says, which stands in the cause of rasterio's own error."""
+    """What GDAL says, which is in the cause of rasterio's own error."""
     return str(error.__cause__ or error).rstrip(".")

@@ -36,8 +36,8 @@ def write_drift(folder: Path, tables: Mapping[str, pd.DataFrame], earlier: Path)
     others = quality_drift_table(tables, earlier)
     if edges.empty and others.empty:
         raise InputError(
-            "The earlier results have nothing in common with these.",
-            "Name the folder of an examination of the same camera, of scenes or of its sensor as here.",
+            "The earlier results and these have nothing in common.",
+            "Name the folder of an examination of the same camera, likewise of scenes or of its sensor.",
             file=earlier,
         )
     for schema, table in ((EDGE_DRIFT, edges), (QUALITY_DRIFT, others)):

@@ -25,7 +25,7 @@ def drift_table(means: pd.DataFrame, earlier: Path) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If the file is no table of means, or has none of them.
+        If the file is not a table of means, or has none of them.
     """
     then, _ = read_foreign_table(earlier, EDGE_MEANS, _REMEDY)
     both = means.merge(then[[*_KEY, "factor", "sigma_factor"]], on=_KEY, suffixes=("", "_then"))

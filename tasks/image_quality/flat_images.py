@@ -119,7 +119,7 @@ def _require_alike(readers: Sequence[ImageReader]) -> None:
             raise InputError(
                 f"The image has {about.columns} × {about.rows} pixels in {about.bands} bands; "
                 f"{first.path.name} has {first.columns} × {first.rows} in {first.bands}.",
-                "Examine images of different sensors one after the other.",
+                "Examine the images of each sensor separately.",
                 file=about.path,
             )
         if min(about.columns, about.rows) < _SMALLEST:

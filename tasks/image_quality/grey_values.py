@@ -66,12 +66,12 @@ class GreyValues:
         if self.overexposed is not None:
             yield (
                 f"{name}: {100.0 * self.overexposed:.0f} % of the pixels have the largest value "
-                f"{self.about.largest:.0f}: it is overexposed. They take no part."
+                f"{self.about.largest:.0f}: it is overexposed. These pixels are not used."
             )
         if self.scaled is not None:
             yield (
                 f"{name}: {self.scaled} different grey values of 16 bits: it was scaled from 8 bits. Its "
-                "noise is that of the rounding before, too."
+                "noise includes that of the previous rounding."
             )
 
     def require_raw(self, band: int) -> None:

@@ -82,7 +82,7 @@ def _require_alike(scenes: Sequence[SceneQuality], paths: Sequence[Path]) -> Non
             raise InputError(
                 f"The image has {about.columns} × {about.rows} pixels, {about.bands} bands of {about.dtype}; "
                 f"{scenes[0].image} has {first.columns} × {first.rows}, {first.bands} of {first.dtype}.",
-                "Examine images of different cameras one after the other.",
+                "Examine the images of each camera separately.",
                 file=path,
             )
 
@@ -102,14 +102,15 @@ def _remarks(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> tuple[str, 
         edges = int(own["edges"].sum())
         if edges < ENOUGH:
             remarks.append(
-                f"Band {band} has {edges} edges that can be measured, fewer than the {ENOUGH} that a mean "
-                "should have. Most often it is for want of straight edges slanted by 2 to 43 degrees."
+                f"Band {band} has {edges} edges that can be measured, fewer than the {ENOUGH} that a "
+                "mean should have. The most frequent reason is a lack of straight edges slanted by 2 to "
+                "43 degrees."
             )
         if own["sharpened"].any():
             remarks.append(
                 f"Band {band} has been sharpened: its edges overshoot by "
                 f"{100 * own['overshoot'].iloc[0]:.1f} % of their contrast. "
-                "Its factor says nothing about the camera."
+                "Its factor does not describe the camera."
             )
     return tuple(remarks)
 
@@ -118,8 +119,8 @@ def _smears(smears: pd.DataFrame) -> Iterator[str]:
     """A sentence about every smear that chance does not explain."""
     for _, row in smears[smears["significant"]].iterrows():
         yield (
-            f"{row['image']}, band {row['band']}: edges are blurred differently by their direction, as by a "
-            f"smear of {row['length_px']:.2f} ± {row['sigma_length_px']:.2f} px along "
+            f"{row['image']}, band {row['band']}: the blur of edges depends on their direction, as with "
+            f"a smear of {row['length_px']:.2f} ± {row['sigma_length_px']:.2f} px along "
             f"{row['direction_deg']:.0f} ± {row['sigma_direction_deg']:.0f}° (from columns to rows)."
         )
 

@@ -91,7 +91,7 @@ def examined_scene(
         about = reader.description
         if min(about.rows, about.columns) < OVERLAP:
             raise InputError(
-                f"The image has {about.columns} × {about.rows} pixels, fewer than edges need.",
+                f"The image has {about.columns} × {about.rows} pixels, too few for edges.",
                 f"Give an image of at least {OVERLAP} × {OVERLAP} pixels.",
                 file=path,
             )

@@ -99,7 +99,7 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
         _write(folder, schema, rows)
     missed = [row for row in tables.sheets if not row["passed"]]
     failed = [f"{str(row['sheet']).replace('_', ' ')} of band {row['band']}" for row in missed]
-    remarks = (f"The sensor misses its thresholds: {', '.join(failed)}.",) if failed else ()
+    remarks = (f"The sensor does not meet its thresholds: {', '.join(failed)}.",) if failed else ()
     figures: dict[str, JSON] = {"passed": not failed, "missed": list(failed)}
     figures["photon_transfer"] = tables.transfers
     if flat is not None:
@@ -196,7 +196,7 @@ def _series(tables: _Tables, settings: SensorSettings) -> None:
             line = linearity(exposure[used], mean[used])
         except ValueError as error:
             raise InputError(
-                f"The exposure series of band {band + 1} determines nothing: {error}.",
+                f"The exposure series of band {band + 1} cannot be evaluated: {error}.",
                 "Give pairs of images at five or more exposures between dark and full well.",
             ) from error
         _transfer_sheets(tables, band + 1, transfer, settings)

@@ -1,1 +1,1 @@
-"""What lies in a folder of delivered files, and the project file that begins with it."""
+"""The contents of a folder of delivered files, and a draft of its project file."""

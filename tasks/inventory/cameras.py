@@ -98,9 +98,9 @@ def _section(
         values: dict[str, object] = {
             "columns": open_value("width of the image, px"),
             "rows": open_value("height of the image, px"),
-            "pixel_um": open_value("side of a pixel, µm"),
+            "pixel_um": open_value("pixel size, µm"),
             "focal_length_mm": open_value("principal distance, mm"),
-            "principal_point_mm": open_value("[x, y] from the middle of the image, mm"),
+            "principal_point_mm": open_value("[x, y] from the centre of the image, mm"),
         }
         return CameraSection(name, {**values, **mounting}, ("No camera file was found.",))
     one = found[0]
@@ -109,7 +109,7 @@ def _section(
         values["name_in_file"] = one.name
     remarks = [_described(one.camera)]
     if isinstance(one.camera, PixelCamera):
-        values["pixel_um"] = open_value("side of a pixel, µm; the file gives the camera in pixels")
+        values["pixel_um"] = open_value("pixel size, µm; the file gives the camera in pixels")
     if len(found) > 1:
         others = ", ".join(f"{two.file.name} ({two.name})" for two in found[1:_MOST_LISTED])
         remarks.append(f"Also found: {others}.")

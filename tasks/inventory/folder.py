@@ -12,7 +12,7 @@ from tasks.inventory.project_text import project_text
 from tasks.inventory.recognition import FoundFile, recognised
 
 PROJECT_FILE = "project.toml"
-# Folders of results and of programs are no deliveries.
+# Folders of results and of programs are not deliveries.
 _MOST_FILES = 2_000
 
 
@@ -46,8 +46,8 @@ def begin_project(folder: Path) -> Inventory:
     target = root / PROJECT_FILE
     if target.exists() or target.is_symlink():
         raise InputError(
-            "There is a project file already, and it is never overwritten.",
-            "Rename it, or go on with `aerocal doctor`.",
+            "There is already a project file, and it is never overwritten.",
+            "Rename it, or continue with `aerocal doctor`.",
             file=target,
         )
     files = tuple(map(recognised, _files(root)))
@@ -69,8 +69,8 @@ def _files(root: Path) -> list[Path]:
     ]
     if len(found) > _MOST_FILES:
         raise InputError(
-            f"The folder holds {len(found):,} files, more than {_MOST_FILES:,}.",
-            "Give a folder with the files of one block, and the images elsewhere.",
+            f"The folder contains {len(found):,} files, more than {_MOST_FILES:,}.",
+            "Give a folder with the files of one block only, and keep the images elsewhere.",
             file=root,
         )
     return found

@@ -84,7 +84,7 @@ def proposed_layouts(beginning: bytes) -> Iterator[ProposedTable]:
 
 
 def _by_count(line: str) -> list[Separator]:
-    """Separators that divide a line, the most frequent first; blanks last, they stand beside all others."""
+    """Separators that divide a line, the most frequent first; blanks last, they stand next to all others."""
     counts = {name: line.count(mark) for name, mark in MARKS.items()}
     counts["blank"] = max(counts["blank"], counts["tab"])
     found: list[Separator] = [name for name, count in counts.items() if count]

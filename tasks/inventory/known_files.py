@@ -1,4 +1,4 @@
-"""What files are that no reader reads: parts of a delivery, results that are computed anew, and notes.
+"""What files are that no reader reads: parts of a delivery, results that are recomputed, and notes.
 
 A file with the mark of a format that is read, which its reader refuses, has the reader's reason.
 """
@@ -42,7 +42,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], Callable[[Path], object]], ...] = (
 _TEXTS: tuple[tuple[re.Pattern[bytes], str], ...] = (
     (
         re.compile(rb"\s*# 3D point list with one line of data per point"),
-        "object points of COLMAP: they are computed anew from the image points",
+        "object points of COLMAP: they are computed again from the image points",
     ),
     (re.compile(rb"(?:#.*\n)*\s*\w+: .*(?:\n.*)*bundle_\w+:"), "settings of OpenSfM: not a delivery"),
 )
@@ -77,7 +77,7 @@ def known_as(path: Path, beginning: bytes) -> str | None:
     if beginning.lstrip()[:1] in (b"{", b"["):
         return _json(path)
     if path.name.lower() == _POINTS:
-        return "object points of COLMAP: they are computed anew from the image points"
+        return "object points of COLMAP: they are computed again from the image points"
     if b"\0" in beginning:
         return _buffer(path)
     known = next((said for words, said in _TEXTS if words.match(beginning)), None)
@@ -158,7 +158,7 @@ _OPF_PARTS = {
 
 
 def _buffer(path: Path) -> str | None:
-    """The buffer of a glTF file beside it."""
+    """The buffer of a glTF file next to it."""
     for other in sorted(path.parent.glob("*.gltf")):
         try:
             named = path.name.encode() in read_bytes(other, "document")

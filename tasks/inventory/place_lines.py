@@ -38,7 +38,7 @@ def place_lines(
     if states.crs is not None and "+ellps" not in states.crs:
         yield key_line("crs", states.crs, "as the file states it")
     elif states.crs is not None:
-        # An ellipsoid is no datum: between such systems nothing can be transformed.
+        # An ellipsoid is not a datum: between such systems nothing can be transformed.
         datum = f", datum {states.datum}" if states.datum else ""
         yield key_line("crs", open_value(f"its EPSG code; the file states {states.crs}{datum}"))
     elif beside is not None:

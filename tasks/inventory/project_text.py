@@ -28,9 +28,10 @@ _ANGLE_UNIT = "deg, gon or rad"
 _REFERENCE = "grid (axes of the map), true-north or local"
 _DISTANCE_UNIT = "m or mm"
 _INTRODUCTION = (
-    "Written by aerocal init: what the files in this folder are, and what they say themselves.",
-    "Values that begin with DECLARE are not in the files. Nothing of this is guessed: ask whoever delivered",
-    "them, and replace each. aerocal run refuses the project until then. docs/project-file.md has all keys.",
+    "Written by aerocal init: the files in this folder, and what they state.",
+    "Values that begin with DECLARE are not in the files and are never guessed: ask whoever delivered",
+    "them, and replace each. aerocal run refuses the project until then. docs/project-file.md lists all "
+    "keys.",
 )
 _PLACED = (ExposureRecords, ControlRecords, TrajectoryRecords)
 # Lines of an input, and whose exposures it has.
@@ -103,7 +104,7 @@ def _one_of_each(sections: Iterable[_Section]) -> list[_Section]:
     for lines, own in sections:
         if own & images:
             # Two orientations of one image are refused; which is meant, a person knows.
-            again = comment("The images of this file are in the one above, too: keep one of the two.")
+            again = comment("The images of this file are also in the one above: keep one of the two.")
             result.append(([again, *(comment(line) if line else line for line in lines)], own))
         else:
             result.append((lines, own))
@@ -129,7 +130,7 @@ def _input(
         yield from place_lines(records.states, records.position, points, beside=beside)
     else:
         yield key_line("unit", open_value(_DISTANCE_UNIT))
-        yield key_line("sigma", 0.01, "in the unit above; the files do not always say it")
+        yield key_line("sigma", 0.01, "in the unit above; the files do not always state it")
 
 
 def _image_points(content: Content, records: ImagePointRecords) -> Iterator[str]:
@@ -139,7 +140,7 @@ def _image_points(content: Content, records: ImagePointRecords) -> Iterator[str]
     if meaning is None:
         yield key_line("unit", open_value(_UNIT))
     else:
-        yield key_line("unit", meaning.unit, "as the format has it")
+        yield key_line("unit", meaning.unit, "as defined by the format")
 
 
 def _exposures(
@@ -149,13 +150,14 @@ def _exposures(
     yield from place_lines(states, records.position, f"{len(records.line):,} exposures", beside=beside)
     adjusted = content.format in ADJUSTED
     if states.position is not None or adjusted:
-        yield key_line("position", "projection_centre", "as the file has it")
+        yield key_line("position", "projection_centre", "as in the file")
     else:
         yield key_line("position", open_value(POSITION))
     yield from _angles(content, records)
     if content.format in IN_A_MAP:
         yield comment(
-            "If that program took the map as Cartesian, these are no positions of the camera. Declare then:"
+            "If that program treated map coordinates as Cartesian, these are not true camera positions. "
+            "In this case declare:"
         )
         yield comment(
             'adjusted_in = { world = "map-cartesian", ground_m = 0.0 }, with the height of the ground.'
@@ -177,7 +179,7 @@ def _angles(content: Content, records: ExposureRecords) -> Iterator[str]:
         unit = records.declared_angle_unit or open_value(_ANGLE_UNIT)
         reference = states.reference or ("local" if states.crs == LOCAL else open_value(_REFERENCE))
     else:
-        yield comment("no angles are given, and none of these keys matters")
+        yield comment("no angles are given, so none of these keys matters")
         order, unit, reference = "omega-phi-kappa", "deg", "local"
     yield key_line("angles", {"order": order, "unit": unit, "reference": reference})
 
@@ -193,15 +195,15 @@ def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:
     yield ""
     yield "[adjustment]"
     if without:
-        yield comment("That program knows no refraction: it is in the focal length and distortion it found.")
+        yield comment("That program does not correct refraction: its focal length and distortion contain it.")
         yield key_line("refraction", "none")
     if not adjusted:
         return
     control = any(content.kind == "control" for _, content in inputs)
-    yield comment("The orientations are the result of an adjustment: approximate values, no observations.")
+    yield comment("The orientations are the result of an adjustment: approximate values, not observations.")
     yield key_line("observe", ["control"] if control else [])
     if not control:
-        yield key_line("datum", "free_network", "nothing else fixes it: there is no control")
+        yield key_line("datum", "free_network", "nothing else fixes the datum: there is no control")
 
 
 def _crs_beside(file: FoundFile, files: Sequence[FoundFile]) -> str | None:

@@ -101,7 +101,7 @@ class FoundFile:
     Attributes
     ----------
     path : where it lies.
-    contents : what it holds; empty if no reader reads it.
+    contents : what it holds; empty if no reader can read it.
     remark : what is known of a file that is not read.
     crs : of a file that holds nothing but a CRS, as a project file takes it.
     """
@@ -131,7 +131,7 @@ def recognised(path: Path) -> FoundFile:
             return _found(path, tuple(found), beginning)
     again = [_again(path, content) for content in found]
     contents = tuple(content for content in again if content is not None)
-    return FoundFile(path, contents, "" if contents else "no reader reads it to its end")
+    return FoundFile(path, contents, "" if contents else "no reader can read it to the end")
 
 
 def _found(path: Path, contents: tuple[Content, ...], beginning: bytes) -> FoundFile:
@@ -141,7 +141,7 @@ def _found(path: Path, contents: tuple[Content, ...], beginning: bytes) -> Found
     crs = crs_of_file(beginning)
     if crs is not None:
         return FoundFile(path, (), f"a CRS: {crs}", crs)
-    return FoundFile(path, (), known_as(path, beginning) or "no reader reads it")
+    return FoundFile(path, (), known_as(path, beginning) or "no reader can read it")
 
 
 def _shortened(path: Path, beginning: bytes, folder: Path) -> Path:

@@ -29,7 +29,7 @@ from tasks.settings.declare import open_value
 # More than the leap seconds between GPS time and UTC will be in the life of a file.
 _LEAP_S = 60.0
 _TRAJECTORY_CLOCKS = ("gps-week", "utc-week", "gps-day", "utc-day")
-_REDUCED = "projection_centre (the way from the antenna in the events is applied) or antenna (it is not)"
+_REDUCED = "projection_centre (the offset from the antenna in the events is applied) or antenna (it is not)"
 _NAMES = "table (CSV with a heading) of the number of each event and the name of its image"
 _LEAP = "GPS time minus UTC on the day of the flight, s (18 since 2017)"
 
@@ -92,7 +92,7 @@ def unused_parts(files: Sequence[FoundFile], folder: Path) -> Iterator[str]:
         if part.content.kind not in ("accuracy", "events") or (not trajectories and part.path in exposures):
             continue
         if not any(_within(part, trajectory).any() for trajectory in trajectories):
-            what = "moments of exposures" if part.content.kind == "events" else "accuracies"
+            what = "times of exposures" if part.content.kind == "events" else "accuracies"
             yield comment(
                 f"{part.path.relative_to(folder).as_posix()}: {what}, {value_range(part.time)} s, "
                 f"{'within none of the trajectories' if trajectories else 'and no trajectory was found'}."
@@ -132,7 +132,7 @@ def _lines(
     if moments is None or moments.strip.null_count == len(moments.strip):
         yield key_line("strip", open_value(STRIP))
     if measured and not measured & _images(events):
-        yield comment("Images have other names in the image points.")
+        yield comment("Images have different names in the image points.")
         yield key_line("image_names", open_value(_NAMES))
     about = dict(_about(records, moments, accuracy, folder))
     if about:
@@ -151,9 +151,9 @@ def _described(records: TrajectoryRecords) -> str:
 def _angles(records: TrajectoryRecords) -> Iterator[str]:
     angles = {"order": "heading-pitch-roll", "unit": "deg", "reference": "true-north"}
     if records.angles is None:
-        yield comment("no angles are given, and none of these keys matters")
+        yield comment("no angles are given, so none of these keys matters")
     else:
-        yield comment("angles and rates as the format has them")
+        yield comment("angles and rates as defined by the format")
         angles = angles | {"unit": "rad", "rate_axes": "forward-right-down"}
     yield key_line("angles", angles)
 
@@ -176,11 +176,11 @@ def _about(
 def _events(events: _Part | None, records: TrajectoryRecords, folder: Path) -> Iterator[str]:
     if events is None:
         alone = "; without this table each solution is an exposure" if records.clock is not None else ""
-        yield key_line("file", open_value(f"the moments of the exposures{alone}"))
+        yield key_line("file", open_value(f"the times of the exposures{alone}"))
         yield key_line("time", open_value(" or ".join(_clocks(None))))
         return
     moments = cast(EventRecords, events.content.records)
-    yield comment(f"{len(moments.line):,} moments: {value_range(moments.time_s)} s")
+    yield comment(f"{len(moments.line):,} times: {value_range(moments.time_s)} s")
     yield key_line("file", events.path.relative_to(folder).as_posix())
     yield key_line("format", events.content.format)
     for key, value in layout_keys(events.content.layout).items():

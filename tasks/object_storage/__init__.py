@@ -1,1 +1,1 @@
-"""Results on S3-compatible object storage: addresses, transfers that outlast outages, what lies where."""
+"""Results on S3-compatible object storage: addresses, transfers that survive outages, layout."""

@@ -1,7 +1,7 @@
 """Addresses on object storage, ``s3://BUCKET/PREFIX``, and which of two kinds of places a text means.
 
 An address holds nothing secret: endpoint, region and credentials come from the environment only
-(`tasks.object_storage.connection`), so that addresses may stand in logs, reports and states.
+(`tasks.object_storage.connection`), so that addresses may be in logs, reports and states.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tasks.plain_text import quoted, trouble_in
 _SCHEME = "s3://"
 _FORM = "Write s3://BUCKET/PREFIX, with letters, digits, points and hyphens in the name of the bucket."
 _SECRETS = (
-    "Write s3://BUCKET/PREFIX and nothing else; endpoint, region and credentials come from the environment "
+    "Write s3://BUCKET/PREFIX only; endpoint, region and credentials come from the environment "
     "(AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY)."
 )
 _BUCKET = re.compile(r"[a-z0-9][a-z0-9.-]{1,61}[a-z0-9]")
@@ -85,7 +85,7 @@ def output_place(text: str) -> Path | ObjectAddress:
         If it looks like an address of a kind that is not known.
     """
     if not text.strip():
-        raise InputError("The output folder is blank.", "Name one, or leave the option out.", entity="--out")
+        raise InputError("The output folder is blank.", "Name one, or omit the option.", entity="--out")
     if re.match(r"s3:/", text, re.IGNORECASE):
         return address_of(text)
     scheme = re.match(r"([a-z][a-z0-9+.-]+)://", text, re.IGNORECASE)
@@ -121,7 +121,7 @@ def _checked(bucket: str, prefix: str) -> ObjectAddress:
     # A client would take ".." for the way up, out of the prefix.
     if _ODD.search(prefix) or any(part in ("", ".", "..") for part in prefix.split("/")):
         raise InputError(
-            f"'{prefix}' cannot stand in an address of object storage.",
+            f"'{prefix}' is not allowed in an address of object storage.",
             "Leave out empty parts, '.', '..', backslashes, '?', '#' and control characters.",
         )
     if len(prefix.encode()) > _MOST_BYTES:

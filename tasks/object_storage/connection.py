@@ -296,7 +296,7 @@ def _is_of_storage(error: Exception) -> bool:
 def _given_up(address: ObjectAddress, reason: str, waited_s: float) -> InstallationError:
     return InstallationError(
         f"{address} has not answered for {_duration(waited_s)} ({reason}).",
-        "Run again when it does; finished stages are kept on this machine.",
+        "Run again when it answers; completed stages are kept on this machine.",
     )
 
 

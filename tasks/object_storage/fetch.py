@@ -88,7 +88,7 @@ def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path)
             address, wrong = workspace.storage.address, "missing" if found is None else "damaged"
             raise InstallationError(
                 f"{address}/{entry.object} is {wrong}.",
-                f"Run the project again with --out {address}: what is not as it should be is put there anew.",
+                f"Run the project again with --out {address}: missing or damaged files are written again.",
             )
         temporary.chmod(0o444)
         temporary.replace(target)

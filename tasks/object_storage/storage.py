@@ -97,7 +97,7 @@ class ObjectStorage:
 
         Parameters
         ----------
-        parsed : what stands in it; None if that is no such document.
+        parsed : what is in it; None if that is no such document.
         """
         before: bytes | None = None
         while (content := self.read(name, _MOST_BYTES)) is not None:

@@ -38,7 +38,7 @@ STAGE_FILE = "stage.json"
 def _plain(name: str) -> str:
     """A name that leads nowhere but into the folder it is put into."""
     if name in ("", ".", "..") or PurePosixPath(name).name != name or "\\" in name or "\0" in name:
-        raise ValueError("not the plain name of a file")
+        raise ValueError("not a plain file name")
     return name
 
 
@@ -131,7 +131,7 @@ class PublishedManifest(Manifest):
     Attributes
     ----------
     artifacts : by name, the files of the results with their objects.
-    summary : what stands in summary.json of the same run.
+    summary : what is in summary.json of the same run.
     """
 
     artifacts: Mapping[str, PublishedEntry]

@@ -1,1 +1,1 @@
-"""Plans: what a flight will determine."""
+"""Flight planning: what a flight will determine."""

@@ -43,7 +43,7 @@ def _lines(group: ProposedLines) -> str:
         return "all lines again"
     lines = f"{group.lines} line{'s' if group.lines > 1 else ''}"
     if group.what == "back":
-        return f"the {lines} at {height} flown back, too" if group.lines > 1 else f"the line at {height} back"
+        return f"the {lines} at {height} also flown back" if group.lines > 1 else f"the line at {height} back"
     exposures = len(group.strips[0].plan)
     across = " across" if group.what == "across" else ""
     ways = ", there and back" if group.both_ways else ""

@@ -22,9 +22,11 @@ def free_from_text(text: str) -> tuple[FreeParameter, ...]:
     names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names:
         if name not in KINDS:
-            raise InputError(f"There is no parameter '{name}' to calibrate.", did_you_mean(name, KINDS))
+            raise InputError(
+                f"'{name}' is not a parameter that can be calibrated.", did_you_mean(name, KINDS)
+            )
     if not names:
-        raise InputError("--free names no parameter.", f"Name some of: {', '.join(KINDS)}.")
+        raise InputError("--free names no parameter.", f"Name at least one of: {', '.join(KINDS)}.")
     return tuple(names)
 
 

@@ -90,7 +90,7 @@ class CalibrationPlan:
     name : of the specification or project.
     request : what was asked.
     expectation : of the flight as it stands.
-    proposals : additions that were computed, cheapest first; empty if none is needed or none was asked for.
+    proposals : additions that were computed, cheapest first; empty if none is needed or none was requested.
     """
 
     name: str

@@ -1,1 +1,1 @@
-"""Whether what was delivered can be true, and which slip would explain it if not."""
+"""Plausibility of delivered data, and the mistake that would explain a contradiction."""

@@ -108,7 +108,7 @@ def check_control(
         f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "
         f"(east {east:+,.1f} m, north {north:+,.1f} m, up {up:+,.1f} m)"
         f"{listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error.",
-        "Check its coordinates, its CRS and heights, and whether its image points are of this point; or "
+        "Check its coordinates, its CRS and heights, and whether its image points belong to this point; or "
         "raise checks.control_distance_m.",
         entity=f"control point {names[0]}",
     )
@@ -155,11 +155,15 @@ def _common_height(
     points = "the one surveyed point comes" if len(up) == 1 else f"{len(up)} surveyed points come"
     spread = f" (scatter {scatter:.1f} m)" if len(up) >= 3 else ""
     focal_length = 100.0 * abs(median) / expected.height if expected.height > 0.0 else np.inf
-    alike = f"; a focal length wrong by {focal_length:.1f} % would look alike" if focal_length < 10.0 else ""
+    alike = (
+        f"; a focal-length error of {focal_length:.1f} % would have the same effect"
+        if focal_length < 10.0
+        else ""
+    )
     return (
-        "The heights of exposures and control refer to different height systems (geoid undulation?): from "
-        f"the given orientations {points} out {abs(median):.1f} m {'higher' if median > 0.0 else 'lower'} "
-        f"than given{spread}.",
+        "The heights of exposures and control refer to different height systems (geoid undulation?): "
+        f"with the given orientations {points} out {abs(median):.1f} m "
+        f"{'higher' if median > 0.0 else 'lower'} than given{spread}.",
         "Check `heights` of both inputs: ellipsoidal heights and altitudes above the geoid differ by the "
         f"undulation{alike}.",
     )

@@ -24,7 +24,7 @@ from tasks.plausibility.mistake import Mistake
 from tasks.tables.places import places_of
 
 _MARGIN = 3.0
-# Less is no mistake of units, zones or heights.
+# Less is not a mistake of units, zones or heights.
 _NOTABLE_M = 5.0
 _NOTABLE_SIGMAS = 5.0
 # No geoid is further from the ellipsoid.
@@ -225,7 +225,7 @@ def _in_other_zones(
     Returns
     -------
     readings : the CRS, where the coordinates are in the project, and the angle (n,) by which angles from that
-        grid are turned beside those from the declared one.
+        grid are rotated relative to those from the declared one.
     """
     code = _CODE.fullmatch(declared)
     if code is None or map_frame.is_local:

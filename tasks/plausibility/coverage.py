@@ -1,4 +1,4 @@
-"""Images and points that take no part, or hang on the others by nothing: by what the tables say."""
+"""Images and points that are not used, or hang on the others by nothing: by what the tables say."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
         yield Mistake(
             f"{len(alone):,} images have no points in common with the other {int(sizes.iloc[0]):,}: "
             f"{_named(alone)}.",
-            (f"the block falls into {len(sizes)} parts, {_without_control(groups, measured, control)}",),
+            (f"the block consists of {len(sizes)} parts, {_without_control(groups, measured, control)}",),
             "Measure tie points between them and the others, or leave them out.",
         )
     surveyed = control["point"]
     lost = surveyed[~surveyed.isin(measured["point"])]
     if len(lost):
         yield Mistake(
-            f"{len(lost):,} of {len(surveyed):,} control and check points are measured in no image: "
+            f"{len(lost):,} of {len(surveyed):,} control and check points are not measured in any image: "
             f"{_named(lost)}.",
             (),
             "Measure them, or check that both files use the same names.",
@@ -84,7 +84,7 @@ def other_pixel_origins(formats: Mapping[str, str], origins: Mapping[str, str]) 
         for camera, declared in origins.items():
             if declared != meaning.origin:
                 yield Mistake(
-                    f"{file} counts pixels from the {meaning.origin} of the first one, and pixel_origin of "
+                    f"{file} counts pixels from the {meaning.origin} of the first one, but pixel_origin of "
                     f"{camera} is {declared}: all image points are half a pixel off in both directions.",
                     (f"format {name}: {meaning.origin}", f"project file: {declared}"),
                     f'Declare pixel_origin = "{meaning.origin}" for the camera.',

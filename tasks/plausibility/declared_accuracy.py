@@ -25,9 +25,9 @@ class TieLimits:
 
     Attributes
     ----------
-    suspicious_px : above it a slip that explains the residuals is named.
+    suspicious_px : above it a mistake that explains the residuals is named.
     wrong_px : above it the orientations are called wrong.
-    because : what makes it an error: the stated standard deviations, and the keys they stand in.
+    because : what makes it an error: the stated standard deviations, and the keys they are in.
     """
 
     suspicious_px: float

@@ -151,7 +151,7 @@ def _explaining(
 def _single(
     trials: Sequence[tuple[float, int]], hypotheses: Sequence[Hypothesis], now: float
 ) -> tuple[Mistake, Hypothesis]:
-    """The best hypothesis, and beside it one that explains the misses as well."""
+    """The best hypothesis, and next to it one that explains the misses as well."""
     best, first = trials[0]
     chosen = hypotheses[first]
     alike = [

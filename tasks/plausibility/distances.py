@@ -15,7 +15,7 @@ _MOST_NAMES = 5
 
 
 def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local: Floats) -> list[str]:
-    """A sentence about distances that take no part.
+    """A sentence about distances that are not used.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local
         )
         listed = ", ".join(missing[:_MOST_NAMES]) + (", …" if len(missing) > _MOST_NAMES else "")
         problems.append(
-            f"{int((~usable).sum())} distances take no part: {listed} are not measured in two images, or "
+            f"{int((~usable).sum())} distances are not used: {listed} are not measured in two images, or "
             "their rays do not intersect."
         )
     if usable.any():
@@ -53,8 +53,8 @@ def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local
             raise InputError(
                 f"The distances are {ratio:.3g} times those between the object points (median of "
                 f"{int(usable.sum())}).",
-                "Check `unit` in [inputs.distances], the names of the points, and the positions and control "
-                "points that give the block its scale.",
+                "Check `unit` in [inputs.distances], the names of the points, and the positions and "
+                "control points that determine the scale.",
                 entity="inputs.distances",
             )
     return problems

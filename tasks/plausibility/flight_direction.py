@@ -34,8 +34,9 @@ def check_flight_direction(given: GivenOrientations) -> list[str]:
     else:
         return []
     return [
-        f"The aircraft flies {turn} off the forward axis that mount_deg declares (in {len(known)} strips): "
-        "check mount_deg of the camera. Boresight and lever arm would be reported in wrong axes."
+        f"The direction of flight is {turn} off the forward axis that mount_deg declares (in "
+        f"{len(known)} strips): check mount_deg of the camera. Otherwise boresight and lever arm are "
+        "reported in wrong axes."
     ]
 
 

@@ -50,7 +50,7 @@ class Hypothesis:
     ----------
     what : what the delivery looks like.
     remedy : what to do.
-    declare : the line of the project file; empty: the files must be mended.
+    declare : the line of the project file; empty: the files must be corrected.
     corrected : the delivery without the mistake.
     kind : hypotheses of one kind are different ways to have made the same mistake.
     """

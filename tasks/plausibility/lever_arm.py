@@ -1,9 +1,9 @@
 """Whether a given lever arm has its signs the right way round, judged by the one that was found.
 
 Each of its components may have been given with the opposite sign: the vector from the antenna to the camera
-in place of the one from the camera to the antenna, or right for left, up for down. A slip is named if it
+in place of the one from the camera to the antenna, or right for left, up for down. A mistake is named if it
 explains what was found three times better than the lever arm as given and than any other slip. Components
-that were not determined well enough to tell their sign take no part.
+that were not determined well enough to tell their sign are not used.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def lever_arm_suspicions(
         sentence = lever_arm_suspicion(given[k], found.value[k], found.sigma[k], name)
         other = lever_arm_suspicion(given[k], with_small_shift.value[k], with_small_shift.sigma[k], name)
         if other is not None and _more_is_told(found.sigma[k], with_small_shift.sigma[k], given[k]):
-            sentence = f"{other} Else the GNSS has the shift that was found: {_shift(result)} m."
+            sentence = f"{other} Otherwise the GNSS has the estimated shift: {_shift(result)} m."
         if sentence is not None:
             sentences.append(sentence)
     return tuple(sentences)
@@ -122,12 +122,12 @@ def lever_arm_suspicion(given: Floats, found: Floats, sigma: Floats, camera: str
     others = [misfit(given), *(distance for distance, _ in trials[1:])]
     if _MARGIN * best >= min(others):
         return None
-    open_ = "" if told.all() else " (? cannot be told from a GNSS shift by this block)"
+    open_ = "" if told.all() else " (? cannot be separated from a GNSS shift in this block)"
     turned = [axis for axis, sign in zip(_AXES, signs[chosen], strict=True) if sign < 0.0]
     return (
         f"The given lever arm of camera {camera} looks as if it had the wrong sign {_words(turned)}: "
-        f"({_metres(given)}) m was given and ({_metres(found, told)}) m found{open_}. It leads from the "
-        "camera to the antenna along forward, right, down: correct lever_arm_m."
+        f"({_metres(given)}) m was given and ({_metres(found, told)}) m found{open_}. It is the vector "
+        "from the camera to the antenna (forward, right, down): correct lever_arm_m."
     )
 
 
@@ -142,6 +142,6 @@ def _words(axes: list[str]) -> str:
 
 
 def _metres(vector: Floats, told: Bools | None = None) -> str:
-    """Components in metres, a question mark for those that cannot be told."""
+    """Components in metres, a question mark for those that cannot be determined."""
     known = np.ones(3, dtype=bool) if told is None else told
     return ", ".join(f"{value:+.2f}" if k else "?" for value, k in zip(vector, known, strict=True))

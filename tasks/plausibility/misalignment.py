@@ -18,12 +18,12 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.orientations import best_slips, ray_residuals, sample_of_rays
 
-#: Larger than this, radians, it is no misalignment any more but a slip.
+#: Larger than this, radians, it is not a misalignment any more but a slip.
 LARGEST = np.deg2rad(3.0)
 # It must leave this part of the residuals at most.
 _LEFT = 0.3
 _MOST_TRIALS = 30
-# A slip that leaves no more than this many times as much explains it as well.
+# A mistake that leaves no more than this many times as much explains it as well.
 _AS_WELL = 1.5
 
 
@@ -34,7 +34,7 @@ class Misalignment:
     Attributes
     ----------
     given : the orientations with it.
-    angles : (c, 3) roll, pitch, yaw of every camera beside the given boresight, radians.
+    angles : (c, 3) roll, pitch, yaw of every camera in addition to the given boresight, radians.
     median_px : median residual that it leaves.
     """
 
@@ -52,15 +52,16 @@ class Misalignment:
             )
         )
         return (
-            f"The tie points show a misalignment of camera and INS: {found} beside the given boresight. The "
-            "adjustment begins there; state it as boresight_deg if it is known."
+            f"The tie points show a misalignment of camera and INS: {found} relative to the given "
+            "boresight. The adjustment uses it as initial value; declare it as boresight_deg if it is "
+            "known."
         )
 
 
 def misalignment(
     given: GivenOrientations, rays: ImagePoints, state: State, points: int, limits: TieLimits
 ) -> Misalignment | None:
-    """The misalignment that explains how far rays miss each other; None if none does, or a slip does as well.
+    """The misalignment that explains how far rays miss each other; None if none does, or a mistake does too.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A mistake of a delivery: what it looks like, what speaks for it, and how it is mended."""
+"""A mistake of a delivery: what it looks like, what speaks for it, and how it is corrected."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ class Mistake:
     what : what it looks like, a sentence.
     evidence : what was measured under each hypothesis, the best first.
     remedy : what to do, a sentence.
-    declare : the line of the project file, ``a.b.c = value`` from its top; empty: the files must be mended.
+    declare : the line of the project file, ``a.b.c = value`` from its top; empty: the files must be
+    corrected.
     """
 
     what: str

@@ -29,7 +29,7 @@ class DeclaredPositions:
     Attributes
     ----------
     reduced : (n,) whether they are declared to be projection centres.
-    free : the parameters that are to be estimated; what is estimated is no mistake.
+    free : the parameters that are to be estimated; what is estimated is not a mistake.
     """
 
     reduced: Bools
@@ -134,7 +134,8 @@ def _fitted_time(delivered: Delivered, misses: TieMisses) -> list[tuple[float, M
             left,
             Mistake(
                 f"The times of the exposures look {1e3 * abs(offset[0]):.0f} ms "
-                f"{'early' if offset[0] > 0.0 else 'late'}: all positions lie off along the flight.",
+                f"{'early' if offset[0] > 0.0 else 'late'}: all positions are displaced along the flight "
+                "direction.",
                 (f"a time offset of {offset[0]:+.3f} s",),
                 "Correct the times of the events, or estimate the offset.",
                 'adjustment.free = [..., "time_offset"]',

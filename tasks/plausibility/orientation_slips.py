@@ -1,6 +1,6 @@
-"""The usual slips of delivered orientations: units, orders and references of angles, turned images.
+"""The common mistakes of delivered orientations: units, orders and references of angles, turned images.
 
-Each is the reading of the input as it would have to be if the slip had been made; whether it explains the
+Each is the reading of the input as it would have to be if the mistake had been made; whether it explains the
 data is judged by the tie points, see `tasks.plausibility.orientations`.
 """
 
@@ -22,7 +22,7 @@ Reading: TypeAlias = tuple[GivenOrientations, ImagePoints, AngleOrder, Floats]
 
 @dataclass(frozen=True)
 class Slip:
-    """One usual slip.
+    """One common mistake.
 
     Attributes
     ----------
@@ -31,7 +31,8 @@ class Slip:
     corrected : the input as it should have been read: orientations, image points, the order of the
         angles, and a turn (3, 3) of the camera to be applied last.
     kind : slips of one kind are different ways to have made the same one; need not be told from each other.
-    declare : key and value of the project file that would mend it, below `inputs`; empty: the file must be.
+    declare : key and value of the project file that would correct it, below `inputs`; empty: the file must
+    be.
     """
 
     looks_like: str
@@ -45,7 +46,7 @@ _SAME = np.eye(3)
 
 
 def usual_slips(given: GivenOrientations) -> list[Slip]:
-    """The usual slips."""
+    """The common mistakes."""
     grid = not bool(given.is_heading.all())
     name = "angles.unit"
     slips = [
@@ -73,7 +74,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
         turn = np.round(rotation.about_z(quarter * np.pi / 2.0))
         slips.append(
             Slip(
-                f"The images look turned by {90 * quarter}° against the given angles",
+                f"The images look rotated by {90 * quarter}° relative to the given angles",
                 "Check which way up the images were measured, κ, and mount_deg if headings are given.",
                 lambda g, r, turn=turn: (g, r, "omega-phi-kappa", turn),  # type: ignore[misc]
                 f"turned by {90 * quarter}°",
@@ -94,7 +95,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
         )
         slips.append(
             Slip(
-                "The angles look as if they were counted from true north",
+                "The angles appear to refer to true north",
                 'Declare angles.reference = "true-north" for the exposures.',
                 lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
                 declare='exposures.angles.reference = "true-north"',
@@ -102,7 +103,7 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
         )
         slips.append(
             Slip(
-                "The angles look as if they were counted from grid north",
+                "The angles appear to refer to grid north",
                 'Declare angles.reference = "grid" for the exposures.',
                 lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
                 declare='exposures.angles.reference = "grid"',
@@ -114,8 +115,8 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
 def _turned_headings(quarter: int) -> Slip:
     """Headings off by quarter turns: unlike a turned camera, roll and pitch stay with the body's axes."""
     return Slip(
-        f"The headings look turned by {90 * quarter}°",
-        "Check what the headings are of: the nose of the aircraft, clockwise from north; and mount_deg.",
+        f"The headings look rotated by {90 * quarter}°",
+        "Check the definition of the headings (nose of the aircraft, clockwise from north) and mount_deg.",
         lambda g, r: (_with_turned_headings(g, quarter), r, "omega-phi-kappa", _SAME),
         f"turned by {90 * quarter}°",
     )
@@ -142,7 +143,7 @@ def _turned_camera(given: GivenOrientations, camera: int, quarter: int) -> list[
         (given.camera == camera)[:, None, None], np.round(rotation.about_z(quarter * np.pi / 2.0)), _SAME
     )
     name = given.mountings.names[camera]
-    looks_like = f"The images of camera {name} look turned by {90 * quarter}° against the given angles"
+    looks_like = f"The images of camera {name} look rotated by {90 * quarter}° relative to the given angles"
     remedy = f"Check which way up its images were measured, their κ or headings, and mount_deg of {name}."
     kind = f"camera {camera} turned by {90 * quarter}°"
     slips = [Slip(looks_like, remedy, lambda g, r: (g, r, "omega-phi-kappa", turn), kind)]

@@ -2,7 +2,7 @@
 
 The rays of tie points are intersected with the orientations as given. With a correct input they
 miss each other by little more than the accuracy of the GNSS/INS; a wrong unit, angle order, matrix
-direction or axis makes them miss by hundreds of pixels. Then the usual slips are tried one after the
+direction or axis makes them miss by hundreds of pixels. Then the common mistakes are tried one after the
 other, and one that explains the data, three times better than any other, is named.
 """
 
@@ -22,7 +22,7 @@ from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.orientation_slips import Slip, usual_slips
 
-# A slip is named when it brings the median residual below the limit and this many times below others.
+# A mistake is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0
 # So many slips that explain it alike are named.
 _MOST_ALIKE = 2
@@ -79,7 +79,7 @@ def check_orientations(
     limits: TieLimits,
     found: RayResiduals,
 ) -> list[str]:
-    """Refuse orientations that contradict the tie points, naming the slip that explains it.
+    """Refuse orientations that contradict the tie points, naming the mistake that explains it.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def check_orientations(
 
     Returns
     -------
-    problems : a slip that explains residuals which are not large enough to refuse anything.
+    problems : a mistake that explains residuals which are not large enough to refuse anything.
 
     Raises
     ------
@@ -189,10 +189,10 @@ def _refusal(
         return InputError(f"{miss} {first.looks_like}: then it is {_px(left_px)}.{also}", remedy)
     return InputError(
         miss,
-        "None of the usual slips (unit, order or reference of the angles, a turned camera, mirrored image "
-        "coordinates) explains it: check the focal length, the positions, and whether the image points "
-        "belong to these exposures. If the camera was never calibrated in this mounting, free the boresight "
-        "(adjustment.free). If GNSS and INS are not as accurate as stated, state their σ.",
+        "None of the common mistakes (unit, order or reference of the angles, a turned camera, mirrored "
+        "image coordinates) explains it: check the focal length, the positions, and whether the image "
+        "points belong to these exposures. If the camera was never calibrated in this mounting, free the "
+        "boresight (adjustment.free). If GNSS and INS are not as accurate as stated, state their σ.",
     )
 
 
@@ -246,7 +246,7 @@ def _check_single_images(
         turned = replace(trusted, local_from_camera=trusted.local_from_camera @ turn)
         if _median_length(own_rays, turned, pixel) < max(limit_px, now / 50.0):
             raise InputError(
-                f"{what} Its κ looks turned by {90 * quarter}°.",
+                f"{what} Its κ looks rotated by {90 * quarter}°.",
                 "Correct κ of this image (or which way up it was measured).",
                 entity=f"image {given.image[image]}",
             )

@@ -1,1 +1,1 @@
-"""The records of production: every run of a story, its state, figures and what is to be told about it."""
+"""The records of production: every run of a story, its state, figures and notices."""

@@ -1,6 +1,6 @@
 """The board of production: every project's latest run, kept up to date with as little reading as possible.
 
-Records are asked for a few columns of the latest runs every time, and for the whole (with its summary) only
+Records are requested a few columns of the latest runs every time, and for the whole (with its summary) only
 where these have changed. Every row carries the number of the change it came with, so that a page in a browser
 is sent what it has not got yet and nothing else.
 """
@@ -27,7 +27,7 @@ class Revision:
 
     Attributes
     ----------
-    board : another one whenever the program begins anew.
+    board : another one whenever the program begins again.
     number : of the change.
     """
 

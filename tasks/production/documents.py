@@ -87,7 +87,7 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
     """
     run = records.run(run_id) if _RUN.fullmatch(run_id) else None
     if run is None:
-        raise NoDocumentError("There is no run of this number.", "Use the links of the production page.")
+        raise NoDocumentError("There is no run with this number.", "Use the links of the production page.")
     if not records.holds_results(run):
         raise NoDocumentError(*_without_results(run))
     manifest = _manifest(run, folders)
@@ -99,13 +99,13 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
     if not _NAME.fullmatch(name) or name not in _names(manifest):
         known = ", ".join(_names(manifest)) or "none"
         raise NoDocumentError(
-            "This run has written no document of this name.", f"Documents of {run.project}: {known}."
+            "This run has not written a document with this name.", f"Documents of {run.project}: {known}."
         )
     digest = next(entry.sha256 for entry in manifest.artifacts.values() if entry.file == name)
     content = _content(run, name, folders)
     if hashlib.sha256(content).hexdigest() != digest:
         raise ChangedDocumentError(
-            f"{name} of {run.project} was changed after the run had written it, and is not shown.",
+            f"{name} of {run.project} was changed after the run and is not shown.",
             "Run the project again: completed stages are reused, and the file is written again.",
         )
     return Document(name, MEDIA_TYPES[Path(name).suffix], content)
@@ -133,7 +133,7 @@ def _content(run: RunRecord, name: str, folders: Sequence[Path]) -> bytes:
     file = Path(run.directory) / name
     if not _lies_under(file, folders):
         raise NoDocumentError(
-            f"{name} of {run.project} is not where it was written.", "Run the project again."
+            f"{name} of {run.project} is no longer where it was written.", "Run the project again."
         )
     try:
         return read_delivered(file.resolve(), "document")

@@ -138,7 +138,7 @@ def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None,
     Parameters
     ----------
     run : id, project, story, state, message and directory.
-    ended : when; a run that is started anew ends another time, and that is told, too.
+    ended : when; a run that is started again ends another time, and that is told, too.
     """
     texts = {name: str(run[name]) for name in ("project", "story", "state", "message", "directory")}
     kind = _KINDS.get(texts["state"])
@@ -171,9 +171,9 @@ def wanted_kinds(text: str) -> frozenset[NoticeKind]:
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name not in kinds:
-            raise InputError(f"There are no notices of '{visible(name)}'.", did_you_mean(name, kinds))
+            raise InputError(f"There are no notices of type '{visible(name)}'.", did_you_mean(name, kinds))
     if not names:
-        raise InputError("--notify-on names nothing.", f"Write some of {', '.join(kinds)}.")
+        raise InputError("--notify-on names nothing.", f"Write one or more of {', '.join(kinds)}.")
     return frozenset(kind for kind in kinds if kind in names)
 
 
@@ -185,7 +185,7 @@ def _gate_lines(gates: Sequence[Mapping[str, JSON]]) -> list[str]:
             sign = ">=" if gate.get("bound") == "min" else "<="
             unit = "" if gate.get("unit") == "1" else f" {gate.get('unit')}"
             lines.append(
-                f"Not kept: {gate.get('name')} = {_figure(gate.get('value'))}{unit}, limit {sign} "
+                f"Not met: {gate.get('name')} = {_figure(gate.get('value'))}{unit}, limit {sign} "
                 f"{_figure(gate.get('limit'))}{unit}"
             )
     return lines

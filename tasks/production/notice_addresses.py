@@ -70,7 +70,7 @@ class NoticeAddress:
         with _heard() as heard:
             receiver = apprise.Apprise.instantiate(self._url)
             if receiver is None:
-                return Sent(False, "the address is not understood")
+                return Sent(False, "the address is not valid")
             receiver.notify_format = apprise.NotifyFormat.TEXT
             if isinstance(receiver, NotifyJSON):
                 receiver.payload_extras["notice"] = notice.payload(links)
@@ -160,12 +160,12 @@ def send_test_message(environment: Mapping[str, str] = os.environ) -> dict[Notic
     Raises
     ------
     InputError
-        If there is no address, or one is not understood.
+        If there is no address, or one is not valid.
     """
     addresses = configured_addresses(environment)
     if not addresses:
         raise InputError("There is no address for notices.", f"Set {ADDRESSES_VARIABLE}.")
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
-    words = f"Notices of aerocal on {socket.gethostname()} arrive here."
+    words = f"This is a test of notices from aerocal on {socket.gethostname()}."
     test = Notice(f"test:{uuid4()}", "success", "", "test", "notify", "Test", words, "", now)
     return {address: address.send(test, Links()) for address in addresses}

@@ -173,7 +173,7 @@ def _said(run: RunRecord) -> tuple[str, ...]:
 
 def _problem(run: RunRecord) -> str | None:
     if run.state == "Running" and run.attempts > 1:
-        return f"Started for the {run.attempts}. time; completed stages are reused."
+        return f"Attempt {run.attempts}; completed stages are reused."
     return next(iter(problems_of(run)), None)
 
 

@@ -1,6 +1,6 @@
-"""The database of production: which run of which project stands where.
+"""The database of production: which run of which project is where.
 
-Prefect's own records may be tidied up, lost or started anew; what was done with a delivery is
+Prefect's own records may be tidied up, lost or started again; what was done with a delivery is
 remembered here.
 A run that is decided is never changed again, except that it may begin again under the same number.
 """
@@ -43,9 +43,9 @@ from tasks.production.variable import RECORDS_VARIABLE
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
 # Any number, the same in every process: makers of the tables wait for each other on it.
 _CREATION_LOCK = 0x6165726F72756E
-#: Numbers of runs that are asked for in one statement.
+#: Numbers of runs that are requested in one statement.
 _BATCH = 500
-# A sweep beside an adjustment replaces none of its files, and the other way round.
+# A sweep next to an adjustment replaces none of its files, and the other way round.
 _IS_SWEEP = RUNS.c.story == SWEEP
 
 
@@ -110,7 +110,7 @@ class Records:
             if known is None:
                 connection.execute(insert(RUNS).values(**values))
                 return
-            # After an end that was to stay, somebody has asked for it anew.
+            # After an end that was to stay, somebody has requested it again.
             asked_anew = known.state in ENDED and known.again_at is None
             values |= {
                 "attempts": 1 if asked_anew else known.attempts,
@@ -120,7 +120,7 @@ class Records:
             _update(connection, run.id, values)
 
     def reschedule(self, run_id: str, message: str) -> None:
-        """Note that a run which had started waits for another beginning that somebody has asked for."""
+        """Note that a run which had started waits for another beginning that somebody has requested."""
         values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         with self.writing() as connection:
             _update(connection, run_id, values)
@@ -311,7 +311,7 @@ class Records:
     def _make_tables(self, connection: Connection) -> None:
         if not self.address.is_file:
             connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
-        # A table that has come since is made beside the others.
+        # A table that has come since is made next to the others.
         METADATA.create_all(connection)
         if connection.execute(select(SCHEMA.c.version)).first() is None:
             connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
@@ -321,9 +321,9 @@ class Records:
         if versions != [SCHEMA_VERSION]:
             found = " and ".join(map(str, versions)) or "none"
             raise InputError(
-                f"The record of runs {self.address} has tables of version {found}; this aerocal knows "
-                f"version {SCHEMA_VERSION}.",
-                "Use the version of aerocal that made it, or name a new database.",
+                f"The record of runs {self.address} has tables of version {found}, but this version of "
+                f"aerocal uses version {SCHEMA_VERSION}.",
+                "Use the version of aerocal that created it, or name a new database.",
             )
 
 

@@ -37,7 +37,7 @@ ENDED: frozenset[str] = frozenset(
 #: or somebody is to blame, and the delivery still waits for its run.
 DECIDED: frozenset[str] = frozenset(("Completed", "GateFailed", "InputError", "NotComputable"))
 
-#: The story that publishes files of its own beside those of the others.
+#: The story that publishes files of its own next to those of the others.
 SWEEP = "scenario-sweep"
 #: Ends after which the output folder holds the results of the run.
 PUBLISHING: tuple[State, ...] = ("Completed", "GateFailed")
@@ -74,7 +74,7 @@ class RunRecord:
     scheduled, begun, ended : UTC; None: not yet.
     delivery : key of the delivery it is for; None: started by hand.
     host, process : where it runs or ran; None: nowhere yet.
-    attempts : how often it was started, or is to be, since somebody or a delivery asked for it.
+    attempts : how often it was started, or is to be, since somebody or a delivery requested it.
     again_at : when it is started again by itself, UTC; None: it is not, or has not ended.
     stages : those that have ended, in the order in which they did.
     failed_stage : the one that could not be done; None: none, or it is not known.

@@ -1,6 +1,6 @@
 """The short text that Prefect's dashboard shows of a run, with links to report and production page.
 
-It fills a gap of Prefect's states, whose messages have no links. Everything else about a run stands on the
+It fills a gap of Prefect's states, whose messages have no links. Everything else about a run is on the
 production page, in one place. The dashboard renders Markdown and lets HTML through, so a name from a delivery
 is written so that whatever has a meaning in either has none.
 """
@@ -21,9 +21,9 @@ REMEDIES: Mapping[str, str] = {
     "file DELIVERED is rewritten. Earlier results were not changed.",
     "NotComputable": "Deliver more observations, or free fewer parameters (the message names them), then run "
     "again. Earlier results were not changed.",
-    "GateFailed": "Read the problems and the report. The results exist; you decide whether they may be used. "
-    "Running again changes nothing, because the same input gives the same result.",
-    "Failed": "The machine or aerocal is at fault, not the delivery: see message and log of the run. "
+    "GateFailed": "Read the problems and the report. The results are available; decide whether they may "
+    "be used. Running again gives the same result.",
+    "Failed": "The cause is the machine or aerocal, not the delivery: see message and log of the run. "
     "Run again when this is corrected; completed stages are reused.",
 }
 _MOST_PROBLEMS = 5

@@ -1,1 +1,1 @@
-"""The registry of calibrations: immutable versioned records, who approved them, and from when they hold."""
+"""The registry of calibrations: immutable versioned records, their approval and their validity."""

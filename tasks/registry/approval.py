@@ -14,7 +14,7 @@ from tasks.registry.history import Event, Validity
 
 @dataclass(frozen=True)
 class Approval:
-    """A calibration that is to be approved, with what the decision stands on.
+    """A calibration that is to be approved, with the basis of the decision.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ def require_approvable(
     Raises
     ------
     InputError
-        If the calibration is no draft, is refused by its own limits, or would begin before another one.
+        If the calibration is not a draft, is refused by its own limits, or would begin before another one.
     """
     if chosen.state != "draft":
         done = chosen.approval
@@ -81,12 +81,12 @@ def require_approvable(
     if validity.end is not None and validity.end < validity.start:
         raise InputError(f"The validity ends on {validity.end}, before it begins.", "Correct --from or --to.")
     if although and is_blank(although):
-        raise InputError("The reason is blank.", "Say it: --although REASON.", entity="--although")
+        raise InputError("The reason is blank.", "State it: --although REASON.", entity="--although")
     if chosen.record.verdict == "refused" and not although:
-        reasons = " ".join(chosen.record.reasons) or "It states no reason."
+        reasons = " ".join(chosen.record.reasons) or "It gives no reason."
         raise InputError(
-            f"{_capital(chosen.label)} was refused by its own calibration: {reasons}",
-            'Fly again; or state why it should be valid nevertheless: --although "REASON".',
+            f"{_capital(chosen.label)} was refused by the acceptance test: {reasons}",
+            'Fly again, or state why it should be approved nevertheless: --although "REASON".',
         )
     for item in _same_mounting(contents, chosen):
         held = item.validity
@@ -94,7 +94,7 @@ def require_approvable(
             raise InputError(
                 f"{_capital(item.label)} of the same camera is approved {held}, which is later than "
                 f"{validity.start}.",
-                f"Begin with --from {held.start} or later to supersede it, or end before it with --to.",
+                f"Use --from {held.start} or later to supersede it, or --to with an earlier end.",
             )
 
 
@@ -116,9 +116,9 @@ def approved_meanwhile(contents: Contents, approval: Approval) -> None:
     event = new[-1]
     other = contents.calibration(str(event.calibration))
     raise InputError(
-        f"Meanwhile {event.person} has approved {other.label}, valid {event.validity} ({event.at}): "
-        f"{approval.chosen.label} was not approved, nothing was changed.",
-        f"Look at it (`aerocal registry show {other.id}`) and approve again if yours should be valid.",
+        f"In the meantime, {event.person} has approved {other.label}, valid {event.validity} ({event.at}): "
+        f"{approval.chosen.label} was not approved and nothing was changed.",
+        f"Look at it (`aerocal registry show {other.id}`) and approve again if yours should be in force.",
     )
 
 

@@ -1,4 +1,4 @@
-"""The calibration that holds for a camera on the day of a flight, or which ones are near and why they do not.
+"""The calibration that applies to a camera on the day of a flight, or similar ones and why they do not.
 
 Everything must be the same: camera (body and lens, or the name where neither is known), product, image, and
 mounting. A number that only one side gives is a difference: a calibration that may be that of another camera
@@ -18,7 +18,7 @@ _SHOWN = 4
 
 
 def chosen_calibration(contents: Contents, camera: CameraBody, flown: date) -> StoredCalibration:
-    """The approved calibration that holds for a camera on a day.
+    """The approved calibration that applies to a camera on a day.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def chosen_calibration(contents: Contents, camera: CameraBody, flown: date) -> S
     raise InputError(
         f"The registry has no approved calibration of {camera.label}, {camera.product}, mounting "
         f"{camera.mounting}, for a flight on {flown}."
-        + (f" Near are: {listed}{more}." if listed else " It has none of such a camera at all."),
+        + (f" Similar: {listed}{more}." if listed else " It contains none for such a camera."),
         "Approve one for this day (`aerocal registry approve`), or correct cameras.NAME.identity or "
         "project.flown.".replace("NAME", camera.name),
         entity=f"cameras.{camera.name}",

@@ -25,7 +25,7 @@ from tasks.registry.identity import CameraBody
 ERROR_PROBABILITY = 0.01
 # Directions of the difference that both calibrations together know so badly do not count.
 _RANK = 1e-12
-#: Parameters that hold for one mounting.
+#: Parameters that apply to one mounting.
 OF_MOUNTING = {name for family in (BORESIGHT, LEVER_ARM) for name in FAMILIES[family].components}
 
 
@@ -38,7 +38,7 @@ class ParameterChange:
     parameter, unit : as in parameters.parquet.
     change : new − old.
     sigma : of the change, from both calibrations.
-    outstanding : whether it is larger than chance explains, in view of how many are looked at.
+    outstanding : whether it is larger than chance explains, in view of how many are checked.
     """
 
     parameter: str
@@ -94,15 +94,15 @@ class Compatibility:
     def sentences(self) -> tuple[str, ...]:
         """The result in words."""
         if not self.changes:
-            nothing = "No parameter of the camera was estimated by both: nothing is compared."
+            nothing = "No parameter of the camera was estimated by both, so nothing was compared."
             return (nothing,)
         said = [self._of_all(), *(f"{_sentence(c)}." for c in self.changes if c.outstanding)]
         if not self.same_mounting:
-            said.append("The mounting is another one, so boresight and lever arm were not compared.")
+            said.append("The mounting is different, so boresight and lever arm were not compared.")
         if self.shared_inputs:
             said.append(
-                f"Both calibrations were made from {self.shared_inputs} common file(s). The test takes them "
-                "to be independent; calibrations of the same flight should differ less than it allows."
+                f"Both calibrations were made from {self.shared_inputs} common file(s). The test assumes "
+                "that they are independent; calibrations of the same flight should differ by less."
             )
         if self.new_only or self.old_only:
             parts = [
@@ -124,8 +124,8 @@ class Compatibility:
         if self.agrees:
             return f"{what} together agree: {figures}."
         return (
-            f"{what} together do not agree: {figures}. The camera has changed, or one of the calibrations is "
-            "worse than its σ say."
+            f"{what} together do not agree: {figures}. The camera has changed, or one of the "
+            "calibrations has σ that are too small."
         )
 
 

@@ -17,7 +17,7 @@ from tasks.registry.identity import CameraBody
 _LEAST_DIGITS = 8
 _PRODUCTS = (":virtual_image", ":camera_head")
 _SHOWN = 3
-_RESTORE = "Restore the registry from a backup; `aerocal registry verify` names everything that does not fit."
+_RESTORE = "Restore the registry from a backup; `aerocal registry verify` lists every inconsistency."
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,9 @@ class StoredCalibration:
         by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
         against = ""
         if verdict == "refused" and approval is not None:
-            against = f"; its own calibration refused it, and it was approved although: {approval.although}"
+            against = (
+                f"; it was refused by the acceptance test and approved with the reason: {approval.although}"
+            )
         elif verdict == "restricted":
             against = f"; accepted with restrictions: {' '.join(self.record.restrictions)}"
         return f"valid {self.validity}{by}{against}"
@@ -120,7 +122,7 @@ class Contents:
         return self.events[-1].digest if self.events else ""
 
     def require_sound(self, calibrations: Iterable[int] = ()) -> None:
-        """Refuse to go on if the history as a whole, or one of these records, was edited.
+        """Refuse to continue if the history as a whole, or one of these records, was edited.
 
         Raises
         ------
@@ -131,7 +133,7 @@ class Contents:
         self._refuse([finding for finding in self.findings if finding.calibration in concerned])
 
     def require_untouched(self) -> None:
-        """Refuse to go on if anything was edited: nothing is written upon what is in doubt.
+        """Refuse to continue if anything was edited: nothing is written upon what is in doubt.
 
         Raises
         ------
@@ -191,8 +193,8 @@ class Contents:
         if len(each) > 1:
             several = "; ".join(f"{item.id}: {item.camera.label}" for item in each.values())
             raise InputError(
-                f"'{text}' fits {len(each)} cameras.",
-                f"Name another of its numbers, or add {' or '.join(_PRODUCTS)}, or name one calibration ("
+                f"'{text}' matches {len(each)} cameras.",
+                f"Use another serial number, or add {' or '.join(_PRODUCTS)}, or name one calibration ("
                 f"{several}).",
             )
         return found

@@ -96,7 +96,7 @@ class Database:
                     yield connection
             except IntegrityError as error:
                 raise InputError(
-                    "Another program has written into the registry at the same time, and not by aerocal: "
+                    "Another program has written to the registry at the same time without using aerocal: "
                     f"{str(error.orig).splitlines()[0]}",
                     "Nothing was changed. Run `aerocal registry verify`, then try again.",
                 ) from error
@@ -111,7 +111,7 @@ class Database:
             return
         if self.address.is_file and tables.get_table_names():
             raise InputError(
-                "This database belongs to another program: it has tables, but none of a registry.",
+                "This database belongs to another program: it has tables, but not those of a registry.",
                 "Name a new file.",
                 file=self.address.file,
             )
@@ -124,9 +124,9 @@ class Database:
         if versions != [SCHEMA_VERSION]:
             found = " and ".join(map(str, versions)) or "none"
             raise InputError(
-                f"The registry {self.address} has tables of version {found}; this version of aerocal knows "
-                f"version {SCHEMA_VERSION}.",
-                "Use the version of aerocal that made it, or export its records and add them to a new "
+                f"The registry {self.address} has tables of version {found}, but this version of aerocal "
+                f"uses version {SCHEMA_VERSION}.",
+                "Use the version of aerocal that created it, or export its records and add them to a new "
                 "registry.",
             )
 

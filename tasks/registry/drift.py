@@ -147,8 +147,8 @@ def drifts_of(items: Sequence[StoredCalibration], limits: DriftLimits) -> tuple[
     Parameters
     ----------
     items : calibrations of one camera, oldest first (`by_day`). Those whose own calibration has refused them
-        take part only if they were approved. At an approval with a reason (``--although``) of a calibration
-        that nothing else spoke against, the comparison begins anew: that change is known.
+        are used only if they were approved. At an approval with a reason (``--although``) of a calibration
+        that nothing else spoke against, the comparison begins again: that change is known.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """The history of a registry: what was added, approved and superseded, each event sealed by a digest.
 
 All events of a registry form one chain. The digest of an event covers its own values, the digest of the
-record it speaks of, and the digest of the event before it. A value that was changed, an event that was taken
+record it refers to, and the digest of the event before it. A value that was changed, an event that was taken
 out, put in or moved therefore shows, at that event or at the next one. Somebody who recomputes the whole
 chain does not show in the registry itself, but against a digest that was noted elsewhere.
 """
@@ -17,7 +17,7 @@ from tasks.files.json_text import JSON, json_text
 
 State: TypeAlias = Literal["draft", "approved", "superseded"]
 
-#: What stands before the first event.
+#: What is before the first event.
 BEGINNING = "0" * 64
 #: The states a record can have before each state; None: no event yet.
 PREDECESSORS: dict[str, tuple[str | None, ...]] = {

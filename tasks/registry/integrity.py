@@ -49,7 +49,7 @@ def contents_of(rows: Rows) -> Contents:
     for missing, own in by_record.items():
         if missing not in known:
             sentence = (
-                f"Calibration {missing} is missing; event {own[0].sequence} of the history speaks of it "
+                f"Calibration {missing} is missing; event {own[0].sequence} of the history refers to it "
                 f"(digest {_short(own[0].record_digest)})."
             )
             findings.append(Finding(sentence))
@@ -84,8 +84,8 @@ def _chain_findings(events: Sequence[Event]) -> Iterator[Finding]:
     for event in events:
         if event.digest != event.expected_digest:
             yield Finding(
-                f"Event {event.sequence} ({event.state}, calibration {event.calibration}): its values do not "
-                "give its digest; one of them was changed.",
+                f"Event {event.sequence} ({event.state}, calibration {event.calibration}): its values do "
+                "not match its digest; one of them was changed.",
                 event.calibration,
             )
     first = [Event(0, 0, "", "", None, None, None, "", "", "", "", "", BEGINNING)]
@@ -107,17 +107,17 @@ def _head_findings(rows: Rows, by_record: Mapping[Any, Sequence[Event]]) -> Iter
     head, count = rows.head[0], len(rows.events)
     if head["events"] != count:
         yield Finding(
-            f"The registry has counted {head['events']} events and there are {count}: some were removed or "
+            f"The registry has counted {head['events']} events, but there are {count}: some were removed or "
             "inserted."
         )
     elif head["digest"] != (rows.events[-1]["digest"] if count else BEGINNING):
-        yield Finding("The last event is not the one the registry has written last.")
+        yield Finding("The last event is not the one written last by the registry.")
     # A record without a history is named by itself.
     known = sum(row["id"] in by_record for row in rows.calibrations)
     if head["calibrations"] != known:
         yield Finding(
-            f"The registry has counted {head['calibrations']} calibrations with a history, and there "
-            f"are {known}."
+            f"The registry has counted {head['calibrations']} calibrations with a history, but there are "
+            f"{known}."
         )
 
 
@@ -132,8 +132,8 @@ def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterato
     expected = events[0].record_digest
     if digest != expected:
         yield Finding(
-            f"{name}: its content has the digest {_short(digest)}, the history says {_short(expected)}; the "
-            "content was changed.",
+            f"{name}: its content has the digest {_short(digest)}, but the history says "
+            f"{_short(expected)}; the content was changed.",
             number,
         )
         return
@@ -141,7 +141,9 @@ def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterato
         camera = CameraBody.of_record(SealedRecord(content).record.camera)
         record = SealedRecord(content).record
     except ValidationError:
-        yield Finding(f"{name}: its content is no calibration this aerocal can read.", number)
+        yield Finding(
+            f"{name}: its content is not a calibration that this version of aerocal can read.", number
+        )
         return
     flown = record.flight.flown
     columns = {
@@ -154,9 +156,9 @@ def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterato
     }
     for column, value in columns.items():
         if row[column] != value:
-            yield Finding(f"{name}: {column} says '{row[column]}', its content says '{value}'.", number)
+            yield Finding(f"{name}: {column} is '{row[column]}', but its content says '{value}'.", number)
     if any(event.record_digest != digest for event in events):
-        yield Finding(f"{name}: an event of its history speaks of another content.", number)
+        yield Finding(f"{name}: an event of its history refers to different content.", number)
 
 
 def _state_findings(number: int, events: Sequence[Event]) -> Iterator[Finding]:
@@ -166,7 +168,7 @@ def _state_findings(number: int, events: Sequence[Event]) -> Iterator[Finding]:
         if before not in PREDECESSORS.get(event.state, ()):
             yield Finding(
                 f"Calibration {number}: its history goes from {before or 'nothing'} to {event.state} (event "
-                f"{event.sequence}); something between was removed.",
+                f"{event.sequence}); an event in between was removed.",
                 number,
             )
             return

@@ -26,7 +26,7 @@ from tasks.plain_text import trouble_in_tables
 from tasks.registry.history import BEGINNING
 from tasks.results.manifest import MANIFEST, read_manifest
 
-_REMEDY = "Name the folder of results that `aerocal image-quality` left."
+_REMEDY = "Name the results folder of `aerocal image-quality`."
 #: Change in its standard deviations beyond which a quantity has drifted.
 LIMIT = 3.29
 
@@ -90,7 +90,7 @@ def read_radiometric(place: Path) -> str | None:
         content = json_text(record)
         RadiometricRecord.model_validate_json(content)
     except (ValueError, KeyError, RecursionError, ValidationError) as error:
-        raise InputError("This is no radiometric certificate.", _REMEDY, file=file) from error
+        raise InputError("This is not a radiometric certificate.", _REMEDY, file=file) from error
     found = trouble_in_tables(record)
     if found is not None:
         raise InputError(found[1], _REMEDY, file=file)
@@ -110,7 +110,7 @@ def _require_published(file: Path, sha256: str) -> None:
         entry = next((item for item in manifest.artifacts.values() if item.file == file.name), None)
     if entry is None or entry.sha256 != sha256:
         raise InputError(
-            f"This is not the file that was published: {MANIFEST} beside it says otherwise.",
+            f"This is not the file that was published: it does not agree with {MANIFEST}.",
             _REMEDY,
             file=file,
         )
@@ -122,13 +122,16 @@ def findings(rows: Sequence[RadiometricResult], head: Mapping[str, Any] | None) 
     for place, row in enumerate(rows, start=1):
         name = f"Radiometric result {row.id}"
         if row.seal != row.expected_seal:
-            yield f"{name}: its values do not give its seal; one of them was changed."
+            yield f"{name}: its values do not match its seal; one of them was changed."
         if row.id != place or row.previous != before:
-            yield f"{name}: the results do not continue there; one was changed, removed, inserted or moved."
+            yield (
+                f"{name}: the sequence of results is broken here; one was changed, removed, inserted "
+                "or moved."
+            )
         before = row.seal
     counted, seal = (0, BEGINNING) if head is None else (head["results"], head["seal"])
     if counted != len(rows) or seal != before:
-        yield f"The registry has counted {counted} radiometric results, and there are {len(rows)}."
+        yield f"The registry has counted {counted} radiometric results, but there are {len(rows)}."
 
 
 @dataclass(frozen=True)

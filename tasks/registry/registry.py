@@ -109,7 +109,7 @@ class Registry:
             there = next((i for i in contents.calibrations if i.sealed.digest == sealed.digest), None)
             if there is not None:
                 raise InputError(
-                    f"This calibration is in the registry already: it is {there.label}, added by "
+                    f"This calibration is already in the registry: it is {there.label}, added by "
                     f"{there.events[0].person} on {there.events[0].at[:10]}.",
                     f"`aerocal registry show {there.id}` shows it.",
                 )

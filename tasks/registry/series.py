@@ -42,7 +42,7 @@ class SeriesPoint:
 
     @property
     def day(self) -> date:
-        """Where it stands in a series: the day of the flight, else that on which it was added."""
+        """Where it is in a series: the day of the flight, else that on which it was added."""
         return self.flown if self.flown is not None else self.added
 
 

@@ -3,8 +3,8 @@
 Rows are written once and never changed; only the one row of ``registry_head`` moves on. Dates and times are
 text (ISO 8601), so that they are the same characters in every database and in the digests over them.
 
-The truth is ``calibrations.content``, the JSON of a record; parameters and covariances stand in tables of
-their own beside it so that they can be queried with SQL.
+The truth is ``calibrations.content``, the JSON of a record; parameters and covariances are in tables of
+their own next to it so that they can be queried with SQL.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""What vouches for a calibration.json: manifest and certificate beside it, or the code on its certificate.
+"""What vouches for a calibration.json: manifest and certificate next to it, or the code on its certificate.
 
 A record can be recomputed from the deliveries only. What is taken into a registry is therefore held against
 what was written together with it: the digest of the file in manifest.json, and the verification code in
-certificate.json. A file that comes alone has nothing beside it; then the code of its certificate, on paper or
-by another way than the file, must be named. Whoever can write file, manifest and certificate can forge all
-three: only `aerocal calibrate` from the deliveries, or the certificate that was signed, shows that.
+certificate.json. A file that comes alone has nothing next to it; then the code of its certificate, on
+paper or by another way than the file, must be named. Whoever can write file, manifest and certificate can
+forge all three: only `aerocal calibrate` from the deliveries, or the certificate that was signed, shows that.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from tasks.results.manifest import MANIFEST, read_manifest
 
 # As the certificate prints it in the head of every page.
 _LEAST_DIGITS = 16
-_EDITED = "Take the folder as `aerocal calibrate` left it, or calibrate again."
+_EDITED = "Use the unchanged folder written by `aerocal calibrate`, or calibrate again."
 
 
 def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) -> None:
-    """Refuse a record that is not the one its manifest, its certificate or a named code speaks of.
+    """Refuse a record that is not the one its manifest, its certificate or a named code refers to.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) 
     Raises
     ------
     InputError
-        If one of them speaks of another record, or nothing vouches for this one.
+        If one of them refers to another record, or nothing vouches for this one.
     """
     named = [code.lower().replace("-", "").rstrip("…") for code in codes]
     for code, spelt in zip(named, codes, strict=True):
@@ -47,21 +47,21 @@ def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) 
             )
     if named and not any(digest.startswith(code) for code in named):
         raise InputError(
-            f"The verification code of this calibration is {digest[:_LEAST_DIGITS]}…, and none that was "
-            "named: it is another one, or was changed after its certificate was made.",
-            "Compare the code with the certificate; ask for the file again.",
+            f"The verification code of this calibration is {digest[:_LEAST_DIGITS]}…, not one of those "
+            "given: it is a different calibration, or was changed after its certificate was written.",
+            "Compare the code with the certificate, or request the file again.",
             file=file,
         )
     if not _published(file, sha256, digest) and not named:
         raise InputError(
-            "This calibration lies in no folder of results: nothing shows that it is what was calibrated.",
+            "This calibration is not in a results folder, so its origin cannot be verified.",
             "Name the folder with manifest.json, or give the verification code of its certificate: --code.",
             file=file,
         )
 
 
 def _published(file: Path, sha256: str, digest: str) -> bool:
-    """Whether a manifest beside a file speaks of it; whatever it says must fit."""
+    """Whether a manifest next to a file refers to it; whatever it says must fit."""
     manifest = read_manifest(file.parent)
     entry = None
     if manifest is not None:
@@ -79,7 +79,7 @@ def _published(file: Path, sha256: str, digest: str) -> bool:
     code = _code(certificate) if certificate.exists() else digest
     if code != digest:
         raise InputError(
-            f"The certificate beside it has the verification code {code[:_LEAST_DIGITS]}…, and this is "
+            f"The certificate next to it has the verification code {code[:_LEAST_DIGITS]}…, but this has "
             f"{digest[:_LEAST_DIGITS]}….",
             _EDITED,
             file=file,
@@ -91,5 +91,5 @@ def _code(certificate: Path) -> str:
     try:
         content = from_json(read_delivered(certificate.resolve(), "document"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"This is no certificate ({error}).", _EDITED, file=certificate) from error
+        raise InputError(f"This is not a certificate ({error}).", _EDITED, file=certificate) from error
     return str(content.get("code")) if isinstance(content, dict) else ""

@@ -58,7 +58,7 @@ class RegistryWatch:
     ----------
     today : the day.
     cameras : every camera with every mounting.
-    series : every parameter of the cameras that are looked at.
+    series : every parameter of the cameras that are checked.
     """
 
     today: date
@@ -75,7 +75,7 @@ class RegistryWatch:
         """Why, camera by camera; if none is due, a sentence that says so."""
         said = tuple(sentence for one in self.due for sentence in one.sentences)
         count = len({one.camera_key for one in self.cameras})
-        return said or (f"No calibration is due: {count} camera{'s' * (count != 1)} looked at.",)
+        return said or (f"No calibration is due: {count} camera{'s' * (count != 1)} checked.",)
 
 
 def watch_of(contents: Contents, today: date, limits: DueLimits) -> RegistryWatch:

@@ -38,10 +38,10 @@ def lost_state(address: DatabaseAddress, events: Sequence[Event]) -> tuple[Findi
         return ()
     return (
         Finding(
-            f"The history has {len(events)} events and not the state {str(seen['state'])[:12]}…, the last of "
-            f"{seen['events']} that this user saw on {str(seen['at'])[:10]}: events were removed or "
-            "rewritten, or an older backup was restored. If that was meant, delete "
-            f"{witness_file(address)}."
+            f"The history has {len(events)} events and does not contain the state "
+            f"{str(seen['state'])[:12]}…, the last of {seen['events']} that this user saw on "
+            f"{str(seen['at'])[:10]}: events were removed or rewritten, or an older backup was restored. "
+            f"If that was intended, delete {witness_file(address)}."
         ),
     )
 

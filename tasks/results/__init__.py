@@ -1,1 +1,1 @@
-"""What a run leaves in its results folder: summary, gates, manifest, and what is kept."""
+"""Contents of the results folder of a run: summary, gates, manifest, and their retention."""

@@ -19,5 +19,5 @@ class Figure(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
     def to_json(self) -> Mapping[str, JSON]:
-        """As it stands in notes and summary.json."""
+        """As it is in notes and summary.json."""
         return cast(Mapping[str, JSON], self.model_dump(mode="json"))

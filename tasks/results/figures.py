@@ -114,7 +114,7 @@ class GridStepFigure(Figure):
 
 
 class CrossStepFigure(Figure):
-    """The RMS of the mean residuals of images that took no part in their correction, µm."""
+    """The RMS of the mean residuals of images that were not used in their correction, µm."""
 
     number: int
     mean_rms_um: float
@@ -186,7 +186,7 @@ class StripScatter(Figure):
 
 
 class RestoredGroup(Figure):
-    """A group with what had been rejected, and its σ0 beside all findings."""
+    """A group with what had been rejected, and its σ0 in addition to all findings."""
 
     group: str
     sigma0: float
@@ -207,7 +207,7 @@ class ComponentFigure(Figure):
 
 
 class VarianceFigures(Figure):
-    """Variance components, and how often the observations were weighted anew."""
+    """Variance components, and how often the observations were weighted again."""
 
     rounds: int
     confidence: float

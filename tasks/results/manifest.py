@@ -133,7 +133,7 @@ def read_manifest(directory: Path) -> Manifest | None:
 
 
 def _name(artifact: Artifact, published: Sequence[Artifact]) -> str:
-    """Its stem; the name of the file for a page beside a table of the same stem."""
+    """Its stem; the name of the file for a page next to a table of the same stem."""
     alone = sum(other.name == artifact.name for other in published) == 1
     return artifact.name if alone or artifact.path.suffix == ".parquet" else artifact.path.name
 

@@ -51,7 +51,7 @@ PUBLISHED = (
     "y_parallaxes",
     "stereo_models",
 )
-#: What a direct-georeferencing check without an adjustment publishes, beside what an adjustment left there.
+#: What a direct-georeferencing check without an adjustment publishes, next to what an adjustment left there.
 OF_CHECKS = (
     "images",
     "cameras",
@@ -128,7 +128,7 @@ def publish(
 
     Returns
     -------
-    summary : what stands in summary.json.
+    summary : what is in summary.json.
     """
     notes = [read_notes(outputs["notes"]) for outputs in stages if "notes" in outputs]
     summary = summary_of(notes, project.gates, timings_s(read_records(store.folder)))

@@ -70,14 +70,12 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
             continue
         if not _belongs_to_run(name, figures):
             part = "direct-georeferencing check" if name in _DIRECT_FIGURES else "adjustment"
-            sentences.append(f"The gate {name} is not tested: this run made no {part}.")
+            sentences.append(f"The gate {name} is not tested: this run contains no {part}.")
             continue
         tested = tuple(_results(name, gate, _figure(name, figures)))
         results += tested
         if any(result.value is None for result in tested):
-            sentences.append(
-                f"The gate {name} counts as failed: this run has no such figure that could be tested."
-            )
+            sentences.append(f"The gate {name} counts as failed: this run has no such figure to test.")
     return (*results, *_of_calibration(figures)), tuple(sentences)
 
 

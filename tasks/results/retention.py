@@ -144,7 +144,7 @@ def _with_lock(
     try:
         with run_lock_if_free(directory, roots) as held:
             if not held:
-                return CleanUp(directory, refusal="A run is writing into it: nothing is removed.")
+                return CleanUp(directory, refusal="A run is writing to it: nothing is removed.")
             return carry_out(_inspected(directory, unused_since))
     except AerocalError as error:
         return CleanUp(directory, refusal=str(error))

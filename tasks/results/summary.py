@@ -52,7 +52,7 @@ class ParameterFigure(BaseModel):
 
 
 class CheckPointTest(BaseModel):
-    """RMS and mean at check points beside what their σ let expect; east, north, up, null without a point.
+    """RMS and mean at check points next to what their σ let expect; east, north, up, null without a point.
 
     ``ratio`` is the found over the predicted RMS, ``over_limit`` the largest figure over its upper limit.
     """
@@ -108,7 +108,7 @@ class DirectGeoreferencing(BaseModel):
 class DeliveryFigure(BaseModel):
     """A delivery of the project: its folder below that of the results, and its largest misfit.
 
-    ``misfit_px`` is null where it could not be made for another reason, which stands in ``problems``.
+    ``misfit_px`` is null where it could not be made for another reason, which is in ``problems``.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")

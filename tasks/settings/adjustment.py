@@ -58,7 +58,7 @@ class Rejection(Settings):
             return {"critical_value": None}
         if isinstance(value, dict | Rejection):
             return value
-        raise trouble("The rejection is not understood.", 'Write "none" or { critical_value = 4.13 }.')
+        raise trouble("The value of rejection is not valid.", 'Write "none" or { critical_value = 4.13 }.')
 
 
 class Priors(Settings):
@@ -152,8 +152,7 @@ class AdjustmentSettings(Settings):
     sigma0: Literal["a_posteriori", "a_priori"] = Field(
         default="a_posteriori",
         description="The σ0 that scales the standard deviations: `a_posteriori` (from the residuals) or "
-        "`a_priori` (1: "
-        "the stated σ of the observations are trusted).",
+        "`a_priori` (1: the stated σ of the observations are taken as known).",
     )
     variance_components: bool = Field(
         default=False,

@@ -28,7 +28,7 @@ from tasks.plain_text import quoted, visible
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
-#: The variable of the public test data; ``--data DIR`` stands in for it when it is not set.
+#: The variable of the public test data; ``--data DIR`` replaces it when it is not set.
 DATA_VARIABLE = "AEROCAL_TEST_DATA"
 _SHOWN = 500
 
@@ -47,7 +47,7 @@ class Settings(BaseModel):
         # In Python true is 1, so a version, an angle or a count could be true.
         kind = cls.model_fields[str(info.field_name)].annotation
         if isinstance(value, bool) and not _may_be_truth(kind):
-            raise trouble(f"The value {str(value).lower()} cannot stand here.", "Give a number or a text.")
+            raise trouble(f"The value {str(value).lower()} is not allowed here.", "Give a number or a text.")
         return value
 
     def key_content(self) -> JSON:
@@ -83,7 +83,7 @@ def _key_content(value: object) -> JSON:
         return value.isoformat()
     if value is None or isinstance(value, str | int | float | bool):
         return value
-    raise TypeError(f"{type(value).__name__} cannot stand in settings: it has no content for a key")
+    raise TypeError(f"{type(value).__name__} cannot be used in settings: it has no content for a key")
 
 
 def _paths_in(values: Iterable[object]) -> Iterator[Path]:
@@ -147,13 +147,13 @@ class PathContext:
         allowed = [candidate for candidate in candidates if self._may_be_read(candidate)]
         if not allowed:
             raise trouble(
-                f"The file {candidates[0]} does not lie under a folder this deployment may read.",
-                "Put it under one of: " + ", ".join(map(str, self.roots)) + ".",
+                f"The file {candidates[0]} is not in a folder that this deployment may read.",
+                "Move it to one of: " + ", ".join(map(str, self.roots)) + ".",
             )
         found = next((candidate for candidate in allowed if is_there(candidate)), None)
         if found is None:
             places = " nor ".join(visible(str(candidate), _SHOWN) for candidate in candidates)
-            raise trouble(f"There is no file {places}.", "Correct the path, or put the file there.")
+            raise trouble(f"There is no file {places}.", "Correct the path, or copy the file there.")
         wrong = trouble_of(found.resolve())
         if wrong is not None:
             raise trouble(f"{wrong.file}: {wrong.what}", wrong.remedy)
@@ -216,7 +216,7 @@ def one_of(known: Collection[str] | Callable[[], Collection[str]], kind: str) ->
             if isinstance(names, Extended):
                 names[name]
         except ExtensionError as error:
-            raise trouble(str(error), "Mend that package, or use something else.") from error
+            raise trouble(str(error), "Repair that package, or use another one.") from error
         return name
 
     return check

@@ -72,9 +72,9 @@ class AcceptanceLimits(Settings):
 class MountingSettings(Settings):
     """Test for strips flown with another mounting; they are reported and excluded from the means.
 
-    Flights differ if they do so significantly and by more than `calibration.limits` allows σ to be
-    (boresight, lever arm); strips of one flight if by more than errors of GNSS and INS make strips differ, of
-    which the σ of attitudes and `adjustment.priors.gnss_strip_bias_m` are stated.
+    Flights differ if the difference is significant and larger than the σ allowed by `calibration.limits`
+    (boresight, lever arm); strips of one flight if it exceeds the differences caused by errors of GNSS and
+    INS, of which the σ of attitudes and `adjustment.priors.gnss_strip_bias_m` are stated.
     """
 
     error_probability: Annotated[Real, Field(gt=0.0, lt=0.5)] = Field(
@@ -124,14 +124,14 @@ class CalibrationSettings(Settings):
     )
     two_step: bool = Field(
         default=True,
-        description="Whether, in addition to the one-step calibration, the block is adjusted on "
-        "control alone and the differences to GNSS and INS are averaged (two-step "
+        description="Whether, in addition to the one-step calibration, the block is adjusted with "
+        "control points only and the differences to GNSS and INS are averaged (two-step "
         "calibration).",
     )
     adjusted: ExposuresInput | None = Field(
         default=None,
         description="Orientations of another program's adjustment for the second step, instead of an "
-        "adjustment on control alone; same keys as `[inputs.exposures]`.",
+        "adjustment with control points only; same keys as `[inputs.exposures]`.",
     )
     mounting: MountingSettings = Field(
         default_factory=MountingSettings, description="Test whether strips have another mounting."

@@ -86,24 +86,25 @@ class CalibrationCovariance:
 
 
 class HeadSettings(Settings):
-    """How a head of a rig sits beside the reference head of the same body."""
+    """Position and rotation of a head of a rig relative to the reference head."""
 
     reference: str = Field(description="Name of the camera that is the reference head.")
     rotation_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Rotation against the reference head, roll, pitch, yaw about the body axes, degrees: "
+        description="Rotation relative to the reference head, roll, pitch, yaw about the body axes, degrees: "
         "mounting = R_z(yaw) R_y(pitch) R_x(roll) T with the `mount_deg` of both cameras. `[45, 0, 0]` looks "
         "to the left, `[0, 45, 0]` ahead. The initial value if it is estimated, otherwise fixed.",
     )
     position_m: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Projection centre against that of the reference head, body axes (forward, right, down), "
-        "m: likewise.",
+        description="Projection centre relative to that of the reference head, body axes (forward, "
+        "right, down), m: likewise.",
     )
     synchronisation_offset_s: Finite = Field(
         default=0.0,
-        description="How much later than the moment of its event the head is exposed, s (the reference head "
-        "at this moment): likewise. Its pose is then that of the body so much later, by velocity and rates.",
+        description="Delay of the exposure of the head relative to the time of the event, s (the "
+        "reference head is exposed at this time): likewise. Its position and rotation then "
+        "follow from velocity and rates of the body.",
     )
 
 
@@ -120,7 +121,7 @@ def _refuse_beside_certificate(camera: CameraInput, given: list[str]) -> None:
     if also or camera.calibration == REGISTRY:
         raise trouble(
             f"The camera has a head_certificate and also {', '.join(also) or 'a registered calibration'}.",
-            "Keep one of the two, so that they cannot differ.",
+            "Keep only one of the two, so that they cannot differ.",
         )
     if camera.identity.product != "camera_head":
         raise trouble(
@@ -211,9 +212,10 @@ class CameraInput(Settings):
 
     head: HeadSettings | None = Field(
         default=None,
-        description="Of a head of a rig that is not the reference head: how it sits beside it. Its lever "
-        "arm and boresight follow from those of the reference head. Images of the heads of a rig that were "
-        "exposed in one flight within 1 ms belong to one event, which GNSS and INS observe once.",
+        description="For a head of a rig that is not the reference head: its position and rotation "
+        "relative to the reference head. Its lever arm and boresight follow from those of "
+        "the reference head. Images of the heads of a rig that were exposed in one flight "
+        "within 1 ms belong to one event, which GNSS and INS observe once.",
     )
 
     calibration: Annotated[str, AfterValidator(one_of(lambda: CALIBRATIONS, "calibration of a camera"))] = (
@@ -266,7 +268,7 @@ class CameraInput(Settings):
         if self.file is not None and given:
             raise trouble(
                 f"The camera has a file and also {', '.join(given)}.",
-                "Keep one of the two, so that they cannot differ.",
+                "Keep only one of the two, so that they cannot differ.",
             )
         if self.file is not None and self.format is None:
             raise trouble("The format of the camera file is missing.", 'Add it, e.g. format = "ign-xml".')
@@ -276,22 +278,22 @@ class CameraInput(Settings):
                 'Leave it out, or declare format = "csv" and the file.',
             )
         if self.file is None and self.name_in_file is not None:
-            raise trouble("name_in_file is of a camera `file`, and there is none.", "Leave it out.")
+            raise trouble("name_in_file refers to a camera `file`, but there is none.", "Leave it out.")
         if not self.states_covariance and "calibration_use" in self.model_fields_set:
             raise trouble(
-                "calibration_use says what becomes of the covariance of a calibration of the registry, and "
-                "the values of this camera are given here.",
+                "calibration_use applies to a calibration from the registry, but the values of this "
+                "camera are given here.",
                 'Add calibration = "registry", or leave calibration_use out.',
             )
         if self.head is not None and self.calibration == REGISTRY:
             raise trouble(
-                "The registry does not keep the relative rotations of the heads of a rig.",
-                'Take calibration = "registry" out, and give rotation_deg and position_m of the head.',
+                "The registry does not store the relative rotations of the heads of a rig.",
+                'Remove calibration = "registry", and give rotation_deg and position_m of the head.',
             )
         twice = {"lever_arm_m", "boresight_deg"} & self.model_fields_set
         if self.head is not None and twice:
             raise trouble(
-                f"The camera is a head of a rig and has {' and '.join(sorted(twice))}, too.",
+                f"The camera is a head of a rig and also has {' and '.join(sorted(twice))}.",
                 "Leave them out: they follow from those of the reference head, rotation_deg and position_m.",
             )
         if self.head_certificate is not None:

@@ -64,7 +64,7 @@ class CertificateSettings(Settings):
         if len(set(self.numbers.values())) != len(self.numbers):
             raise trouble(
                 "Two certificates have the same number.",
-                "Give every camera a number of its own in `numbers`.",
+                "Give every camera a different number in `numbers`.",
             )
         return self
 

@@ -15,13 +15,19 @@ from tasks.settings.base import InputPath, Settings, trouble
 
 def _of_a_size(value: float) -> float:
     if abs(value) > LARGEST:
-        raise trouble(f"The value {value:g} is more than {LARGEST:g}, as no quantity is.", "Correct it.")
+        raise trouble(
+            f"The value {value:g} is more than {LARGEST:g}, which is impossible for a quantity.",
+            "Correct it.",
+        )
     return value
 
 
 def _zero_or_of_a_size(value: float) -> float:
     if 0.0 < value < SMALLEST:
-        raise trouble(f"The value {value:g} is less than {SMALLEST:g}, as no quantity is.", "Correct it.")
+        raise trouble(
+            f"The value {value:g} is less than {SMALLEST:g}, which is impossible for a quantity.",
+            "Correct it.",
+        )
     return _of_a_size(value)
 
 
@@ -72,9 +78,7 @@ class Heights(Settings):
             return {}
         if isinstance(value, Heights) or (isinstance(value, dict) and set(value) - {"linear_alteration"}):
             return value
-        raise trouble(
-            "The height system is not understood.", 'Write "ellipsoidal" or { geoid = "FILE.tif" }.'
-        )
+        raise trouble("The height system is not valid.", 'Write "ellipsoidal" or { geoid = "FILE.tif" }.')
 
 
 class PlacedSettings(Settings):

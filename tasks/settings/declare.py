@@ -46,8 +46,8 @@ def refuse_open_values(content: Mapping[str, object], text: str, path: Path) -> 
     more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
     what = "1 value is" if len(found) == 1 else f"{len(found)} values are"
     raise InputError(
-        f"{what} still to be declared, and nothing of this is guessed: {named}{more}.",
-        f"Replace each text that begins with {DECLARE}; it says what is asked.",
+        f"{what} still to be declared; aerocal never guesses them: {named}{more}.",
+        f"Replace each text that begins with {DECLARE}; it states what is required.",
         file=path,
         line=lines[0][1],
     )

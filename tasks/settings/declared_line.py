@@ -33,7 +33,7 @@ class InputTable:
 
     @property
     def name(self) -> str:
-        """As it stands in front of its keys, ``inputs.control`` or ``inputs.control.1``."""
+        """As it is in front of its keys, ``inputs.control`` or ``inputs.control.1``."""
         return f"inputs.{self.kind}{f'.{self.number}' if self.several else ''}"
 
     def without(self, project: Project) -> Project | None:

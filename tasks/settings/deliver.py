@@ -97,8 +97,8 @@ class DeliverSettings(Settings):
     )
     world: World | None = Field(
         default=None,
-        description="How the program that reads it [understands the world](export.md#what-a-program-can-be-"
-        "given); default: the usual kind of the format.",
+        description="How the receiving program [treats coordinates](export.md#what-a-program-can-be-"
+        "given); default: that of the format.",
     )
     angles: AngleOrder = Field(default="omega-phi-kappa", description="Order of the angles (`eo-csv`).")
     unit: AngleUnit = Field(default="deg", description="Unit of the angles (`eo-csv`).")
@@ -128,12 +128,12 @@ class DeliverSettings(Settings):
         """
         if crs == LOCAL and OFFERS[self.format].placed:
             return (
-                f"The format {self.format} needs a place on the earth, and the project is local.",
+                f"The format {self.format} requires a location on the earth, but the project is local.",
                 'Give the project a CRS, or deliver another format, e.g. format = "blocks-exchange".',
             )
         if OFFERS[self.format].dated and not flown:
             return (
                 f"The format {self.format} needs the date of the flight, which the project does not state.",
-                "Write it into the project file, e.g. flown = 2026-05-24 in [project].",
+                "Declare it in the project file, e.g. flown = 2026-05-24 in [project].",
             )
         return None

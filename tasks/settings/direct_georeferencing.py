@@ -79,7 +79,7 @@ class CalibrationInput(Settings):
             return {name: files[name] for name in (*_TABLES, *(_OF_FLIGHT if of_flight else ()))}
         if isinstance(value, dict | CalibrationInput):
             return value
-        raise trouble("The calibration is not understood.", _WRITE)
+        raise trouble("The calibration is not valid.", _WRITE)
 
     @model_validator(mode="after")
     def _complete(self) -> CalibrationInput:
@@ -88,7 +88,7 @@ class CalibrationInput(Settings):
         of_flight = [name for name in _OF_FLIGHT if getattr(self, name) is not None]
         partly = len(given) % len(_TABLES) or len(of_flight) % len(_OF_FLIGHT) or (of_flight and not given)
         if ways > 1 or partly:
-            raise trouble("The calibration is named by some of its files only, or twice.", _WRITE)
+            raise trouble("The calibration is specified by only some of its files, or twice.", _WRITE)
         return self
 
     @property

@@ -24,7 +24,9 @@ EARLIER = "manifest.json"
 class EarlierResults(Settings):
     """Results of an earlier date."""
 
-    manifest: InputPath | None = Field(default=None, description="Their manifest, which has all digests.")
+    manifest: InputPath | None = Field(
+        default=None, description="Their manifest, which contains all digests."
+    )
 
 
 class ImageQualitySettings(Settings):
@@ -43,7 +45,7 @@ class ImageQualitySettings(Settings):
     )
     identity: CameraIdentity | None = Field(
         default=None,
-        description="Serial numbers of the camera, as of `cameras.NAME.identity`, for certificate and "
+        description="Serial numbers of the camera, as in `cameras.NAME.identity`, for certificate and "
         "registry. Default: those of the camera of the project that `camera` names.",
     )
     examined: date | None = Field(
@@ -74,8 +76,8 @@ class ImageQualitySettings(Settings):
 
     points_px: tuple[tuple[Real, Real], ...] = Field(
         default=(),
-        description="Columns and rows (the centre of the first pixel is 0, 0) near which edges are looked "
-        "for, within 40 px; then nowhere else. Only with one image.",
+        description="Columns and rows (the centre of the first pixel is 0, 0) near which edges are "
+        "searched for, within 40 px, instead of everywhere. Only with one image.",
     )
     edges_px: tuple[tuple[Real, Real, Real, Real], ...] = Field(
         default=(),
@@ -111,11 +113,11 @@ class ImageQualitySettings(Settings):
         for name in self.fail_on:
             if name in lacking and lacking[name] is None:
                 raise trouble(
-                    f"A finding of '{name}' is to fail, and nothing is compared for it.",
+                    f"A finding of '{name}' is to fail, but there is nothing to compare.",
                     "Give image_quality.earlier." if name == "drift" else "Give image_quality.motion.",
                 )
         if self.motion is not None and not self.images:
-            raise trouble("A movement is given, and no image of a scene.", "Name images.")
+            raise trouble("A movement is given, but no image of a scene.", "Name images.")
         short = [
             ends for ends in self.edges_px if hypot(ends[2] - ends[0], ends[3] - ends[1]) < SHORTEST_EDGE
         ]

@@ -114,7 +114,7 @@ class LengthSettings(Settings):
 
 
 class MapAdjustment(Settings):
-    """How another program took the map in which it adjusted orientations."""
+    """How another program treated the map in which it adjusted orientations."""
 
     world: Literal["map-cartesian", "map-cartesian-curved"] = Field(
         description="`map-cartesian`: map coordinates as if they were Cartesian; `map-cartesian-curved`: the "
@@ -146,8 +146,9 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     angles: Angles = Field(description="Definition of the three angles.")
     adjusted_in: MapAdjustment | None = Field(
         default=None,
-        description="For orientations that another program adjusted with map coordinates taken as "
-        "Cartesian: they are turned into the true ones ([how](import.md#orientations-adjusted-in-a-map)).",
+        description="For orientations that another program adjusted with map coordinates treated as "
+        "Cartesian: they are converted to rigorous ones "
+        "([how](import.md#orientations-adjusted-in-a-map)).",
     )
     sigma: ExposureSigma = Field(
         default_factory=ExposureSigma, description="Standard deviations; those of a row take precedence."
@@ -181,7 +182,7 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     )
     events: EventsInput | None = Field(
         default=None,
-        description="For a trajectory: the moments of the exposures. Without them, each solution of an "
+        description="For a trajectory: the times of the exposures. Without them, each solution of an "
         "`rtklib` file is an exposure, called by its number from 1.",
     )
     solutions: dict[SolutionName, SolutionUse] = Field(
@@ -202,7 +203,7 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
             )
         if self.position != "projection_centre":
             raise trouble(
-                "Orientations adjusted in a map (adjusted_in) have no positions of an antenna or IMU.",
+                "Orientations adjusted in a map (adjusted_in) cannot have positions of an antenna or IMU.",
                 'Declare position = "projection_centre", or leave adjusted_in out.',
             )
         return self
@@ -219,7 +220,7 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
             return self
         if self.format == "sbet" and self.events is None:
             raise trouble(
-                "A trajectory has no exposures without their moments.",
+                "A trajectory requires the times of the exposures.",
                 'Declare events = { file = "events.csv", time = "gps-week" }.',
             )
         if self.format == "sbet" and self.trajectory.time is None:
@@ -312,7 +313,7 @@ class Inputs(Settings):
     images_without_exposure: Literal["refuse", "orient"] = Field(
         default="refuse",
         description="Treatment of images that have image points but no exposure: refused as a "
-        "mistake (`refuse`), or oriented by their image points alone (`orient`; always "
+        "mistake (`refuse`), or oriented by their image points only (`orient`; always "
         "so without `exposures`).",
     )
     control: ControlInputs = Field(
@@ -328,8 +329,8 @@ class Inputs(Settings):
     def _one_lever_arm(self) -> Inputs:
         if {"antenna", "imu"} <= {item.position for item in self.exposures}:
             raise trouble(
-                "Some exposures give the position of the antenna, others that of the IMU: one lever_arm_m "
-                "cannot lead to both.",
+                "Some exposures give the position of the antenna, others that of the IMU: one "
+                "lever_arm_m cannot apply to both.",
                 "Deliver one of them, or the projection centre.",
             )
         return self

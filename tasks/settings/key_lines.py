@@ -1,4 +1,4 @@
-"""Where keys stand in TOML text, and how deep it is nested, in a time proportional to the text.
+"""Where keys are in TOML text, and how deep it is nested, in a time proportional to the text.
 
 ``tomllib`` gives values without places, and the time it takes grows with the square of the dots in a key.
 Here the text is divided into tokens, each of which is read once whatever comes behind it; a text that is not

@@ -77,9 +77,7 @@ def load_variants(
     source, context = _opened(path, overrides, data, environment, roots)
     sweep = cast(Project, source.validated(context)).sweep
     if sweep is None:
-        raise InputError(
-            "The project has no table [sweep].", "Add one: docs/sweep.md shows what it can say.", file=path
-        )
+        raise InputError("The project has no table [sweep].", "Add one: see docs/sweep.md.", file=path)
     variants = {}
     for name, changes in sweep.changes().items():
         place = ("sweep", "variants" if name in sweep.variants else "parameters", name)

@@ -23,5 +23,5 @@ class OwnObservationsInput(Settings):
     )
     file: InputPath = Field(description="The file with the observations; the package states its format.")
     options: Mapping[str, bool | int | float | str] = Field(
-        default={}, description="Values that the package asks for."
+        default={}, description="Values required by the package."
     )

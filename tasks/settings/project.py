@@ -60,7 +60,7 @@ class ProjectSource:
 class Project(Settings):
     """A project file."""
 
-    # What a sweep varies is no setting of the project itself; the certificate alone is told who signs it;
+    # What a sweep varies is not a setting of the project itself; the certificate alone is told who signs it;
     # deliveries are made of published results; images are examined by themselves.
     outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate", "deliver", "image_quality"})
 
@@ -100,7 +100,7 @@ class Project(Settings):
     )
     statement: Annotated[tuple[StatementSettings, ...], BeforeValidator(one_table_or_several)] = Field(
         default=(),
-        description="Statements about accuracy that authorities want, made from the check points of the "
+        description="Accuracy statements required by authorities, derived from the check points of the "
         "adjustment; `[[statement]]` for each of several.",
     )
     sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
@@ -112,7 +112,7 @@ class Project(Settings):
 
     @property
     def has_heads(self) -> bool:
-        """Whether any camera is a head of a rig beside another one."""
+        """Whether any camera is a head of a rig next to another one."""
         return any(camera.head is not None for camera in self.cameras.values())
 
     @property
@@ -141,8 +141,8 @@ class Project(Settings):
             reference = self.cameras.get(camera.head.reference)
             if reference is None or reference.head is not None or camera.head.reference == name:
                 raise trouble(
-                    f"The camera {name} is a head beside {camera.head.reference}, which is "
-                    f"{'no camera' if reference is None else 'no reference head'}.",
+                    f"The camera {name} is a head with the reference {camera.head.reference}, which is "
+                    f"{'not a camera' if reference is None else 'not a reference head'}.",
                     "Name the one camera of the body that has no `head` itself.",
                 )
         return self
@@ -150,7 +150,7 @@ class Project(Settings):
     @model_validator(mode="after")
     def _no_map_of_a_rig(self) -> Project:
         if self.has_heads and self.trust_map is not None:
-            raise trouble("The trust map does not know rigs yet.", "Take out [trust_map], or the heads.")
+            raise trouble("The trust map does not support rigs yet.", "Remove [trust_map], or the heads.")
         return self
 
     @model_validator(mode="after")

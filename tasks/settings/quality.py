@@ -57,7 +57,7 @@ class AxisGate(Settings):
 
 
 class Gates(Settings):
-    """What a result must keep; a missing gate is not tested, a failed one ends with exit code 4."""
+    """Limits that a result must meet; a missing gate is not tested, a failed one ends with exit code 4."""
 
     sigma0: Gate | None = Field(
         default=None,
@@ -101,7 +101,7 @@ class Gates(Settings):
     trust_map_external_m: Gate | None = Field(
         default=None,
         description="The same of the largest coordinate error that an undetected gross error can cause; "
-        "areas in which nothing limits it count as failed.",
+        "areas in which it is unlimited count as failed.",
     )
 
     @model_validator(mode="after")

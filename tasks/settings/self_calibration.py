@@ -18,7 +18,7 @@ def _known_selection(text: str) -> str:
     try:
         selected(text, REGISTER)
     except ExtensionError as error:
-        raise trouble(str(error), "Mend that package, or use another set.") from error
+        raise trouble(str(error), "Repair that package, or use another set.") from error
     except AdditionalParametersError as error:
         raise trouble(
             f"The additional parameters '{text}' are not known: {error}",

@@ -21,7 +21,7 @@ PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
 
 
 class ExposureLevel(Settings):
-    """Images of the same light with the same exposure."""
+    """Images with the same illumination and exposure."""
 
     exposure_ms: NotNegative = Field(description="Exposure time, ms.")
     images: Annotated[tuple[InputPath, InputPath], Field()] = Field(
@@ -30,7 +30,7 @@ class ExposureLevel(Settings):
 
 
 class SensorSettings(Settings):
-    """Images of a sensor without a scene, and the limits they must keep."""
+    """Images of a sensor without a scene, and the limits they must meet."""
 
     kind: Literal["pan", "multispectral"] = Field(
         description="Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 "
@@ -50,16 +50,18 @@ class SensorSettings(Settings):
         default=12, description="Defect pixels that a column may have without being defective."
     )
     column_distance: Annotated[Whole, Field(ge=1)] = Field(
-        default=3, description="Columns that defect columns must be apart."
+        default=3, description="Minimum distance of defect columns, columns."
     )
     series: Annotated[tuple[ExposureLevel, ...], BeforeValidator(one_table_or_several)] = Field(
         default=(), description="Exposure series, for linearity, sensitivity and photon transfer."
     )
     linearity_limit: Positive = Field(
-        default=0.01, description="Largest residual of linearity that passes, in parts of the largest signal."
+        default=0.01,
+        description="Largest residual of linearity that passes, as a fraction of the largest signal.",
     )
     transfer_limit: Positive = Field(
-        default=0.05, description="Largest residual of photon transfer that passes, in parts of the variance."
+        default=0.05,
+        description="Largest residual of photon transfer that passes, as a fraction of the variance.",
     )
     sensitivity_limit: Positive = Field(
         default=0.01, description="Largest relative σ of the sensitivity that passes."
@@ -67,7 +69,7 @@ class SensorSettings(Settings):
     aperture_limit: Positive = Field(
         default=0.02,
         description="Largest deviation of a cell of the format from the smooth fall-off of light that "
-        "passes, in parts.",
+        "passes, as a fraction.",
     )
 
     @model_validator(mode="after")
@@ -75,7 +77,7 @@ class SensorSettings(Settings):
         if not (self.bright or self.dark or self.series):
             raise trouble("There is no image of the sensor.", "Name bright or dark images, or a series.")
         if self.series and not self.dark:
-            raise trouble("A series needs the level without light.", "Name dark images, too.")
+            raise trouble("A series requires the dark level.", "Also name dark images.")
         if self.series and len(self.series) < 3:
-            raise trouble("A series of fewer than three exposures says nothing.", "Add further levels.")
+            raise trouble("A series of fewer than three exposures is not sufficient.", "Add further levels.")
         return self

@@ -33,7 +33,7 @@ _DEEPEST = 30
 # A list of names of check points is the longest value there is; what --set replaces is shorter than a file.
 _LONGEST_OVERRIDE = 100_000
 _SHOWN = 80
-_READABLE = "Write ordinary characters, and numbers that a quantity can have."
+_READABLE = "Write ordinary characters, and numbers of possible size."
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class SettingsFile:
         Raises
         ------
         InputError
-            If the text is no assignment, or the key one that such a file does not have.
+            If the text is not an assignment, or the key one that such a file does not have.
         """
         for override in overrides:
             _apply(self.content, override, self.kind)
@@ -158,7 +158,7 @@ def _parsed(text: str, path: Path) -> Table:
         what = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise InputError(
             f"This is not valid TOML: {what}.",
-            "Correct the line; text values stand in quotes.",
+            "Correct the line; text values must be in quotes.",
             file=path,
             line=int(found.group(1)) if found else None,
         ) from error
@@ -226,7 +226,7 @@ def _index(table: Any, key: str, said: str) -> Any:
     if _is_index(key, table):
         return int(key)
     raise InputError(
-        f"{said}: there are {len(table)} tables here, and {quoted(key)} is none of them.",
+        f"{said}: there are {len(table)} tables here, but {quoted(key)} is not one of them.",
         f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
     )
 
@@ -314,7 +314,7 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
         what = f"The value {_shown(error['input'])} is not a list."
         remedy = f"Write it in brackets: [{_shown(error['input'])}]."
     else:
-        what = f"The value {_shown(error['input'])} cannot stand here: {error['msg']}."
+        what = f"The value {_shown(error['input'])} is not allowed here: {error['msg']}."
         remedy = _page_of(source)
     return InputError(what, remedy, file=source.path, line=line, entity=name or None)
 
@@ -341,7 +341,7 @@ def _shown_keys(location: Keys, content: Table) -> Keys:
 
 
 def _remedy_for_missing(location: Keys, kind: SettingsKind) -> str:
-    """What stands in the description of the missing field."""
+    """What is in the description of the missing field."""
     model: Any = kind.model
     for key in location[:-1]:
         model = model if isinstance(key, int) else _model_below(model, key)

@@ -108,7 +108,7 @@ class SimulatedImageErrors(Settings):
 
 
 class PublishedCheck(Settings):
-    """Published results for the simulated flight, shown beside those of the simulation."""
+    """Published results for the simulated flight, shown with those of the simulation."""
 
     rmse_m: PositiveTriple | None = Field(
         default=None, description="RMS at check points by direct georeferencing, east, north, up, m."
@@ -121,7 +121,7 @@ class SimulatedTruth(Settings):
     """True camera system; the project states zero, and the certified interior orientation."""
 
     source: str | None = Field(
-        default=None, description="Source of these values, as a text shown beside the estimates."
+        default=None, description="Source of these values, as a text shown with the estimates."
     )
     published: PublishedCheck | None = Field(
         default=None, description="Published results of a check with these values."

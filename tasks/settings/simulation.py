@@ -75,13 +75,13 @@ class SimulatedProject(Settings):
         placed = self.latitude_deg is not None and self.longitude_deg is not None
         if self.crs != LOCAL and not placed:
             raise trouble(
-                f"The place of the block in {self.crs} is missing.",
+                f"The location of the block in {self.crs} is missing.",
                 "Give latitude_deg and longitude_deg of its centre.",
             )
         if self.crs == LOCAL and (self.latitude_deg is not None or self.longitude_deg is not None):
             raise trouble(
-                'A block with crs = "local" has no place on the earth.',
-                "Take latitude_deg and longitude_deg out, or give a CRS.",
+                'A block with crs = "local" has no location on the earth.',
+                "Remove latitude_deg and longitude_deg, or give a CRS.",
             )
         return self
 
@@ -111,23 +111,23 @@ class PlannedCamera(SimulatedCamera):
 
 
 class SimulatedHead(SimulatedCamera):
-    """A head of a rig beside the `[camera]` with which the lines are planned; `[[head]]` for each."""
+    """A further head of a rig, `[[head]]` for each; the lines are planned with `[camera]`."""
 
     rotation_deg: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Rotation against the camera that the project states: roll, pitch, yaw, degrees. "
+        description="Rotation relative to the camera, as stated in the project: roll, pitch, yaw, degrees. "
         "`[45, 0, 0]` looks to the left, `[0, 45, 0]` ahead.",
     )
     position_m: Triple = Field(
         default=(0.0, 0.0, 0.0),
-        description="Position against the camera that the project states: forward, right, down, m.",
+        description="Position relative to the camera, as stated in the project: forward, right, down, m.",
     )
     rotation_change_deg: Triple = Field(
         default=(0.0, 0.0, 0.0), description="True minus stated rotation, degrees."
     )
     position_change_m: Triple = Field(default=(0.0, 0.0, 0.0), description="True minus stated position, m.")
     synchronisation_offset_s: Finite = Field(
-        default=0.0, description="How much later than the camera it is exposed, as the project states, s."
+        default=0.0, description="Delay of its exposure relative to the camera, as stated in the project, s."
     )
     synchronisation_offset_change_s: Finite = Field(
         default=0.0, description="True minus stated synchronisation offset, s."
@@ -206,7 +206,7 @@ class SimulatedTrajectory(Settings):
     sbet_hz: Annotated[Real, Field(ge=1.0, le=1000.0)] | None = Field(
         default=None,
         description="Deliver the exposures as trajectories and events instead of a table: for each flight an "
-        "SBET with so many samples per second, its smrmsg, and the moments of the exposures. Velocities and "
+        "SBET with so many samples per second, its smrmsg, and the times of the exposures. Velocities and "
         "rates are then those of a smooth path through the exposures, with turns.",
     )
 
@@ -214,7 +214,7 @@ class SimulatedTrajectory(Settings):
     def _one_kind_of_rates(self) -> SimulatedTrajectory:
         if self.sbet_hz is not None and any(self.rate_deg_s):
             raise trouble(
-                "A trajectory (sbet_hz) turns as its path does, and rates are given (rate_deg_s).",
+                "The rates of a trajectory (sbet_hz) follow from its path, but rate_deg_s is also given.",
                 "Leave one of the two out.",
             )
         return self
@@ -312,7 +312,7 @@ class Simulation(Settings):
     project: SimulatedProject = Field(description="The project to be written.")
     camera: PlannedCamera = Field(description="The camera; of a rig the reference head.")
     head: Annotated[tuple[SimulatedHead, ...], BeforeValidator(one_table_or_several)] = Field(
-        default=(), description="Further heads of a rig, which take pictures together with the camera."
+        default=(), description="Further heads of a rig, exposed together with the camera."
     )
     flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(
         description="Groups of parallel lines."
@@ -365,12 +365,13 @@ class Simulation(Settings):
             return self
         if self.project.crs == LOCAL or self.project.latitude_deg is None:
             raise trouble(
-                "An SBET (trajectory.sbet_hz) has latitudes, and the project has no place on the earth.",
+                "An SBET (trajectory.sbet_hz) requires latitudes, but the project has no location on the "
+                "earth.",
                 "Give project.crs, latitude_deg and longitude_deg.",
             )
         if self.project.angles != "heading-pitch-roll":
             raise trouble(
-                "An SBET (trajectory.sbet_hz) has heading, pitch, roll.",
+                "An SBET (trajectory.sbet_hz) requires heading, pitch, roll.",
                 'Give project.angles = "heading-pitch-roll".',
             )
         return self
@@ -381,7 +382,7 @@ class Simulation(Settings):
         for name in self.truth.gnss_shift_of_flight_m:
             if name not in flights:
                 raise trouble(
-                    f"A GNSS shift is given for flight '{name}', and there is no such flight.",
+                    f"A GNSS shift is given for flight '{name}', which does not exist.",
                     f"The flights are: {', '.join(sorted(flights))}.",
                 )
         names = [lines.name for lines in self.flight]

@@ -21,18 +21,18 @@ class StatementSettings(Settings):
     )
     template: InputPath | None = Field(
         default=None,
-        description="File of a [template](statements.md#templates) of one's own, TOML; relative to the "
+        description="TOML file of your own [template](statements.md#templates); relative to the "
         "project file.",
     )
     class_m: PositivePair | None = Field(
         default=None,
-        description="Accuracy class to be met, horizontal and vertical RMSE with the survey in it, m; one "
+        description="Accuracy class to be met, horizontal and vertical RMSE including the survey, m; one "
         "number or two. Default: no class.",
     )
     vegetated: tuple[str, ...] = Field(
         default=(),
-        description="Names of check points under vegetation: they are stated apart (VVA), and no class is "
-        "asked of them.",
+        description="Names of check points under vegetation: they are stated separately (VVA), without a "
+        "class.",
     )
 
     @field_validator("template", mode="after")

@@ -80,7 +80,7 @@ class ControlScenario(Settings):
     def _one_choice(self) -> ControlScenario:
         if [self.roles, self.count, self.points].count(None) != 2:
             raise trouble(
-                "It is not clear which points are control points.",
+                "The choice of control points is not valid.",
                 'Write "all", "delivered", { count = 44 }, or a list of points.',
             )
         return self
@@ -116,7 +116,7 @@ class SweepSettings(Settings):
     )
     compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = Field(
         default=None,
-        description="Published table shown beside the results where block, control and variant have "
+        description="Published table shown with the results where block, control and variant have "
         "the same names (docs/sweep.md).",
     )
     workers: Annotated[Whole, Field(ge=1)] | None = Field(

@@ -27,7 +27,7 @@ ColumnNumber: TypeAlias = Annotated[Whole, Field(ge=1, le=_MOST_COLUMNS)]
 class TableSettings(Settings):
     """Layout of a table with `format = "csv"`; the defaults are those of aerocal's own tables.
 
-    The keys stand in `[inputs.image_points]`, `[inputs.exposures]` and `[inputs.control]` themselves.
+    The keys are part of `[inputs.image_points]`, `[inputs.exposures]` and `[inputs.control]` themselves.
     """
 
     separator: Separator = Field(
@@ -42,7 +42,7 @@ class TableSettings(Settings):
     )
     unused: tuple[Name, ...] = Field(
         default=(),
-        description="Columns of the file that are not to be read although they have aerocal's headings.",
+        description="Columns of the file that are ignored although they have aerocal's headings.",
     )
     header: bool = Field(
         default=True,
@@ -64,12 +64,13 @@ class TableSettings(Settings):
         given = [name for name in TableSettings.model_fields if name in self.model_fields_set]
         if given and getattr(self, "format", None) != "csv":
             raise trouble(
-                f"{', '.join(given)} describe the layout of a table, and this file's format has its own.",
+                f"{', '.join(given)} describe the layout of a table, but the format of this file has its "
+                "own.",
                 'Leave them out, or declare format = "csv".',
             )
         if self.separator == "comma" and self.decimal == ",":
             raise trouble(
-                "A comma cannot both separate columns and divide numbers.",
+                "A comma cannot be both separator and decimal mark.",
                 'Declare the separator, e.g. separator = "semicolon".',
             )
         if not self.header and (not self.columns or any(isinstance(v, str) for v in self.columns.values())):
@@ -114,7 +115,7 @@ class StripRule(Settings):
             if value == "time-gaps":
                 return {"gap_factor": 3.0}
             raise trouble(
-                "How strips are told apart is not understood.",
+                "The definition of strips is not valid.",
                 'Write "time-gaps", or { pattern = "{strip}_*" }.',
             )
         return value
@@ -131,7 +132,7 @@ class StripRule(Settings):
         plain = pattern.replace("{strip}", "*").replace("{flight}", "*")
         if "**" in plain or "{" in plain or "*?" in plain:
             raise trouble(
-                "The pattern leaves open where a part of it ends.",
-                "Put between two parts the character that stands there in the names.",
+                "The pattern does not define where a part of it ends.",
+                "Put the character between the two parts, as in the names.",
             )
         return self

@@ -30,7 +30,7 @@ _CLOCK_WORDS = (
 
 
 class EventsInput(TableSettings):
-    """The moments of the exposures, at which a trajectory is interpolated."""
+    """The times of the exposures, at which a trajectory is interpolated."""
 
     file: InputPath = Field(description="The file.")
     format: Annotated[str, AfterValidator(one_of(EVENT_FORMATS, "format of events"))] = Field(
@@ -60,7 +60,7 @@ class EventsInput(TableSettings):
 
 
 class TrajectoryInput(Settings):
-    """What a file of a trajectory does not say."""
+    """Declarations that a trajectory file does not contain."""
 
     time: Literal["gps-week", "gps-day", "utc-week", "utc-day"] | None = Field(
         default=None, description=f"Clock of the trajectory; needed with `sbet`. {_CLOCK_WORDS}."

@@ -11,7 +11,7 @@ from tasks.settings.coordinates import Positive, Real
 
 
 class TrustMapSettings(Settings):
-    """Accuracy and reliability of newly measured points, cell by cell; the table alone switches it on."""
+    """Accuracy and reliability of newly measured points, cell by cell; an empty table turns it on."""
 
     cell_m: Positive | None = Field(
         default=None,
@@ -31,6 +31,6 @@ class TrustMapSettings(Settings):
     )
     share: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
         default=0.95,
-        description="Fraction of the area on which the gates `trust_map_…` must hold; with 0.95, the worst "
-        "5 % may exceed them.",
+        description="Fraction of the area on which the gates `trust_map_…` must be met; with 0.95, the "
+        "worst 5 % may exceed them.",
     )

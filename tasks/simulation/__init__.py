@@ -1,1 +1,1 @@
-"""Simulated blocks as ordinary projects with their truth, and the presets."""
+"""Simulated blocks as ordinary projects with true values, and the presets."""

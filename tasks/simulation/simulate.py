@@ -1,4 +1,4 @@
-"""Write a simulated block as an ordinary project, with its truth beside it.
+"""Write a simulated block as an ordinary project, with its truth next to it.
 
 The project knows nothing of the simulation: it is what a client would deliver. The truth lies in
 ``truth/`` and is read by nobody but comparisons.

@@ -147,7 +147,7 @@ def _adjustment(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, T
     }
     if simulation.project.observe is not None:
         adjustment["observe"] = simulation.project.observe
-    # White noise beside it would need a model of its own; the correlation is then left unsaid.
+    # White noise in addition to it would need a model of its own; the correlation is then left unsaid.
     noise = simulation.noise
     if min(noise.gnss_markov_m) > 0.0 and not any(noise.gnss_m):
         adjustment["gnss_correlation_s"] = noise.gnss_correlation_s

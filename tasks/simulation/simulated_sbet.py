@@ -1,4 +1,4 @@
-"""A simulated flight as a trajectory processor delivers it: SBET, smrmsg, and the moments of the exposures.
+"""A simulated flight as a trajectory processor delivers it: SBET, smrmsg, and the times of the exposures.
 
 The trajectory is that of the antenna: the smooth path with the lever arm, and with the errors that the
 exposures were measured with, carried from one exposure to the next. The moments are the exposures' plus the

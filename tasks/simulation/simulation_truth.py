@@ -1,6 +1,6 @@
 """The truth of a simulated block as tables: what the results of an adjustment are compared with.
 
-Orientations, points and parameters stand in the units, frames and names of the results, so that a join on
+Orientations, points and parameters are in the units, frames and names of the results, so that a join on
 the key is all a comparison needs.
 """
 
@@ -28,7 +28,7 @@ from tasks.settings.simulation import Simulation
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import Column, TableSchema
 
-#: Folder of the truth beside a simulated project, and the specification in it.
+#: Folder of the truth next to a simulated project, and the specification in it.
 TRUTH = "truth"
 SPECIFICATION = "spec.toml"
 

@@ -34,7 +34,7 @@ POSITIONS = "positions"
 
 @dataclass(frozen=True)
 class RecoveredParameter:
-    """A system parameter beside its truth, in the unit of parameters.parquet."""
+    """A system parameter next to its truth, in the unit of parameters.parquet."""
 
     parameter: str
     entity: str
@@ -51,7 +51,7 @@ class RecoveredParameter:
 
 @dataclass(frozen=True)
 class RecoveredKind:
-    """All unknowns of one kind beside their truth.
+    """All unknowns of one kind next to their truth.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class TruthComparison:
 
 
 def compare_with_truth(project: Path, results: Path) -> TruthComparison:
-    """Compare the published results of a simulated project with the truth beside it.
+    """Compare the published results of a simulated project with the truth next to it.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def compare_with_truth(project: Path, results: Path) -> TruthComparison:
     truth = project / TRUTH
     if not truth.is_dir():
         raise InputError(
-            "There is no truth beside the project.",
+            "There are no true values with the project.",
             "Compare the results of a project that `aerocal simulate` wrote.",
             file=truth,
         )

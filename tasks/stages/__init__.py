@@ -1,1 +1,1 @@
-"""One file for each stage of a run: what it reads, computes and writes into its folder of the store."""
+"""One file for each stage of a run: its inputs, computation and outputs."""

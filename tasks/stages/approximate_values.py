@@ -184,7 +184,7 @@ def _height(state: State, intersection: Intersection) -> float:
 
 
 def _intersections(found: Approximation) -> Floats:
-    """Intersections proper (m, 3): NaN where a surveyed position stands in for them."""
+    """Intersections proper (m, 3): NaN where a surveyed position replaces them."""
     several = (found.rays >= 2) & (found.angle > 0.0)
     return np.where(several[:, None], found.x_in_local, np.nan)
 
@@ -192,22 +192,22 @@ def _intersections(found: Approximation) -> Floats:
 def _unoriented(images: tuple[str, ...]) -> str:
     listed = ", ".join(images[:5]) + (", …" if len(images) > 5 else "")
     return (
-        f"{len(images)} images cannot be oriented and do not take part: {listed}. They have no complete "
+        f"{len(images)} images cannot be oriented and are not used: {listed}. They have no complete "
         "orientation, are alone in their strip or in none, and have too few image points in common with the "
         "others (6 are needed, well spread): measure more, or give their positions and attitudes."
     )
 
 
 def _dropped(found: Approximation) -> list[str]:
-    """Sentences that count the points that do not take part."""
+    """Sentences that count the points that are not used."""
     sentences = {
-        "single_ray": "object points are measured in one image only and do not take part",
-        "parallel_rays": "object points have parallel rays and do not take part",
-        "behind_a_camera": "object points intersect behind a camera that sees them and do not take part",
-        WEAK_ANGLE: "object points have rays that meet under less than checks.min_intersection_angle_deg "
-        "and do not take part",
-        MISMATCH: "object points have rays that miss each other too far to be the same point and do not "
-        "take part",
+        "single_ray": "object points are measured in one image only and are not used",
+        "parallel_rays": "object points have parallel rays and are not used",
+        "behind_a_camera": "object points intersect behind a camera that sees them and are not used",
+        WEAK_ANGLE: "object points have rays that intersect at less than "
+        "checks.min_intersection_angle_deg and are not used",
+        MISMATCH: "object points have rays that miss each other by too much to be the same point and are "
+        "not used",
     }
     result = []
     for status, words in sentences.items():
@@ -226,7 +226,7 @@ def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> list[str]:
         return []
     listed = ", ".join(missing[:5]) + (", …" if len(missing) > 5 else "")
     return [
-        f"{len(missing)} control or check points are measured in no image and do not take part: {listed}."
+        f"{len(missing)} control or check points are not measured in any image and are not used: {listed}."
     ]
 
 

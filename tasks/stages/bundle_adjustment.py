@@ -170,7 +170,7 @@ def _written(
     """Write the tables; returns figures and remarks."""
     adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
     cameras = adjusted.block.cameras
-    # The large tables are written beside the tests of the model, which leave a processor half of the time.
+    # The large tables are written next to the tests of the model, which leave a processor half of the time.
     with ThreadPoolExecutor(1) as beside:
         written = [
             beside.submit(write, folder, adjusted)

@@ -2,7 +2,7 @@
 
 Orientations come from GNSS, INS and a calibration alone; what is intersected with them is compared with
 surveyed points, and the y-parallaxes of all stereo models show how well neighbouring images fit. Both stand
-beside what the standard deviations of image points, GNSS/INS and calibration let expect.
+next to what the standard deviations of image points, GNSS/INS and calibration let expect.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class _OwnAdjustment:
     def calibration(
         self, exposures: pd.DataFrame, surveyed: pd.DataFrame, map_frame: MapFrame
     ) -> Calibration:
-        """What it estimates, with the points that took part in it as control, and its own flight."""
+        """What it estimates, with the points that were used in it as control, and its own flight."""
         control = control_of(surveyed, read_table(self.control_residuals), map_frame.name)
         flight = None
         if self.parameter_influences is not None:
@@ -156,7 +156,7 @@ def _figures(comparison: Comparison, direct: DirectGeoreferencingSettings) -> di
 
 
 def _remarks(comparison: Comparison, calibration: Calibration, figures: dict[str, JSON]) -> tuple[str, ...]:
-    """Sentences about what was found, which points say something, the calibration, and what takes no part."""
+    """Sentences about what was found, which points say something, the calibration, and what is not used."""
     chosen = comparison.independent[comparison.points.surveyed]
     has_models = len(comparison.parallaxes.rays.common.model) > 0
     return (

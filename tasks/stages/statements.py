@@ -32,7 +32,7 @@ def write_statements(
     Raises
     ------
     InputError
-        If a point that is named as vegetated is no check point.
+        If a point that is named as vegetated is not a check point.
     """
     # A run that finds the output stored never loads what computes it.
     from tasks.accuracy.check_points import check_point_differences
@@ -52,7 +52,7 @@ def write_statements(
         unknown = sorted(set(settings.vegetated) - set(check["point"]))
         if unknown:
             raise InputError(
-                f"'{unknown[0]}' stands among the vegetated points of a statement and is no check point of "
+                f"'{unknown[0]}' is listed under `vegetated` of a statement but is not a check point of "
                 "this block.",
                 "Correct statement.vegetated; it names points of the role check.",
             )

@@ -35,7 +35,7 @@ def write_sweep_page(
     ----------
     table : sweep.parquet.
     computed : every scenario and what became of it, for the maps of the image.
-    published : the table to stand beside it.
+    published : the table to stand next to it.
     name : of the project.
     software : versions that decide how the page looks.
     """

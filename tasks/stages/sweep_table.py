@@ -116,7 +116,7 @@ def _mean_residuals(notes: Artifact) -> Row:
 
 
 def _gsd_m(images: pd.DataFrame, cameras: pd.DataFrame) -> float | None:
-    """Median over the images that take part."""
+    """Median over the images that are used."""
     of_camera = {
         name: camera.pixel_size / camera.focal_length for name, camera in frame_cameras(cameras).items()
     }

@@ -20,7 +20,7 @@ from tasks.tables.parquet import read_table
 from tasks.tables.schemas import TRUST_MAP_CELLS
 
 _XYZ = ("x", "y", "z")
-#: Columns of the table that are no values of a cell.
+#: Columns of the table that are not values of a cell.
 _PLACES = ("row", "column", "x_m", "y_m", "z_m")
 
 

@@ -108,6 +108,6 @@ def _unpaired(paired: PairedOrientations) -> tuple[str, ...]:
     if paired.only_adjusted == 0:
         return ()
     return (
-        f"{paired.only_adjusted:,} images have an adjusted orientation, but no complete observed one, and "
-        "take no part in the two-step calibration.",
+        f"{paired.only_adjusted:,} images have an adjusted orientation, but no complete observed one, "
+        "and are not used in the two-step calibration.",
     )

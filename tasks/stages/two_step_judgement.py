@@ -1,7 +1,7 @@
 """Whether a two-step calibration by itself, without image points, gives boresight and offset well enough.
 
 It says nothing about the interior orientation: the adjusted orientations have taken up its errors. So there
-is no record and no certificate, but a verdict on what the means of the strips say, by the same limits.
+is not a record and no certificate, but a verdict on what the means of the strips say, by the same limits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ONLY = (
     "point are not calibrated, and there is no record and no certificate of the interior orientation."
 )
 _ANGLES = ("roll", "pitch", "yaw")
-# Mean of one strip: its error cannot be told from a boresight.
+# Mean of one strip: its error cannot be separated from a boresight.
 _LEAST_STRIPS = 2
 
 
@@ -85,7 +85,7 @@ def _parameters(camera: TwoStepFigure, limits: AcceptanceLimits) -> Iterator[Two
                 yield _judged(name, camera, "m", known[number], limit, limits, strips)
                 continue
             undecided = fixed_in == "undecided"
-            why = "the headings do not tell lever arm and shift apart" if undecided else "by the nested tests"
+            why = "the headings do not separate lever arm and shift" if undecided else "by the nested tests"
             yield TwoStepParameterFigure(
                 parameter=name,
                 camera=camera.camera,

@@ -1,1 +1,1 @@
-"""Artifacts and where they are kept: digests, keys, the stage store, the manifest, one run at a time."""
+"""Artifacts and their storage: digests, keys, the stage store, the manifest, the lock of a run."""

@@ -34,7 +34,7 @@ def extension_versions() -> Mapping[str, str]:
 
 
 def _sources(extension: Extension) -> dict[str, str]:
-    """Digests of the Python files of the top-level package, or the module, that an extension stands in."""
+    """Digests of the Python files of the top-level package, or the module, that an extension is in."""
     top = extension.module.partition(".")[0]
     spec = find_spec(top)
     if spec is None or spec.origin is None:

@@ -1,7 +1,7 @@
 """Digests of sources, remembered from one process to the next as long as no source file has changed.
 
 To follow the imports of a stage takes about a second, to look at the files ten milliseconds. What is
-remembered holds for one listing of all folders of this application: names, sizes, numbers, times of
+remembered applies to one listing of all folders of this application: names, sizes, numbers, times of
 modification and of status change. The system alone sets the last, so a file that came with an old date is
 seen as well. The listing is compared as a whole, because a new file may be what an import means from now on.
 """

@@ -140,7 +140,7 @@ def _require_inside(handle: int, directory: Path, roots: Sequence[Path]) -> None
     inside = any(place.is_relative_to(root) for root in roots)
     if not inside or not os.path.samestat(place.stat(), os.fstat(handle)):
         raise InputError(
-            f"The output folder {directory} leads out of the folders of this server.", "Remove the link."
+            f"The output folder {directory} leads outside the folders of this server.", "Remove the link."
         )
 
 

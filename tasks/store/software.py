@@ -47,6 +47,6 @@ class Software:
 
 @cache
 def software_here() -> Software:
-    """The software of this process, as it was when it was first asked for: that is what it has loaded."""
+    """The software of this process, as it was when it was first requested: that is what it has loaded."""
     versions = {**library_versions(), **{name: version(name) for name in _CARRIERS}}
     return Software(digest_of_application(), tuple(sorted(versions.items())), binding.get_host_cpu_name())

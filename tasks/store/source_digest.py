@@ -9,7 +9,7 @@ A package's ``__init__.py`` runs whenever one of its modules is imported, so its
 own imports are followed only when a name is taken from the package itself. Otherwise a register
 of formats would tie every stage to every format.
 
-Templates are source as well: the files in a folder ``templates`` count with every module beside it.
+Templates are source as well: the files in a folder ``templates`` count with every module next to it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from functools import cache
 from pathlib import Path
 
 PACKAGES = ("flows", "tasks", "adjust")
-#: Folder beside a module whose files are part of the source: texts that the modules fill in.
+#: Folder next to a module whose files are part of the source: texts that the modules fill in.
 TEMPLATES = "templates"
 #: The folder of our packages.
 ROOT = Path(__file__).resolve().parents[2]

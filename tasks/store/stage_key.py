@@ -47,7 +47,7 @@ class StageKey:
     Attributes
     ----------
     stage : the stage's name.
-    parts : what the key is made of; kept beside the output to explain why a stage was computed.
+    parts : what the key is made of; kept next to the output to explain why a stage was computed.
     """
 
     stage: str

@@ -2,7 +2,7 @@
 
 The story passes artifacts on and need not carry book-keeping; publishing reads it here. The folder
 belongs to the run that holds the lock, which empties it when it begins. A file for each stage, because
-stages run beside each other, on other machines too, where lines appended to one file could be lost.
+stages run side by side, on other machines too, where lines appended to one file could be lost.
 """
 
 from __future__ import annotations

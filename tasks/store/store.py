@@ -1,7 +1,7 @@
 """The stage store: every stage's finished output, found again by its content-true key.
 
 ``DIR/.store/STAGE/KEY/`` holds what one stage wrote for one key (`tasks.store.stage_key`). An output is
-written into a temporary folder beside it, flushed to the disk and renamed, so a folder with a key
+written into a temporary folder next to it, flushed to the disk and renamed, so a folder with a key
 for a name is complete; it is never changed afterwards. ``stage.json`` in it lists the files with
 their digests and says what the key was made of. A stored output is served only after all its
 files were checked against their digests; a damaged one is computed again. A store may have a remote
@@ -287,7 +287,7 @@ def _checked_outputs(place: Path) -> Outputs:
     for entry in entries:
         path = place / str(entry["file"])
         if path.parent != place or path.is_symlink():
-            raise ValueError(f"{path} is no file of this output")
+            raise ValueError(f"{path} is not a file of this output")
         sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
         if digest_of_file(path) != sha256:
             raise ValueError(f"{path.name} was changed after it had been written")

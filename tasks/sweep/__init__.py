@@ -1,1 +1,1 @@
-"""Scenarios side by side: sub-blocks, choices of control points, one table, one page."""
+"""Comparison of scenarios: sub-blocks, choices of control points, one table, one page."""

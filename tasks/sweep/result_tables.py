@@ -1,4 +1,4 @@
-"""Tables of the page of a sweep: σ0 and differences by scenario, published numbers beside ours."""
+"""Tables of the page of a sweep: σ0 and differences by scenario, published numbers next to ours."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The Parquet contracts, and reading and writing tables that keep them."""
+"""The Parquet schemas, and reading and writing tables that conform to them."""

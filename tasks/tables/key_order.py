@@ -84,7 +84,7 @@ def _tested(
     rows: NDArray[np.int64],
     of_nulls: bool,
 ) -> NDArray[np.bool_]:
-    """Whether some rows of a column stand in a relation to the row before; null is greater than all else."""
+    """Whether some rows of a column are in a relation to the row before; null is greater than all else."""
     if len(rows) == len(column) - 1:
         before, after = column[:-1], column[1:]
     else:

@@ -1,4 +1,4 @@
-"""Names that stand in a table by the million, taken by index and never copied one by one."""
+"""Names that are in a table by the million, taken by index and never copied one by one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Names:
 
     Attributes
     ----------
-    text : (n + 1,) the names; the last one is null, so that index −1 is no name.
+    text : (n + 1,) the names; the last one is null, so that index −1 is not a name.
     rank : (n + 1,) the place of each in the order of a table; null comes last.
     """
 

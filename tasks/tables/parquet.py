@@ -79,7 +79,7 @@ def write_row_groups(
     ----------
     chunks : the columns of consecutive rows, as for :func:`write_table`; any number of rows in each, all in
         the order of the key.
-    box : of all coordinates; needed beforehand, because it stands in the description of the geometry.
+    box : of all coordinates; needed beforehand, because it is in the description of the geometry.
     extra : further text columns in all of `chunks`, which are none of the schema; kept after those of it.
 
     Returns

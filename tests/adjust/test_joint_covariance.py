@@ -121,11 +121,11 @@ def test_in_a_free_network_they_are_those_of_its_datum() -> None:
         ({"parameters": ["boresite"]}, "There is no system parameter 'boresite'. Did you mean 'boresight'"),
         (
             {"parameters": ["lever_arm"]},
-            "'lever_arm' is held in this adjustment, so it has no covariance. Est",
+            "'lever_arm' is held fixed in this adjustment, so it has no covariance. Est",
         ),
         (
             {"parameters": ["boresight", "boresight_roll"]},
-            "A parameter is asked for twice by boresight, bore",
+            "A parameter is requested twice by boresight, bore",
         ),
         ({"images": ["image_01", "image_01"]}, "The image 'image_01' is named twice."),
     ],
@@ -148,7 +148,7 @@ def test_a_point_that_took_no_part_has_no_covariance() -> None:
     lonely[np.flatnonzero(lonely)[0]] = False
     observations = replace(scene.observations, image_points=rays.without(lonely))
     result = adjust_block(scene.block, observations)
-    with pytest.raises(UnknownNameError, match="'point_040' took no part"):
+    with pytest.raises(UnknownNameError, match="'point_040' was not used"):
         result.covariance(points=["point_040"])
 
 

@@ -318,7 +318,7 @@ def _other_rig(block: Block, **changes: Ints) -> Block:
         ({"event_of_image": np.repeat(np.arange(9), [2] * 8 + [4])}, "every event an image"),
         (
             {"event_of_image": np.repeat(np.arange(10), 2)[[0, 2, 1, *range(3, 20)]]},
-            "two images of one event",
+            "two images of one head",
         ),
         ({"camera_of_image": np.zeros(20, dtype=np.int64)}, "not the cameras of the block"),
         ({"reference": np.array([0, 1])}, "of different rigs"),
@@ -333,7 +333,7 @@ def test_a_rig_that_contradicts_itself_is_refused(changes: dict[str, Ints], mess
 def test_image_points_must_know_the_events() -> None:
     scene = two_strips(heads=2)
     rays = replace(scene.observations.image_points, event_of_image=None)
-    with pytest.raises(InconsistentBlockError, match="do not know the event"):
+    with pytest.raises(InconsistentBlockError, match="do not contain the event"):
         System.of(scene.block, replace(scene.observations, image_points=rays))
 
 

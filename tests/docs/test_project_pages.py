@@ -54,7 +54,7 @@ def test_the_page_on_calibration_has_the_results_that_the_readme_shows() -> None
         if name == "focal_length":
             found = [1e3 * (found[0] - 80.0), 1e3 * (found[1] - 80.0), 1e3 * found[2]]
         assert [float(value.replace("−", "-")) for value in stated.groups()] == pytest.approx(found, abs=6e-3)
-    for figure in (r"χ² = ([\d.]+); 99 of 100", r"χ² of all nine errors is ([\d.]+)"):
+    for figure in (r"χ² = ([\d.]+); 99 %", r"χ² of all nine errors is ([\d.]+)"):
         assert len(re.findall(figure, readme + page)) == 1
     assert re.findall(r"χ² = ([\d.]+); 99", readme) == re.findall(r"nine errors is ([\d.]+)", page)
 

@@ -84,7 +84,7 @@ def test_heights_that_are_called_flights_are_told_apart_or_declared_as_one(tmp_p
     project = flown(tmp_path / "delivery", SEED, *names)
     apart = fate(with_slip(project, Slip("none"), tmp_path / "apart"))
     assert apart.verdict == "refused"
-    assert "'high' and 'low' have one height each" in apart.reasons[0]
+    assert "'high' and 'low' were each flown at one height" in apart.reasons[0]
     declared = "inputs.exposures.flights={low={part_of='1'}, high={part_of='1'}}"
     together = fate(with_slip(project, Slip("none"), tmp_path / "together"), (declared,))
     assert together.verdict == "accepted"

@@ -83,7 +83,7 @@ def test_check_points_half_a_metre_too_high_are_beyond_their_limits_everywhere(b
 def test_differences_far_below_their_sigmas_are_a_remark_and_no_failure(block: Path) -> None:
     as_check_points(block, sigma_m=10.0)
     outcome, summary = run(block)
-    assert any("smaller than their σ let expect: RMS up 0." in text for text in outcome.summary.problems)
+    assert any("smaller than expected from their σ: RMS up 0." in text for text in outcome.summary.problems)
     assert summary["check_point_test"]["over_limit"] < 1.0
     assert summary["status"] == "done"
 

@@ -102,7 +102,7 @@ def test_a_folder_in_use_and_one_with_a_damaged_manifest_are_remarked_on(block: 
     with run_lock(results):
         done = clean(block.parent)
         assert done.exit_code == 0
-        assert f"{results}: A run is writing into it: nothing is removed." in done.stderr
+        assert f"{results}: A run is writing to it: nothing is removed." in done.stderr
     (results / "manifest.json").write_text("{")
     done = clean(block.parent)
     assert f"{results}: Its manifest.json cannot be read: nothing is removed." in done.stderr

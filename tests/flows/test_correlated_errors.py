@@ -114,7 +114,7 @@ def test_estimated_correlation_times_are_reported_with_their_limits(delivered: P
 
 @pytest.mark.parametrize(
     ("column", "message"),
-    [("time", "The exposures have no times"), ("strip", "The exposures name no strips")],
+    [("time", "The exposures have no times"), ("strip", "The exposures contain no strips")],
 )
 def test_without_times_or_strips_a_correlation_is_refused(delivered: Path, column: str, message: str) -> None:
     change(delivered / "exposures.csv", lambda table: table.assign(**{column: ""}))

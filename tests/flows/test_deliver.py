@@ -94,7 +94,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(
     request = RunRequest(project_file, out, ('deliver=[{format="eo-csv", folder="client/own"}]',))
     summary = carry_out(aerial_triangulation, request).summary
     assert summary.status == "gate_failed"
-    assert "something else than a delivery" in summary.problems[0]
+    assert "other files than a delivery" in summary.problems[0]
     assert [path.name for path in own.iterdir()] == ["letter.txt"]
 
 
@@ -129,12 +129,12 @@ def test_convert_takes_a_project_file_and_a_block_of_another_program(
     )
     given = first / "block.xml"
     assert convert_and_show(given, "colmap", second, None, 5.2, overrides=(), data=None) == DONE
-    assert "Nothing of this block is adjusted" in " ".join(capsys.readouterr().out.split())
+    assert "This block is not adjusted" in " ".join(capsys.readouterr().out.split())
     records = EXPOSURE_FORMATS["colmap"](second / "images.txt", "omega-phi-kappa")
     assert len(records.image) == 12
     with pytest.raises(InputError, match="--pixel-um"):
         convert_and_show(given, "colmap", second, None, None, overrides=(), data=None)
-    with pytest.raises(InputError, match="no block of COLMAP or OpenSfM"):
+    with pytest.raises(InputError, match="not a block of COLMAP or OpenSfM"):
         convert_and_show(tmp_path, "colmap", second, None, 5.2, overrides=(), data=None)
     with pytest.raises(InputError, match="no format 'rpc'"):
         convert_and_show(given, "rpc", second, None, 5.2, overrides=(), data=None)

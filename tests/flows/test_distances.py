@@ -108,8 +108,8 @@ def test_a_bar_that_is_wrong_is_rejected(delivered: tuple[Path, CloseRange], tmp
     ("change", "said"),
     [
         (lambda t: t.__setitem__("distance", -t["distance"]), "is not positive"),
-        (lambda t: t.__setitem__("other_point", t["point"]), "leads from a point to itself"),
-        (lambda t: t.__setitem__("role", "chek"), "There is no role 'chek'"),
+        (lambda t: t.__setitem__("other_point", t["point"]), "is from a point to itself"),
+        (lambda t: t.__setitem__("role", "chek"), "The role 'chek' does not exist"),
         (lambda t: t.loc[1, ["point", "other_point"]].pipe(lambda _: _swap(t)), "already given in line 2"),
     ],
 )

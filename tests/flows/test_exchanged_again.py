@@ -182,7 +182,7 @@ def test_an_exchanged_block_has_the_same_result(name: str, original: Original, t
     out = tmp_path / "out"
     written, _ = converted_block(original.project, original.store, name, out, None)
     assert written.misfit_px < 1e-6
-    assert "Nothing of this block is adjusted" in " ".join(written.statement.split())
+    assert "This block is not adjusted" in " ".join(written.statement.split())
     settings = (
         f"inputs.image_points.sigma={sigma_of(name)!r}", "inputs.exposures.sigma.position_m=0.05",
         "inputs.exposures.sigma.attitude_deg=0.003", "adjustment.free=[]", "adjustment.rejection=none",

@@ -223,7 +223,7 @@ def test_rational_polynomials_lead_to_the_measured_pixel(results: Path, tmp_path
 
 def test_the_statement_says_what_the_user_must_set(results: Path, tmp_path: Path) -> None:
     text = " ".join(export_results(results, "patb", tmp_path).statement.split())
-    for words in ("switched OFF", "NO positions of the camera", "eo_rigorous.csv", "not yet validated"):
+    for words in ("switched OFF", "NO LONGER camera positions", "eo_rigorous.csv", "not yet validated"):
         assert words in text
     assert " ".join((tmp_path / "HANDOVER.txt").read_text().split()) == text
     assert "Refraction of the standard atmosphere is contained" in text

@@ -121,7 +121,7 @@ def test_a_changed_extension_computes_again(installed: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "damage", "says"),
     [
-        ("gauge.csv", (".", "low"), "gauge.csv:2: The level is no number. Write point,level."),
+        ("gauge.csv", (".", "low"), "gauge.csv:2: The level is not a number. Write point,level."),
         ("control.txt", ("; ", ", "), "control.txt:2: This is not NAME; EAST; NORTH; HEIGHT."),
         ("project.toml", ("sigma_m = 0.004", "sigma = 1"), "Water levels need a standard deviation."),
         ("project.toml", ('"water-levels"', '"water-level"'), "There is no observation type 'water-level'"),

@@ -118,7 +118,7 @@ def test_edges_and_rates_agree(project: Path) -> None:
         turned = (row["found_deg"] - row["expected_deg"] + 90.0) % 180.0 - 90.0
         assert abs(turned) < 3.3 * row["sigma_found_deg"] + 1.0
     assert table.loc["C.tif", "expected_px"] == 0.0
-    assert "by the trajectory" in (out / "image_quality.html").read_text()
+    assert "from the trajectory" in (out / "image_quality.html").read_text()
 
 
 def test_an_exposure_time_that_is_wrong_contradicts_the_edges(project: Path, tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_images_of_no_exposure_and_exposures_without_rates_are_refused(project: 
     text = project.read_text()
     exposures = project.parent / "exposures.csv"
     for change, words in (
-        (lambda: project.write_text(text.replace('"C.tif"', '"exposures.csv"')), "no image that can be read"),
+        (lambda: project.write_text(text.replace('"C.tif"', '"exposures.csv"')), "This image cannot be read"),
         (lambda: exposures.write_text(exposures.read_text().replace("B,C", "D,C")), "B.tif is no exposure"),
     ):
         before = exposures.read_text()

@@ -106,7 +106,7 @@ def test_what_cannot_be_examined_is_refused_with_the_reason(tmp_path: Path) -> N
     (tmp_path / "text.tif").write_text("no image")
     outcome = aerocal("image-quality", tmp_path / "text.tif")
     assert outcome.returncode == 2
-    assert "no image that can be read" in outcome.stderr
+    assert "This image cannot be read" in outcome.stderr
     write_image(tmp_path / "a.tif", 1, 320)
     write_image(tmp_path / "b.tif", 2, 480)
     project = tmp_path / "q.toml"

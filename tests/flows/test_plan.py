@@ -275,7 +275,7 @@ def test_the_screen_shows_verdict_reasons_and_proposal(capsys: pytest.CaptureFix
         "pattern-1: refused",
         "not determinable",
         "Flown in one direction only",
-        "Cheapest addition that reaches the limits",
+        "Cheapest addition that meets the limits",
     ):
         assert words in shown
     assert max(map(len, output.splitlines())) <= 80

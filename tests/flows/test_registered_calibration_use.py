@@ -121,7 +121,7 @@ def test_the_errors_of_a_calibration_are_part_of_every_sigma(adjust: Adjust) -> 
     assert (test["use"], test["parameters"], test["contradicted"]) == ("consider", 5, False)
     assert said["registered_calibration"] == test["probability"]
     page = (consider / "report.html").read_text()
-    assert "held, its σ is part of all others" in page
+    assert "held, its σ included in all others" in page
     assert 'id="registered-calibrations"' in page
     assert "contradicts a calibration of the registry" not in page
 

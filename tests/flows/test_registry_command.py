@@ -73,7 +73,7 @@ def test_from_the_results_of_a_calibration_to_an_approved_version(console: Conso
         assert done.exit_code == 0, done.stderr
     assert "All 5 common parameters together agree" in done.stdout
     assert "Superseded: calibration 1 (UCE, version 1)" in done.stdout
-    assert "It holds for flights from 2024-05-01 to 2024-05-31 only" in done.stdout
+    assert "It is valid for flights from 2024-05-01 to 2024-05-31 only" in done.stdout
     listed = json.loads(console("list", "--json").stdout)
     assert [(item["id"], item["state"], item["valid_to"]) for item in listed] == [
         (1, "superseded", "2024-05-31"),
@@ -160,10 +160,10 @@ def test_a_refused_calibration_is_approved_with_a_reason_only(filled: Console) -
         (("approve", "2", "--from", "2025-01-01"), "approved already"),
         (("approve", "3", "--from", "2025-01-01", "--to", "2024-01-01"), "before it begins"),
         (("add", "nowhere"), "nowhere"),
-        (("verify", "--since", "0123456789"), "did not come from aerocal"),
+        (("verify", "--since", "0123456789"), "not written by aerocal"),
         (("list", "--registry", "mysql://u:secret@h/d"), "cannot be kept in 'mysql'"),
-        (("list", "--registry", "postgresql://u:secret@h:port/d"), "is not understood"),
-        (("list", "--registry", "postgresql://u:secret@h/d?x=1"), "'x' is not understood"),
+        (("list", "--registry", "postgresql://u:secret@h:port/d"), "is not valid"),
+        (("list", "--registry", "postgresql://u:secret@h/d?x=1"), "'x' is not valid"),
         (("list", "--registry", "nowhere.sqlite"), "There is no registry at"),
     ],
 )

@@ -497,7 +497,7 @@ def test_a_block_without_control_says_none(block: Path) -> None:
     reported = run(block)
     require_equal(reported)
     assert "Check points: none." in reported.page.text
-    assert "Control points: none took part" in reported.page.text
+    assert "Control points: none were used" in reported.page.text
     assert "surveyed-statistics" not in reported.page.tables
 
 
@@ -506,7 +506,7 @@ def test_control_without_check_points_does_not_pass_for_accuracy(block: Path) ->
     reported = run(block)
     require_equal(reported)
     assert "check-points" not in reported.page.tables
-    assert "Nothing independent says how accurate the block is" in reported.page.text
+    assert "There is no independent evidence of the accuracy of the block" in reported.page.text
     assert len(reported.page.tables["control-points"].keys) == 5
 
 
@@ -535,7 +535,7 @@ def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
     reported = run(block, 'adjustment.observe=["gnss", "control"]', "adjustment.free=[]")
     require_equal(reported)
     assert "ins_attitudes" not in reported.page.tables["groups"].keys
-    assert "None was estimated." in reported.page.text
+    assert "None were estimated." in reported.page.text
     assert "Self-calibration" not in reported.page.text
     assert "self-calibration" not in reported.page.tables
 

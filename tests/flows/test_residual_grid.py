@@ -119,11 +119,11 @@ def test_the_grid_of_another_run_is_applied_before_the_adjustment(run) -> None:
 
 def test_the_report_shows_corrections_and_what_is_left(run) -> None:
     html = (run(f"{GRID}.iterations=4").directory / "report.html").read_text()
-    assert "what the corrections have left" in html
+    assert "what remains after the corrections" in html
     assert html.count('aria-label="Corrections of camera') == 1
     assert 'id="grid-iteration"' in html
     assert "Correlation of residuals by distance" in html
-    assert "what the corrections have left" not in (run().directory / "report.html").read_text()
+    assert "what remains after the corrections" not in (run().directory / "report.html").read_text()
 
 
 def test_seams_of_the_camera_are_borders_of_the_sub_areas(run) -> None:

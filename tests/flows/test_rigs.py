@@ -109,9 +109,9 @@ def test_names_of_images_decide_nothing(flight: Path, results: Path, tmp_path: P
     ("column", "row", "value", "message"),
     [
         ("time", 3, None, "have no time of exposure"),
-        ("roll", 3, 0.01, "different readings of GNSS and INS"),
-        ("x", 3, 0.5, "different readings of GNSS and INS"),
-        ("time", 6, "time of row 1", "took two images at one moment"),
+        ("roll", 3, 0.01, "different GNSS and INS observations"),
+        ("x", 3, 0.5, "different GNSS and INS observations"),
+        ("time", 6, "time of row 1", "took two images at the same time"),
     ],
 )
 def test_images_that_make_no_event_are_refused(
@@ -132,11 +132,11 @@ def test_images_that_make_no_event_are_refused(
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ('cameras.left.head.reference="right"', "no reference head"),
-        ('cameras.left.head.reference="below"', "no camera"),
-        ("cameras.left.boresight_deg=[45.0, 0.0, 0.0]", "is a head of a rig and has boresight_deg"),
-        ("trust_map={ cell_m = 10.0 }", "does not know rigs"),
-        ('cameras.left.calibration="registry"', "does not keep the relative rotations"),
+        ('cameras.left.head.reference="right"', "not a reference head"),
+        ('cameras.left.head.reference="below"', "not a camera"),
+        ("cameras.left.boresight_deg=[45.0, 0.0, 0.0]", "is a head of a rig and also has boresight_deg"),
+        ("trust_map={ cell_m = 10.0 }", "does not support rigs"),
+        ('cameras.left.calibration="registry"', "does not store the relative rotations"),
     ],
 )
 def test_heads_that_contradict_the_project_are_refused(flight: Path, override: str, message: str) -> None:
@@ -149,14 +149,14 @@ def test_relative_parameters_without_a_rig_are_refused(tmp_path: Path) -> None:
     project = simulate_project(simulation, tmp_path / "flight").project_file
     request = RunRequest(project, tmp_path / "out", overrides=('adjustment.free=["relative_rotation"]',))
     found = carry_out(aerial_triangulation, request)
-    assert "no camera is one" in str(found.error)
+    assert "no camera is a head" in str(found.error)
 
 
 def test_synchronisation_without_times_along_strips_is_refused(flight: Path, tmp_path: Path) -> None:
     exposures = pd.read_csv(flight.parent / "exposures.csv").assign(strip="")
     override = delivered(tmp_path, exposures)
     found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(override,)))
-    assert "name no strips" in str(found.error)
+    assert "contain no strips" in str(found.error)
     assert "synchronisation_offset" in str(found.error)
 
 
@@ -200,7 +200,7 @@ def test_events_that_the_times_contradict_are_refused(flight: Path, tmp_path: Pa
 def test_offsets_in_place_and_in_time_need_a_prior(flight: Path, tmp_path: Path) -> None:
     free = 'adjustment.free=["relative_position", "synchronisation_offset"]'
     found = carry_out(aerial_triangulation, RunRequest(flight, tmp_path / "out", overrides=(free,)))
-    assert "are the same at one speed" in str(found.error)
+    assert "cannot be separated at constant speed" in str(found.error)
 
 
 @pytest.mark.slow

@@ -135,7 +135,7 @@ def test_sensitivity_linearity_and_aperture_are_those_of_the_light(results: Path
 
 def test_the_page_lists_what_the_tables_do(results: Path) -> None:
     page = (results / "image_quality.html").read_text()
-    assert "The sensor misses thresholds." in page
+    assert "The sensor does not meet all thresholds." in page
     assert page.count('<tr data-key="2:defect_columns_double">') == 1
     assert "RowStart" in page
 
@@ -145,12 +145,12 @@ def test_a_series_without_dark_images_is_refused(tmp_path: Path) -> None:
     project.write_text(project.read_text().replace('dark = "dark.tif"\n', ""))
     outcome = aerocal("image-quality", project)
     assert outcome.returncode == 2
-    assert "Name dark images" in outcome.stderr
+    assert "Also name dark images" in outcome.stderr
 
 
 def test_the_certificate_says_the_same_in_three_forms(results: Path) -> None:
     twin = json.loads((results / "radiometric_certificate.json").read_text())
-    assert twin["title"] == "Radiometric limits not kept"
+    assert twin["title"] == "Radiometric limits not met"
     assert twin["verdict"] == "refused"
     digest = hashlib.sha256(json_text(twin["record"]).encode()).hexdigest()
     assert twin["code"] == digest
@@ -222,7 +222,7 @@ def test_the_registry_keeps_results_and_says_what_has_changed(results: Path, tmp
     # What somebody edits behind its back shows.
     with sqlite3.connect(registry) as connection:
         connection.execute("UPDATE radiometric_results SET content = replace(content, 'Sensor', 'Other')")
-    assert "its values do not give its seal" in call("verify", code=2)
+    assert "its values do not match its seal" in call("verify", code=2)
 
 
 def test_a_certificate_that_was_edited_is_not_registered(results: Path, tmp_path: Path) -> None:

@@ -83,7 +83,7 @@ def test_a_template_of_ones_own_states_and_a_change_of_it_computes_the_statement
         ('template = "own.toml"', "unknown quantity 'RMSE_w'"),
         ('standard = "asprs-1990"', "asprs-2024"),
         ("class_m = 0.1", "either a standard or a template"),
-        ('standard = "asprs-2024"\nvegetated = ["nobody"]', "'nobody' stands among the vegetated points"),
+        ('standard = "asprs-2024"\nvegetated = ["nobody"]', "'nobody' is listed under `vegetated`"),
         ('template = "missing.toml"', "missing.toml"),
     ],
 )

@@ -69,7 +69,7 @@ def test_flights_that_number_their_strips_alike_give_what_others_give(tmp_path: 
 def test_times_without_strips_are_refused_with_what_to_do(tmp_path: Path) -> None:
     outcome = adjusted(flown(tmp_path, None))
     assert outcome.summary.status == "input_error"
-    assert "The exposures name no strips" in str(outcome.error)
+    assert "The exposures contain no strips" in str(outcome.error)
 
 
 def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> No
     pd.concat([points, own]).to_csv(folder / "image_points.csv", index=False)
     outcome = adjusted(folder)
     assert outcome.error is None, outcome.error
-    assert any("exposed at" in text and "counts once" in text for text in outcome.summary.problems)
+    assert any("exposed at" in text and "is used once" in text for text in outcome.summary.problems)
     residuals = pd.read_parquet(folder / "results" / "residuals.parquet")
     positions = residuals[residuals["group"] == "gnss_positions"]
     assert positions["sigma"].to_numpy() == pytest.approx(0.05 * np.sqrt(2.0))

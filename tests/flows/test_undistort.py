@@ -83,7 +83,7 @@ def test_every_pixel_shows_what_the_camera_saw_in_its_direction(
     assert float(camera["focal_length_mm"]) == pytest.approx(1e3 * calibrated.frame.focal_length, abs=1e-7)
     assert float(camera["x0_mm"]) == pytest.approx(1e3 * calibrated.frame.principal_point[0], abs=1e-7)
     text = " ".join((tmp_path / "out" / "UNDISTORTED.txt").read_text().split())
-    assert f"parameters move image points by up to {1e6 * calibrated.largest_distortion:.1f} µm" in text
+    assert f"parameters change image points by up to {1e6 * calibrated.largest_distortion:.1f} µm" in text
     assert "NOT contained: refraction" in text
     assert f"{image.name}: camera {camera['camera']}" in text
     assert text.split()[:3] == done.stdout.split()[:3]
@@ -129,12 +129,12 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(
         ([turned], "2,001 × 1,308 pixels, and the camera UCE-80 1,308 × 2,001."),
         ([fits, small], "30 × 20 pixels"),
         ([fits, strange], "no adjusted image of this name"),
-        ([fits, fits], "so would"),
+        ([fits, fits], "as would"),
         ([fits, tmp_path / "none.tif"], "no such file"),
-        ([fits, results / "cameras.parquet"], "no image"),
+        ([fits, results / "cameras.parquet"], "This image cannot be read"),
         ([fits, "--camera", "UC"], "no camera 'UC'"),
         ([fits, "--resampling", "nearest"], "'nearest' is not known"),
-        ([fits, "--out", tmp_path], "written over itself"),
+        ([fits, "--out", tmp_path], "overwrite itself"),
         ([fits, "--out", fits], "a file, not a folder"),
     ]  # fmt: skip
     for words, sentence in cases:

@@ -132,7 +132,7 @@ def test_a_block_on_a_map_that_nothing_places_is_refused(delivered: Path) -> Non
     (delivered / "project.toml").write_text(text[:start] + text[end:])
     outcome = run(delivered, "adjustment.free=[]")
     assert outcome.summary.status == "input_error"
-    assert "nothing says where in" in str(outcome.error)
+    assert "the location of the block in" in str(outcome.error)
 
 
 def normalized(truth: CloseRange, outcome: RunOutcome) -> dict[str, np.ndarray]:

@@ -76,7 +76,7 @@ def test_kappa_of_one_image_turned_by_half_a_turn(refusal, trajectory: list[str]
     (tmp_path / "turned.opk").write_text(rewritten(trajectory, turned))
     message = refusal(f'inputs.exposures.file="{tmp_path / "turned.opk"}"')
     assert message.startswith("image 21FD244720x00016_00810: ")
-    assert "κ looks turned by 180°" in message
+    assert "κ looks rotated by 180°" in message
 
 
 def test_all_images_turned_by_half_a_turn(refusal, trajectory: list[str], tmp_path: Path) -> None:
@@ -214,5 +214,5 @@ def test_the_examples_as_they_are_raise_no_suspicion(
     project = EXAMPLE.parents[1] / example / "project.toml"
     outcome = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out"))
     assert outcome.error is None
-    words = ("height systems", "looks as if", "look like", "look turned", "mount_deg")
+    words = ("height systems", "looks as if", "look like", "look rotated", "appear", "mount_deg")
     assert [text for text in outcome.summary.problems if any(word in text for word in words)] == []

@@ -32,7 +32,7 @@ def test_relative_errors_of_gnss_and_ins_are_far_below_their_absolute_sigmas(res
     assert found["y_parallax_rms_um"] == pytest.approx(2.0, abs=0.15)
     assert found["y_parallax_max_um"] == pytest.approx(7.4, abs=0.5)
     assert found["y_parallax_predicted_rms_um"] == pytest.approx(10.3, abs=0.5)
-    assert any("less from one exposure to the next" in sentence for sentence in summary["problems"])
+    assert any("less between successive exposures" in sentence for sentence in summary["problems"])
 
 
 def test_what_a_relative_orientation_leaves_is_the_noise_of_the_image_coordinates(results: Path) -> None:

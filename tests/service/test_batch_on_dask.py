@@ -63,5 +63,5 @@ def test_workers_with_another_environment_are_refused(running: DaskCluster, tmp_
     here = {"FLIGHTS": str(project.parent)}
     done = aerocal("batch", project, "--dask", running.address, more=here)
     assert done.returncode == 1
-    assert "has FLIGHTS set to something else than this run" in done.stderr
+    assert "has FLIGHTS set differently from this run" in done.stderr
     assert not (project.parent / "results" / ".store").exists()

@@ -127,7 +127,7 @@ def test_workers_that_do_not_see_the_same_files_are_refused(
     monkeypatch.chdir(tmp_path)
     # The same path for everybody, and behind it another folder for every process.
     with (
-        pytest.raises(InstallationError, match="does not see what this run writes into /proc/self/cwd"),
+        pytest.raises(InstallationError, match="does not see what this run writes to /proc/self/cwd"),
         cluster(running.address, (store.folder, Path("/proc/self/cwd"))),
     ):
         pass
@@ -161,7 +161,7 @@ def test_workers_that_cannot_take_part_are_refused_before_anything_is_computed(
         for options, path, words in (
             (("--nthreads", "2"), REPOSITORY, "has 2 threads"),
             ((), other, "other source files of aerocal"),
-            ((), empty, "cannot load aerocal as it is here"),
+            ((), empty, "cannot load the version of aerocal used here"),
         ):
             pid = running.add_worker(*options, environment={"PYTHONPATH": str(path)})
             with pytest.raises(InstallationError, match=words):
@@ -215,6 +215,6 @@ def test_nobody_waits_for_ever_for_workers_that_do_not_come_back(
     monkeypatch.setattr(module, "_WAIT_S", 1.0)
     with (
         dask_cluster(tmp_path / "cluster", workers=1) as running,
-        pytest.raises(InstallationError, match="none has come back"),
+        pytest.raises(InstallationError, match="none has returned"),
     ):
         lost_in_the_middle(running, store, lambda: running.kill_worker(running.workers[0].pid))

@@ -79,7 +79,7 @@ def test_what_became_of_deliveries_is_published_with_the_results(
     deliver = 'deliver=[{format="eo-csv"}]'
     done = aerocal("run", block, "--out", str(address), "--set", deliver)
     assert done.returncode == 0, done.stderr
-    assert "object storage keeps tables and pages" in done.stdout
+    assert "object storage contains tables and pages" in done.stdout
     found = ObjectWorkspace.at(address).manifest()
     assert found is not None
     assert [(one.format, one.written) for one in found.summary.deliveries] == [("eo-csv", True)]

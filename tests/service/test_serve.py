@@ -220,7 +220,7 @@ def test_calibrations_that_are_due_end_in_a_state_of_that_name(server: Served) -
         "due": "RecalibrationDue", "not due": "Completed", "unknown": "InputError",
     }  # fmt: skip
     assert "UCE (body UC-E-1), virtual image: Calibration 1 is" in ended["due"]["state"]["message"]
-    assert ended["not due"]["state"]["message"] == "No calibration is due: 1 camera looked at."
+    assert ended["not due"]["state"]["message"] == "No calibration is due: 1 camera checked."
     assert "Did you mean 'UCE'" in ended["unknown"]["state"]["message"]
     until(
         lambda: server.run(runs["due"])["name"] == "registry · recalibration-due · RecalibrationDue",

@@ -132,7 +132,7 @@ def test_an_interrupted_sweep_on_a_cluster_goes_on_where_it_stood(field: Path, t
             process.send_signal(signal.SIGINT)
             errors = process.communicate(timeout=60)[1]
         assert process.returncode == 130
-        assert "Interrupted; finished stages are kept" in errors
+        assert "Interrupted; completed stages are kept" in errors
         assert "Traceback" not in errors
         assert not (tmp_path / "out" / "sweep.parquet").exists()
         swept(field, tmp_path / "out", "--dask", cluster.address)

@@ -38,7 +38,7 @@ def remarks(project_file: Path, out: Path, rows: pd.DataFrame, *overrides: str) 
         cameras=read["cameras"],
         orient_without_exposure=project.inputs.orient_without_exposure,
     )
-    return [sentence for sentence in read_notes(outputs["notes"]).problems if "may end early" in sentence]
+    return [sentence for sentence in read_notes(outputs["notes"]).problems if "may be incomplete" in sentence]
 
 
 def test_half_a_file_is_remarked_on_where_its_points_go_by_image_or_place(

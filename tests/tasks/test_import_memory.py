@@ -35,7 +35,7 @@ def test_a_file_of_twenty_megabytes(tmp_path: Path) -> None:
     [
         ("{image},{point:06d},{x:.3f},{y:.3f}", ""),
         ("{image},{point},{x:.0f},{y:.0f}", ""),
-        ("{image},{point},1,2", "exactly the same place"),
+        ("{image},{point},1,2", "exactly the same position"),
         ("{image},a-long-name-of-a-tie-point-{point:012d},{x:.6f},{y:.6f}", ""),
         ("{image},{own:09d},{x:.3f},{y:.3f}", "No point is measured in two images"),
         (

@@ -237,7 +237,7 @@ def test_results_in_a_geographic_crs_are_refused(delivery):
 
 
 def test_a_local_project_does_not_mix_with_a_map_projection(delivery):
-    with pytest.raises(InputError, match='CRS "local" cannot be brought together'):
+    with pytest.raises(InputError, match='CRS "local" cannot be combined'):
         delivery.exposures("project.crs=local")
 
 
@@ -292,7 +292,7 @@ def test_rates_are_about_the_declared_axes_in_the_unit_of_the_angles(delivery, a
 
 def test_rates_whose_axes_are_not_declared_are_an_error_and_so_are_declared_ones_that_are_missing(delivery):
     axes = "inputs.exposures.angles.rate_axes=forward-left-up"
-    with pytest.raises(InputError, match="the file has none"):
+    with pytest.raises(InputError, match="the file contains no rates"):
         delivery.exposures(axes)
     delivery.write(exposures=RATES)
     with pytest.raises(InputError, match="their axes are not declared"):

@@ -58,9 +58,9 @@ def test_strips_and_flights_are_found_in_names(delivery):
     ("rows", "rule", "said"),
     [
         ([("a", ""), ("b", 2)], '"time-gaps"', "has no time"),
-        ([("a_1", 1), ("b", 2)], '{pattern="{strip}_*"}', "not made like the pattern"),
-        ([("a", 1)], '"names"', "is not understood"),
-        ([("a", 1)], '{pattern="{strip}*"}', "leaves open"),
+        ([("a_1", 1), ("b", 2)], '{pattern="{strip}_*"}', "does not match the pattern"),
+        ([("a", 1)], '"names"', "is not valid"),
+        ([("a", 1)], '{pattern="{strip}*"}', "does not define where"),
         ([("a", 1)], '{pattern="*_*"}', "needs {strip} once"),
         ([("a", 1)], "{gap_factor=0.5}", "each image is a strip"),
         ([("a", 1)], '{gap_factor=3.0, pattern="{strip}_*"}', "one rule"),
@@ -75,7 +75,7 @@ def test_rules_that_do_not_fit_are_refused(delivery, rows, rule, said):
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ('inputs.exposures.decimal=","', "A comma cannot both"),
+        ('inputs.exposures.decimal=","', "A comma cannot be both"),
         ("inputs.exposures.header=false", "known by their numbers"),
     ],
 )
@@ -86,7 +86,7 @@ def test_layouts_that_cannot_be_are_refused(delivery, override, said):
 
 
 def test_a_layout_is_refused_where_the_format_has_its_own(delivery):
-    with pytest.raises(InputError, match="this file's format has its own"):
+    with pytest.raises(InputError, match="the format of this file has its own"):
         delivery.exposures('inputs.exposures.format="patb"', 'inputs.exposures.separator="tab"')
 
 
@@ -173,5 +173,5 @@ def test_a_table_of_names_must_have_every_image_once(delivery):
     with pytest.raises(InputError, match=r"I3: The table of names, names\.csv, does not have this image"):
         delivery.exposures('inputs.exposures.image_names="names.csv"')
     (delivery.folder / "names.csv").write_text("photo,image\nI1,a\nI2,b\nI3,a\n")
-    with pytest.raises(InputError, match=r"names\.csv:4: a: The name stands in two lines"):
+    with pytest.raises(InputError, match=r"names\.csv:4: a: The name is in two lines"):
         delivery.exposures('inputs.exposures.image_names="names.csv"')

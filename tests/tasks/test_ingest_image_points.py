@@ -166,7 +166,7 @@ def test_few_points_outside_the_format_are_left_out_and_said(delivery):
     assert notes.figures["counts"]["image_points_read"] == 1000
     said = next(text for text in notes.problems if "outside their image" in text)
     assert said == (
-        "points.csv: 1 of 1,000 points lie outside their image and are left out; the first is 'P0' in 'I1' "
+        "points.csv: 1 of 1,000 points lie outside their image and are ignored; the first is 'P0' in 'I1' "
         "(line 2)."
     )
 

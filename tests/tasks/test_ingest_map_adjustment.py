@@ -72,7 +72,7 @@ def test_the_true_orientations_are_found(tmp_path: Path, world: str, case: Fligh
     assert before > 0.15
     assert np.abs(position - true.centre).max() < 2e-4
     assert np.degrees(np.abs(turn - true.map_from_camera).max()) < 3e-7
-    assert any("are turned into true ones: heights move by" in problem for problem in problems)
+    assert any("are converted to rigorous ones: heights change by" in problem for problem in problems)
     # As they stand they are off.
     there, _, _ = imported(tmp_path, results)
     np.testing.assert_allclose(there, handed.pose.centre, atol=1e-4)
@@ -120,10 +120,10 @@ IN_MAP = {"world": "map-cartesian", "ground_m": GROUND}
     ("changes", "what"),
     [
         ({"adjusted_in": {**IN_MAP, "ground_m": 3000.0}}, "below the ground"),
-        ({"crs": "EPSG:4258", "adjusted_in": IN_MAP}, "no map projection"),
+        ({"crs": "EPSG:4258", "adjusted_in": IN_MAP}, "not a map projection"),
         ({"adjusted_in": {**IN_MAP, "world": "map"}}, "map-cartesian"),
         ({"adjusted_in": {"world": "map-cartesian"}}, "ground_m"),
-        ({"position": "antenna", "adjusted_in": IN_MAP}, "no positions of an antenna"),
+        ({"position": "antenna", "adjusted_in": IN_MAP}, "cannot have positions of an antenna"),
         (
             {
                 "angles": {"order": "omega-phi-kappa", "unit": "deg", "reference": "true-north"},

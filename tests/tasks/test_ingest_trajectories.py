@@ -63,7 +63,7 @@ def test_accuracies_are_interpolated_between_their_records(flight):
     # North of the true east-north axes, turned into the grid: the small convergence mixes the two a little.
     np.testing.assert_allclose(columns["sigma_y_m"], 0.01 + 1e-4 * (time - table[0, 0]), rtol=2e-3)
     error = flight.refused(trajectory={"accuracy": flight.write("short.out", table[:30])})
-    assert "do not have the moment of this event" in error.what
+    assert "do not contain the time of this event" in error.what
 
 
 def test_an_event_outside_is_refused_or_left_out_but_never_extrapolated(flight):
@@ -77,7 +77,7 @@ def test_an_event_outside_is_refused_or_left_out_but_never_extrapolated(flight):
     columns, problems = flight.imported(file="late.sbet", events={"outside": "leave-out"})
     assert np.isnan(columns["x_m"]).tolist() == [False] * 7 + [True]
     assert np.isnan(columns["heading_deg"]).tolist() == [False] * 7 + [True]
-    assert any("1 events are left out, as declared" in problem for problem in problems)
+    assert any("1 events are excluded, as declared" in problem for problem in problems)
 
 
 def test_an_event_in_a_gap_is_refused_unless_so_long_an_interval_is_allowed(flight):
@@ -140,8 +140,8 @@ def test_velocities_and_rates_of_other_axes_are_not_used(flight):
     table[:, 4], table[:, 5] = x * cosine - y * sine, -x * sine - y * cosine
     table[:, 15:] *= -1.0
     columns, problems = flight.imported(file=flight.write("axes.sbet", table))
-    assert any("velocities are not those with which the positions change" in text for text in problems)
-    assert any("rates are not those with which the attitudes change" in text for text in problems)
+    assert any("velocities do not agree with the changes of the positions" in text for text in problems)
+    assert any("rates do not agree with the changes of the attitudes" in text for text in problems)
     metres, degrees, rates = errors(flight, columns)
     assert (metres.max() < 1e-3, degrees.max() < 2e-4, rates.max() < 1e-2) == (True, True, True)
     # Declared, the rates are right.
@@ -154,12 +154,12 @@ def test_a_sample_that_does_not_belong_is_named(flight):
     table, moment = flight.samples(), float(np.sort(flight.block.truth.trajectory.time)[5])
     table[np.searchsorted(table[:, 0], moment), 3] += 3.0
     _, problems = flight.imported(file=flight.write("outlier.sbet", table))
-    assert any("1 events lie beside samples that do not belong" in text for text in problems)
+    assert any("1 events lie near samples that are inconsistent" in text for text in problems)
 
 
 def test_what_is_missing_in_the_declaration_is_named(flight):
     for changes, says in (
-        ({"events": None}, "no exposures without their moments"),
+        ({"events": None}, "requires the times of the exposures"),
         ({"trajectory": None}, "clock of the trajectory is not declared"),
         ({"format": "csv"}, "belong to a trajectory"),
     ):
@@ -189,7 +189,7 @@ def test_float_solutions_are_said_weighted_or_left_out_as_declared(flight):
     np.testing.assert_allclose(columns["sigma_x_m"], 0.5)
     columns, problems = flight.imported(**declared, solutions={"float": "leave-out"})
     assert np.isnan(columns["x_m"]).all()
-    assert any("are left out, as declared" in text for text in problems)
+    assert any("are excluded, as declared" in text for text in problems)
 
 
 def test_marks_of_a_drone_lead_from_the_antenna_to_the_camera(flight):

@@ -51,7 +51,7 @@ def test_a_component_that_is_not_determined_takes_no_part() -> None:
     assert sentence is not None
     assert "wrong sign along forward and right:" in sentence
     assert "(+0.61, +0.34, ?) m found" in sentence
-    assert "? cannot be told from a GNSS shift" in sentence
+    assert "? cannot be separated from a GNSS shift" in sentence
 
 
 def test_each_component_is_judged_by_its_own_standard_deviation() -> None:

@@ -77,5 +77,5 @@ def test_a_further_column_with_a_name_of_the_table_is_not_taken_for_it(delivery)
 
 def test_more_rows_than_points_and_images_name_the_first_that_is_given_again(delivery) -> None:
     delivery.write(points="image,point,x,y\nI2,P,1,1\nI1,P,1,2\nI3,P,1,3\nI1,P,1,4\nI2,P,1,5\n")
-    with pytest.raises(InputError, match=r"points.csv:5: .*given in line 3 \(1 more like it\)"):
+    with pytest.raises(InputError, match=r"points.csv:5: .*given in line 3 \(1 more like this\)"):
         delivery.image_points()

@@ -19,4 +19,4 @@ def test_long_lists_are_cut_short():
 
 
 def test_no_names_at_all_are_said():
-    assert did_you_mean("a", []) == "There is none to choose from."
+    assert did_you_mean("a", []) == "There are none."

@@ -67,7 +67,7 @@ def test_an_unseen_character_in_a_project_file_is_refused_with_its_key(
     text = project.read_text()
     assert old in text
     project.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(InputError, match="cannot be seen") as refused:
+    with pytest.raises(InputError, match="invisible character") as refused:
         load_project(project)
     assert visible(str(refused.value)) == str(refused.value)
     # A name that is written with escapes is not found again in the text.

@@ -139,8 +139,9 @@ class ParameterSet:
     formulas : the formulas and what they mean, a text of paragraphs and indented formulas for the pages of
         the documentation; usually that at the head of the set's file.
     comes_first : the terms that move the point before all others of their direction, which are then
-        evaluated where these have moved the point to, beside the sums above: between the measured and the
-        ideal point the geometry of the pixels is on the side of the former, the lens on that of the latter.
+        evaluated where these have moved the point to, in addition to the sums above: between the measured and
+        the ideal point the geometry of the pixels is on the side of the former, the lens on that of the
+        latter.
     direction : of a correction the point xy is the measured one, of a forward set the ideal one.
     """
 

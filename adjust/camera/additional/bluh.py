@@ -1,6 +1,6 @@
 """The additional parameters of the Hannover program system BLUH, one set of numbered terms.
 
-Their formulas stand in a file for each part: the general ones 1–12, those of the DMC's quarters 29–41, 79
+Their formulas are in a file for each part: the general ones 1–12, those of the DMC's quarters 29–41, 79
 and 80, those of the UltraCam's tiles 42–73, those of the corners 81–88. All but the last are defined in
 normalised millimetres, and their values and units are too.
 """

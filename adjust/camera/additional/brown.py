@@ -7,7 +7,7 @@ The sign is that of Australis: Δ is added to the measurement. P1 belongs to x; 
 sets differ in units only: a value per mmⁿ is 1000ⁿ times as large per mⁿ. Certificates of the DMC print
 metres, Australis and most laboratories millimetres.
 
-B1 is linear here: it stretches x beside the distortion. DBAT's models with an aspect parameter stretch
+B1 is linear here: it scales x in addition to the distortion. DBAT's models with an aspect parameter stretch
 before (3, 5) or after it (4), which differs by B1 times the distortion.
 """
 

@@ -9,7 +9,7 @@ With the ideal point u = x/c, v = −y/c (v positive down the image, as in those
 All coefficients are dimensionless, because the ideal point is divided by the current focal length.
 k1, k2, k3, p1, p2 are identical to those of OpenCV, COLMAP, OpenSfM and OPF. Metashape calls p2, p1 P1, P2,
 and its B1, B2 are b1, b2 times the focal length in pixels. fx = c (1 + b1), fy = c. k4 is Metashape's; k4 to
-k6 of OpenCV's rational model are something else.
+k6 of OpenCV's rational model have a different meaning.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ SET = ParameterSet(
     "OpenCV, calib3d: projectPoints; COLMAP, OPENCV; Agisoft Metashape, Appendix C: Camera models",
     (*_LENS, *_SENSOR),
     _basis,
-    "A distortion, evaluated at the ideal point: values of `brown` are no values of this set, neither with "
-    "their sign nor without; `aerocal convert-distortion` converts. k1 to k4 are strongly correlated with "
-    "each other and with the focal length.",
+    "A distortion, evaluated at the ideal point: values of `brown` are not values of this set, neither "
+    "with their sign nor without; `aerocal convert-distortion` converts. k1 to k4 are strongly "
+    "correlated with each other and with the focal length.",
     formulas=__doc__ or "",
     comes_first=tuple(term.name for term in _LENS),
     direction="forward",

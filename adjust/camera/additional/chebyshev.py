@@ -1,7 +1,7 @@
 """Chebyshev polynomials of degree n, in the pattern of the Legendre sets.
 
 T_i(u) T_j(v) instead of P_i(u) P_j(v). Their size is the same all over the image (|T_i| ≤ 1), but they are
-not orthogonal over a uniformly covered one: correlations reach 0.50 for n = 5. Legendre is to be preferred.
+not orthogonal over a uniformly covered one: correlations reach 0.50 for n = 5. Legendre is preferable.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Conversion:
 
     Attributes
     ----------
-    parameters, values : what was asked for, and its values (k,).
+    parameters, values : what was requested, and its values (k,).
     xy : (n, 2) measured points over the format, edges included, metres from the principal point, image axes.
     misfit : (n, 2) what the values leave at these points, metres in the measured image.
     """
@@ -74,8 +74,8 @@ def converted(
     Raises
     ------
     AdditionalParametersError
-        If the given distortion folds the image over, or the wanted parameters cannot be told from each other
-        over the format.
+        If the given distortion folds the image over, or the wanted parameters cannot be separated from each
+        other over the format.
     """
     xy = refuse_folded(given, values, np.array(principal_point))
     return fitted(wanted, xy, ideal_from_measured(given, values, xy))
@@ -89,7 +89,7 @@ def fitted(wanted: AdditionalParameters, xy: Floats, ideal: Floats) -> Conversio
     Raises
     ------
     AdditionalParametersError
-        If the parameters cannot be told from each other with these points.
+        If the parameters cannot be separated from each other with these points.
     """
     found = np.zeros(len(wanted.names))
     for _ in range(_MOST_STEPS):
@@ -151,7 +151,7 @@ def _least_squares(columns: Floats, right: Floats) -> Floats:
     solution, _, rank, _ = np.linalg.lstsq(columns / length, right, rcond=1e-12)
     if rank < len(length):
         raise AdditionalParametersError(
-            "The additional parameters to convert to cannot be told from each other over the image.",
+            "The additional parameters to convert to cannot be separated from each other over the image.",
             "Choose fewer of them.",
         )
     return np.asarray(solution / length)

@@ -128,8 +128,8 @@ def per_millimetre(degree: int) -> str:
 def weights_against_orientation(image_format: ImageFormat, second: float, fourth: float) -> Floats:
     """Weights (4, 2) that keep parameters 1 … 4 clear of scale, rotation and tilt.
 
-    A tilt moves the points by (x², x y) and (x y, y²) beside a shift. With mean squares ⟨x²⟩ and ⟨k²⟩,
-    k = x² − ⟨x²⟩, the combination (−w k, x y) is orthogonal to (k, x y) if w = ⟨x²⟩⟨y²⟩/⟨k²⟩; likewise
+    A tilt moves the points by (x², x y) and (x y, y²) in addition to a shift. With mean squares ⟨x²⟩ and
+    ⟨k²⟩, k = x² − ⟨x²⟩, the combination (−w k, x y) is orthogonal to (k, x y) if w = ⟨x²⟩⟨y²⟩/⟨k²⟩; likewise
     (x, −w y) to the scale (x, y) if w = ⟨x²⟩/⟨y²⟩. In a square image parameters 1 and 2 have the weight 1.
 
     Parameters

@@ -158,7 +158,8 @@ def additional_parameters(
     selection : such as ``bluh:1-12+42-73``, see ``selection``.
     image_format : in calibration axes, see ``calibration_axes.format_in_calibration_axes``.
     turn_deg : 0, 90, 180 or 270, from image axes to calibration axes.
-    known : names ``SET:NAME`` of others beside them, which have a value and are not determined: they may be
+    known : names ``SET:NAME`` of others in addition to them, which have a value and are not determined: they
+    may be
         linear combinations of those that are selected.
 
     Raises

@@ -81,7 +81,7 @@ def selected(text: str, register: Register) -> tuple[SelectedTerms, ...]:
 
 
 def selected_items(text: str, register: Register) -> tuple[SelectedTerms, ...]:
-    """What ``selected`` gives, item by item as they stand in the text: ``bluh:1-12+42-73`` has two.
+    """What ``selected`` gives, item by item as they are in the text: ``bluh:1-12+42-73`` has two.
 
     Raises
     ------

@@ -81,7 +81,7 @@ def water_levels(
             try:
                 levels.append(float(row["level"]))
             except (KeyError, TypeError, ValueError):
-                raise InputError("The level is no number.", "Write point,level.", file, line) from None
+                raise InputError("The level is not a number.", "Write point,level.", file, line) from None
             points.append(number[row["point"]])
     level = observed.local_from_map(np.column_stack([np.zeros((len(levels), 2)), levels]))[:, 2]
     model = StochasticModel.from_sigma(np.full((len(points), 1), float(sigma)))

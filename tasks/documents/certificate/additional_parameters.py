@@ -46,14 +46,16 @@ def additional_table(material: CertificateMaterial, items: list[CalibratedParame
     k = coverage_of(material).k
     rows = tuple(_row(item, offered.get(item.key, {}), level, k, with_entity=with_entity) for item in items)
     turn = material.record.camera.calibration_axes_deg
-    axes = "the image axes" if turn == 0 else f"axes turned by {turn}° counter-clockwise against the image"
+    axes = (
+        "the image axes" if turn == 0 else f"axes rotated by {turn}° counter-clockwise relative to the image"
+    )
     note = f"The sum is the correction Δ of a measured coordinate, in {axes}; the image error is −Δ."
     forward = distorting_sets(items)
     if forward:
         note += (
-            f" Those of {', '.join(forward)} are a distortion d of the ideal direction u instead, without "
-            "unit as u is: the measured coordinate plus Δ is c (u + d), with the focal length c of this "
-            "certificate."
+            f" Those of {', '.join(forward)} are instead a distortion d of the ideal direction u, "
+            "dimensionless like u: the measured coordinate plus Δ is c (u + d), with the focal length c of "
+            "this certificate."
         )
     if level:
         note += f" Tests of t are {level}."

@@ -26,14 +26,14 @@ _HEADINGS = ("east", "north", "up")
 
 _OF_CONTROL = (
     "control",
-    "Control points of the calibration: no accuracy",
-    "The calibration was fitted to these points. Their differences say how well it fits; no statement about "
-    "accuracy follows from them.",
+    "Control points of the calibration (not independent)",
+    "The calibration was fitted to these points. Their differences show the quality of the fit, not the "
+    "accuracy.",
 )
 _OF_CHECK = (
     "check",
     "Independent check points of the adjustment",
-    "Their coordinates took no part in the adjustment; their image points did.",
+    "Their coordinates were not used in the adjustment; their image points were.",
 )
 
 
@@ -41,7 +41,10 @@ def check_section(material: CertificateMaterial) -> Section:
     """Differences and statements."""
     results = material.results
     blocks: list[Block] = [
-        Words("Differences are computed − given, along east, north and up; no RMS is centred.", "note")
+        Words(
+            "Differences are computed − given, along east, north and up; RMS values are not centred.",
+            "note",
+        )
     ]
     control, check = (results.differences(is_check) for is_check in (False, True))
     blocks += beside(_listed(control, *_OF_CONTROL), _listed(check, *_OF_CHECK))
@@ -49,7 +52,7 @@ def check_section(material: CertificateMaterial) -> Section:
         blocks.append(Sentences("Statements from the adjustment", _statements(results, check)))
     else:
         blocks.append(
-            Words("The adjustment had no independent check points: it allows no statement about accuracy.")
+            Words("The adjustment had no independent check points: no statement about accuracy is possible.")
         )
     blocks += _direct(material)
     return Section("checks", "Checks", tuple(blocks))
@@ -133,7 +136,7 @@ def point_section(material: CertificateMaterial) -> Section | None:
         points = material.check.points
         own = points[points["status"] == INDEPENDENT]
         if len(own):
-            caption = "Independent check points, georeferenced directly"
+            caption = "Independent check points, direct georeferencing"
             blocks.append(Listing(point_table("direct-points", caption, own)))
     return Section("points", "Annex: surveyed points", tuple(blocks)) if blocks else None
 

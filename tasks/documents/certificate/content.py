@@ -60,7 +60,7 @@ class Fact:
 
     @property
     def gap(self) -> str:
-        """What stands before the unit."""
+        """What is before the unit."""
         return "" if self.unit in ("", "°") else " "
 
 
@@ -129,7 +129,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Two narrow tables or drawings beside each other."""
+    """Two narrow tables or drawings side by side."""
 
     blocks: tuple[Listing | Figure, ...]
 
@@ -152,7 +152,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class Signatures:
-    """Places for signatures beside each other."""
+    """Places for signatures side by side."""
 
     places: tuple[Signature, ...]
 
@@ -186,7 +186,7 @@ _TITLES: Mapping[Verdict, str] = {
 _RADIOMETRIC_TITLES: Mapping[Verdict, str] = {
     "accepted": "Radiometric certificate",
     "restricted": "Radiometric certificate with restrictions",
-    "refused": "Radiometric limits not kept",
+    "refused": "Radiometric limits not met",
 }
 
 
@@ -202,7 +202,7 @@ class CertificateContent:
     sentence : the verdict in words.
     code : sha256 of the record.
     sections : in their order.
-    kind : of what is certified; decides the title and what stands under it.
+    kind : of what is certified; decides the title and what is under it.
     file : name of the documents, without their endings.
     """
 

@@ -85,12 +85,12 @@ def _map(values: Floats, estimated: tuple[CalibratedParameter, ...]) -> Figure:
     names = pd.Index([(quantities.short_name(item), item.entity) for item in estimated])
     words = f"Correlations of all {len(names)} estimated parameters"
     drawing = matrix_plot(pd.DataFrame(values, index=names, columns=names), words)
-    caption = f"{words}; the coefficients follow from the covariance matrix of the record."
+    caption = f"{words}; the coefficients are computed from the covariance matrix of the record."
     return Figure("correlations", caption, words, drawing, 0.85)
 
 
 def _matrix(values: Floats, labels: list[str], count: int) -> CorrelationMatrix:
-    note = "The record holds the full covariance matrix"
+    note = "The record contains the full covariance matrix"
     note += f" of all {count} estimated parameters." if count > len(labels) else "."
     rows = tuple(tuple(_coefficient(float(values[i, j])) for j in range(i)) for i in range(len(labels)))
     return CorrelationMatrix(

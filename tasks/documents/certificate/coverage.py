@@ -28,14 +28,14 @@ class CoverageFactor:
     def words(self) -> str:
         """How U is to be read, in a sentence."""
         of = (
-            "the normal distribution (the stated σ are trusted)"
+            "the normal distribution (the stated σ are taken as known)"
             if self.freedom is None
             else f"Student's t with {self.freedom:,} degrees of freedom"
         )
         return (
             f"U = k σ: expanded uncertainty with the coverage factor k = {self.k:.2f} of {of}; the interval "
-            f"value ± U holds the true value with a probability of about {100 * COVERAGE:g} % if the model "
-            "holds (JCGM 100:2008, GUM)."
+            f"value ± U contains the true value with a probability of about {100 * COVERAGE:g} % if the "
+            "model is correct (JCGM 100:2008, GUM)."
         )
 
 

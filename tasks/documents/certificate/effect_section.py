@@ -42,14 +42,14 @@ def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
     errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name == name)
     acting = tuple(own for own in errors if own.all.longest_um > 0.0)
     if not acting:
-        offered = " Those that were offered have all been eliminated." if errors else ""
-        return [Words(f"No additional parameters act on the image.{offered}")], []
+        offered = " All candidates were eliminated." if errors else ""
+        return [Words(f"No additional parameters are applied to the image.{offered}")], []
     figures = []
     for index, own in enumerate(acting, start=1):
         name_of_figure = "image-errors" if len(acting) == 1 else f"image-errors-{index}"
         caption = (
-            f"Effect of the additional parameters of {own.entity}: the systematic image error −Δ, by which a "
-            "measured coordinate is wrong."
+            f"Effect of the additional parameters of {own.entity}: the systematic image error −Δ, the error "
+            "of a measured coordinate."
         )
         words = f"Systematic image errors of {own.entity}, root mean square {own.all.rms_um:.2f} µm"
         figure = Figure(name_of_figure, caption, words, image_errors_plot.errors_plot(own))
@@ -67,22 +67,22 @@ def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]
         if field.correction is not None:
             figure = Figure(
                 "residual-corrections",
-                "What was added to the image coordinates before the adjustment: the mean residuals of an "
-                "earlier one. They are not parameters of the record; who uses the record needs them.",
+                "Added to the image coordinates before the adjustment: the mean residuals of an earlier "
+                "adjustment. They are not parameters of the record, but its users need them.",
                 f"Corrections of the image coordinates of camera {field.camera.name}",
                 residual_field.field_plot(field, field.correction, "Corrections"),
             )
             figures.append(_cut(figure, field.camera))
     if not fields:
-        return [Words("No sub-area of the image has enough residuals for a mean.")], []
+        return [Words("No sub-area of the image has enough residuals to compute a mean.")], []
     return [Listing(residual_field.field_table(fields, confidence))], figures
 
 
 def _residual_map(field: ResidualField, confidence: float) -> Figure:
     caption = (
         "Mean residuals (adjusted − observed) in sub-areas of the image, after the correction by all "
-        f"parameters. Dark: different from zero at {100 * confidence:g} %; the table says how many are so "
-        "by chance."
+        f"parameters. Dark: significantly different from zero at {100 * confidence:g} %; the table gives the "
+        "number expected by chance."
     )
     figure = Figure(
         "mean-residuals",

@@ -1,4 +1,4 @@
-"""Which exposures took part, and which not and why."""
+"""Which exposures were used, and which not and why."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def exposure_table(material: CertificateMaterial) -> Table:
         ),
         _row(
             "without_orientation",
-            "not used: not fully given, and not to be oriented by its image points",
+            "not used: incomplete, and cannot be oriented by its image points",
             [name for name in out if name in measured and name not in in_block],
         ),
         _row(
@@ -73,7 +73,7 @@ def exposure_table(material: CertificateMaterial) -> Table:
 
 
 def _few(material: CertificateMaterial) -> list[str]:
-    """Oriented images with few points that took part."""
+    """Oriented images with few points that were used."""
     own = material.results.residuals
     own = own[(own["group"] == IMAGE_POINTS) & (own["component"] == "x") & own["status"].isin(TOOK_PART)]
     counts = own.groupby("image")["point"].size()

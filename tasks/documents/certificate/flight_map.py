@@ -1,4 +1,4 @@
-"""The map of the flight pattern: every strip as an arrow beside its line, by height level, and the points."""
+"""The map of the flight pattern: strips as arrows next to their lines, by height level, and the points."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def flight_map(material: CertificateMaterial) -> Markup:
 
 
 def _surveyed(material: CertificateMaterial) -> pd.DataFrame:
-    """Surveyed points in plan: whether each is a check point, and whether it took part."""
+    """Surveyed points in plan: whether each is a check point, and whether it was used."""
     points = material.results.control_points
     points = points[points["x_m"].notna() & points["y_m"].notna()]
     table = material.results.control_residuals
@@ -54,7 +54,7 @@ def _surveyed(material: CertificateMaterial) -> pd.DataFrame:
 
 
 def strip_beside_its_line(strip: pd.DataFrame, plot: MapPlot, colour: str) -> Markup:
-    """A strip beside its line: dots at its exposures, an arrow head at its end."""
+    """A strip next to its line: dots at its exposures, an arrow head at its end."""
     x, y = plot.x.of(strip["x_m"].to_numpy(np.float64)), plot.y.of(strip["y_m"].to_numpy(np.float64))
     ahead = _ahead(strip, x, y)
     # To the right of the direction of flight; y of the drawing points down.

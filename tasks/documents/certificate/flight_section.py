@@ -25,9 +25,9 @@ def flight_section(material: CertificateMaterial) -> Section:
     ]
     if len(material.images):
         caption = (
-            "Flight pattern. Each strip is drawn to the right of its line as it was flown, so that a line "
-            "flown forward and reverse shows two arrows; dots are exposures, triangles control points, "
-            "circles check points."
+            "Flight pattern. Each strip is drawn to the right of its line, seen in the direction of flight, "
+            "so that a line flown forward and reverse shows two arrows. Dots are exposures, triangles "
+            "control points, circles check points."
         )
         blocks.append(
             Figure(
@@ -131,8 +131,9 @@ def strip_group_table(material: CertificateMaterial) -> Table:
         for group in strip_groups(material.images, material.record.camera)
     )
     note = (
-        "Medians, from the adjusted projection centres; axes are those of the map, strips of a single "
-        "exposure are left out. Overlaps hold at the median ground; strips on one line count as one line."
+        "Medians, from the adjusted projection centres. Axes are those of the map; strips of a single "
+        "exposure are excluded. Overlaps refer to the median terrain height; strips on the same line count "
+        "as one line."
     )
     return Table("strip-groups", "Overlaps and bases", columns, rows, note)
 

@@ -39,8 +39,8 @@ def identity_section(material: CertificateMaterial) -> Section:
     if missing:
         blocks.append(
             Words(
-                f"The project does not declare: {', '.join(missing)}. What is filled in by hand is no part "
-                "of the record that the verification code proves.",
+                f"The project does not declare: {', '.join(missing)}. Entries by hand are not part of the "
+                "record that the verification code protects.",
                 "note",
             )
         )
@@ -56,16 +56,16 @@ def axes_section(material: CertificateMaterial) -> Section:
         Fact("pixel_origin", "pixel (0, 0) is the", (f"{origin} of the top-left pixel",)),
         Fact(
             "calibration_axes_deg",
-            "axes of additional parameters, turned by",
-            (Number(camera.calibration_axes_deg), "° counter-clockwise against x, y"),
+            "axes of additional parameters, rotated by",
+            (Number(camera.calibration_axes_deg), "° counter-clockwise relative to x, y"),
             joint="",
         ),
     )
     drawing = Figure(
         "image-axes",
-        "The image as it lies on the screen, the ground seen from above: pixels are counted from the "
-        "top-left corner, x and y from the format centre. The cross of the principal point shows its side of "
-        "the format centre; its distance is not to scale.",
+        "The image as displayed on the screen, with the ground seen from above. Pixels are counted from the "
+        "top-left corner, x and y from the format centre. The cross of the principal point shows its "
+        "direction from the format centre; the distance is not to scale.",
         "Image axes, principal point and direction of flight",
         image_axes(material),
         0.8,

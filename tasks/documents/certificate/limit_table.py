@@ -42,9 +42,9 @@ def limit_table(material: CertificateMaterial) -> Table:
         *_of_gates(material),
     )
     note = (
-        "σ as certified, with what was held. A calibration that keeps these limits may still be refused by "
-        "its check points, the second step or what looks wrong in the deliveries; the reasons stand "
-        "at the head."
+        "σ as certified, including the parameters that were held fixed. A calibration that meets these "
+        "limits may still be refused because of its check points, the second step or suspected errors in the "
+        "deliveries; the reasons are given on the first page."
     )
     return Table("limits", "Limits of the calibration flight and of the results", columns, rows, note)
 
@@ -66,7 +66,7 @@ def _row(
         "" if lower is None else Number(lower, decimals),
         "" if upper is None else Number(upper, decimals),
         unit,
-        "kept" if kept else "not kept",
+        "met" if kept else "not met",
     )
     return Row(key, cells)
 
@@ -145,7 +145,7 @@ def _of_model(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterat
         each = [item.moved_by for item in figures.model_findings]
         each += [item.moved_by for item in figures.strip_scatter]
         largest = max(figures.moved_by_findings, *each, 0.0)
-        words = "significant errors of the model move a parameter by at most"
+        words = "significant model errors change a parameter by at most"
         yield _row("model", words, largest, (None, limits.moved_sigmas), "σ", 1)
 
 

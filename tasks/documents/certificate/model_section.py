@@ -22,8 +22,8 @@ def model_section(material: CertificateMaterial) -> Section:
     strongest, unnoticed = strongest_table(material.results), unnoticed_table(material.results)
     blocks: list[Block] = [
         Words(
-            "The calibration holds if the model does. What is held, or taken to be the same in every flight, "
-            "height, direction and strip, was tested with the observations of this flight."
+            "The calibration is valid only if the model is. Parameters held fixed, or assumed to be equal in "
+            "all flights, heights, directions and strips, were tested with the observations of this flight."
         ),
         Words(AXES_NOTE, "note"),
     ]
@@ -41,13 +41,13 @@ def model_section(material: CertificateMaterial) -> Section:
 def assumption_table(material: CertificateMaterial) -> Table:
     """Declarations whose contrary fits every flight as well, with what it would change."""
     columns = (
-        text_column("assumption", "declared, and taken for right"),
+        text_column("assumption", "declared, and assumed to be correct"),
         text_column("otherwise", "otherwise"),
         Column("change", "changes by"),
         text_column("unit", "unit"),
         Column("in_sigma", "in σ"),
     )
-    note = "No observation of this flight can tell these: they are as right as their declaration."
+    note = "No observation of this flight can verify these: they are as correct as their declaration."
     rows = (*_origin(material), *_north(material))
     return Table("assumptions", "Assumptions", columns, rows, note)
 
@@ -91,7 +91,7 @@ def _north(material: CertificateMaterial) -> tuple[Row, ...]:
     return tuple(
         _row(
             item,
-            f"angles are counted from {words}",
+            f"angles refer to {words}",
             f"the other north: {short_name(item)}",
             abs(angle),
             "°",

@@ -26,9 +26,9 @@ from tasks.quantities import KINDS, entity_words, shown
 
 _GON = 10.0 / 9.0
 _SHIFT_NOTE = (
-    "Too much in the positions given: to be subtracted from them, antenna = projection centre + lever arm "
-    "(body axes, turned) + shift. As a correction that is added (in the way of CX, CY, CZ of the program "
-    "GPSPL, whose sign is not documented) each has the opposite sign."
+    "Error of the given positions, to be subtracted from them: antenna = projection centre + lever arm "
+    "(rotated from body axes) + shift. As a correction to be added (like CX, CY, CZ of the program GPSPL, "
+    "whose sign is not documented), each has the opposite sign."
 )
 _MISALIGNMENT_NOTE = (
     "R(camera) = R(INS) · Rz(yaw) Ry(pitch) Rx(roll) · T, a product of matrices; T = diag(1, −1, −1) · "
@@ -36,8 +36,8 @@ _MISALIGNMENT_NOTE = (
 )
 
 _WHY = (
-    "Why a parameter is weakly determined or not determinable, and what to fly, stands under limits and "
-    "verdict."
+    "The section on limits and verdict explains why a parameter is weakly determined or not determinable, "
+    "and what to fly."
 )
 
 
@@ -47,7 +47,7 @@ def parameter_section(material: CertificateMaterial) -> Section:
         INTERIOR_ORIENTATION: _interior_note(material),
         BORESIGHT: _MISALIGNMENT_NOTE.format(mount=material.record.camera.mount_deg),
         GNSS_SHIFT: _SHIFT_NOTE,
-        TIME_OFFSET: "Positions given are those of the exposure + Δt.",
+        TIME_OFFSET: "The given positions refer to the time of exposure + Δt.",
     }
     k = coverage_of(material).k
     blocks: list[Block] = [Words(_reading(material), "note")]
@@ -73,9 +73,9 @@ def held_table(material: CertificateMaterial) -> Table:
     """What was held, how well it is known, and in which σ it has the largest part."""
     columns = (
         text_column("quantity", "held"),
-        Column("sigma", "known to σ"),
+        Column("sigma", "declared σ"),
         text_column("unit", "unit"),
-        text_column("moves", "largest part in the σ of"),
+        text_column("moves", "largest contribution to the σ of"),
         Column("part", "part", "%"),
     )
     rows = []
@@ -90,10 +90,10 @@ def held_table(material: CertificateMaterial) -> Table:
         )
         rows.append(Row(f"{item.quantity}@{item.entity}", cells))
     note = (
-        f"{AXES_NOTE} Parts add up by their squares. How well each is known is a declaration of the project, "
-        "not a result."
+        f"{AXES_NOTE} Contributions add up in squares. How well each value is known is declared in the "
+        "project, not a result."
     )
-    return Table("held-quantities", "What was held, as part of every σ", columns, tuple(rows), note)
+    return Table("held-quantities", "Parameters held fixed, included in every σ", columns, tuple(rows), note)
 
 
 def _caption(family: str, material: CertificateMaterial) -> str:
@@ -125,12 +125,11 @@ def _reading(material: CertificateMaterial) -> str:
     known = any(has_result(item) for item in material.parameters)
     coverage = f"{coverage_of(material).words} " if known else ""
     return (
-        "σ: standard deviation a posteriori, with what was held (last table of the section). "
-        f"{coverage}t: change over "
-        "σ, tested two-sided at "
-        f"{100 * confidence:g} %: significant, or not significantly different from the value before. Held: "
-        "not estimated, kept at the value before. Eliminated: offered, and taken out because the flight does "
-        "not support it. Not determinable: no result. These three have no value of this calibration and no σ."
+        "σ: standard deviation a posteriori, including the parameters held fixed (last table of this "
+        f"section). {coverage}t: change divided by σ, tested two-sided at {100 * confidence:g} %: "
+        "significant, or not significantly different from the value before. Held: not estimated, kept at "
+        "the previous value. Eliminated: a candidate that was removed because the flight does not support "
+        "it. Not determinable: no result. For these three, this calibration gives neither a value nor a σ."
     )
 
 
@@ -206,8 +205,8 @@ def conventions_table(material: CertificateMaterial, items: Sequence[CalibratedP
         ("body", "Rz(yaw) Ry(pitch) Rx(roll), body axes, as above", "roll, pitch, yaw", (roll, pitch, yaw)),
         (
             "added",
-            "added to the angles of the INS, in the way of the program GPSPL; as above in level flight, "
-            "different by the tilt times the misalignment else",
+            "added to the angles of the INS, as in the program GPSPL; equal to the above in level flight, "
+            "otherwise different by the tilt times the misalignment",
             "CROLL, CPITCH, CYAW",
             (roll, pitch, yaw),
         ),
@@ -223,7 +222,7 @@ def conventions_table(material: CertificateMaterial, items: Sequence[CalibratedP
         for key, words, angles, deg in both
     )
     unknown = [quantity_of(item).words for item in items if not has_result(item)]
-    note = f"With the value before for {', '.join(unknown)}." if unknown else ""
+    note = f"With the previous value for {', '.join(unknown)}." if unknown else ""
     return Table("boresight-conventions", "The same misalignment in other conventions", columns, rows, note)
 
 
@@ -236,8 +235,8 @@ def _strip_words(material: CertificateMaterial) -> str:
         before = f", σ before {float(prior.median()):.3g} {unit}" if len(prior) else ""
         parts.append(f"{len(own)} values, RMS {rms:.3g} {unit}{before}")
     return (
-        f"Estimated with them, and of no use to other flights: GNSS biases or drifts of "
-        f"{strips['entity'].nunique()} strips ({'; '.join(parts)}). The σ above contain their uncertainty."
+        f"Estimated with them, but valid for this flight only: GNSS biases or drifts of "
+        f"{strips['entity'].nunique()} strips ({'; '.join(parts)}). The σ above include their uncertainty."
     )
 
 

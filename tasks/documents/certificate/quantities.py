@@ -94,7 +94,7 @@ def finding(parameter: CalibratedParameter) -> str:
     if parameter.verdict == "not_determinable" or parameter.status == "not_determinable":
         return "not determinable"
     if parameter.status == "prior_only":
-        return "not determinable: known from its prior only"
+        return "not determinable: determined by its prior only"
     if parameter.sigma is None:
         return "held"
     words = "significant" if parameter.status == "significant" else "not significant"

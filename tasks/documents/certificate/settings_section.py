@@ -60,13 +60,13 @@ def _model(material: CertificateMaterial) -> tuple[Fact, ...]:
     curvature = (
         "none: the coordinates are Cartesian"
         if frame.is_local
-        else "rigorous: adjusted in Cartesian axes at one point of the ellipsoid, results brought back into "
-        "the map; image coordinates get no correction for it"
+        else "rigorous: adjusted in Cartesian axes at one point of the ellipsoid, results transformed "
+        "back to the map; image coordinates are not corrected for it"
     )
     refraction = (
         "corrected with the standard atmosphere (ICAO)"
         if settings.refraction == "standard"
-        else "not corrected: image coordinates are delivered free of it"
+        else "not corrected: the delivered image coordinates are already corrected"
     )
     free = [KINDS[name].words for name in settings.free]
     return (
@@ -75,12 +75,12 @@ def _model(material: CertificateMaterial) -> tuple[Fact, ...]:
         Fact("refraction", "refraction", (refraction,)),
         Fact("estimated", "estimated", tuple(free) or (_NONE,)),
         Fact("additional", "additional parameters", _additional(settings)),
-        Fact("positions", "positions given are", _distinct(_POSITION[item.position] for item in exposures)),
+        Fact("positions", "given positions are", _distinct(_POSITION[item.position] for item in exposures)),
         Fact(
             "angles",
-            "angles given are",
+            "given angles are",
             _distinct(
-                f"{_ORDER[item.angles.order]}, counted from {_REFERENCE[item.angles.reference]}"
+                f"{_ORDER[item.angles.order]}, relative to {_REFERENCE[item.angles.reference]}"
                 for item in exposures
             ),
         ),
@@ -115,13 +115,13 @@ def _time_offset(material: CertificateMaterial) -> tuple[str, ...]:
     project = material.results.project
     if "time_offset" in project.adjustment.free:
         return ("estimated",)
-    return (f"held at zero, known to σ = {1e3 * project.calibration.held.time_offset_s:g} ms",)
+    return (f"held at zero, declared σ = {1e3 * project.calibration.held.time_offset_s:g} ms",)
 
 
 def _grid(settings: AdjustmentSettings) -> tuple[str, ...]:
     own = settings.residual_grid
     found = [
-        *([f"those of {len(own.file)} earlier adjustments"] if own.file else []),
+        *([f"from {len(own.file)} earlier adjustments"] if own.file else []),
         *([f"up to {own.iterations} iterations"] if own.iterations else []),
     ]
     return tuple(found) or (_NONE,)
@@ -138,7 +138,7 @@ def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
     attitude = _attitude_sigmas(own)
     return (
         Fact("image_um", "image points x, y (median)", numbers((1e3 * v for v in image), 2), "µm"),
-        Fact("image_px", "the same in pixels", numbers((scale * v for v in image), 2), "px"),
+        Fact("image_px", "in pixels", numbers((scale * v for v in image), 2), "px"),
         Fact("control_m", "control east, north, up (median)", _medians(control, "sigma_{}_m", "xyz", 3), "m"),
         Fact("gnss_m", "GNSS positions east, north, up (median)", _medians(own, "sigma_{}_m", "xyz", 3), "m"),
         Fact("ins_deg", f"INS attitudes {attitude[0]} (median)", attitude[1], "°"),
@@ -152,10 +152,14 @@ def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
             (
                 "scaled by σ0 a posteriori"
                 if settings.sigma0 == "a_posteriori"
-                else "not scaled: the stated σ are trusted",
+                else "not scaled: the stated σ are taken as known",
             ),
         ),
-        Fact("held", "what was held", ("part of every σ, see the last table of the calibrated parameters",)),
+        Fact(
+            "held",
+            "parameters held fixed",
+            ("included in every σ, see the last table of the calibrated parameters",),
+        ),
     )
 
 
@@ -191,14 +195,14 @@ def _sizes(value: float | tuple[float, ...]) -> str:
 
 
 def _seconds(value: float | None) -> tuple[str, ...]:
-    return ("none: the errors count as independent",) if value is None else (f"{value:g} s",)
+    return ("none: the errors are assumed to be independent",) if value is None else (f"{value:g} s",)
 
 
 def _components(material: CertificateMaterial) -> tuple[str, ...]:
     """Factors of the stated σ where they were estimated."""
     found = material.results.figures.variance_components
     if found is None:
-        return ("not estimated: the stated σ hold",)
+        return ("not estimated: the stated σ are used",)
     return tuple(
         f"{part_words(item.part)} σ × {item.factor:.{decimals_for(item.factor, 3)}f}"
         + ("" if item.estimated else " (as stated)")
@@ -224,18 +228,18 @@ def _tests(material: CertificateMaterial) -> tuple[Fact, ...]:
             "observations": "all components of an observation together, with the same probability",
         }[rejection.test]
         of = {"a_priori": "σ0 a priori", "a_posteriori": "σ0 a posteriori"}[rejection.reference_variance]
-        facts.append(Fact("compared", "compared with it", (what, of)))
+        facts.append(Fact("compared", "tested", (what, of)))
     robust = "Danish method" if rejection.robust == "danish" else _ROBUST.get(rejection.robust or "", _NONE)
     facts += [
         Fact("robust", "robust search for gross errors before the tests", (robust,)),
         Fact("confidence", "confidence of tests", (Number(100.0 * settings.confidence, 0),), "%"),
         Fact(
             "angle",
-            "object points are not used below an angle of rays of",
+            "minimum intersection angle of object points",
             (Number(project.checks.min_intersection_angle_deg, 1),),
             "°",
         ),
-        Fact("iterations", "iterations at most", (Number(settings.max_iterations),)),
+        Fact("iterations", "maximum number of iterations", (Number(settings.max_iterations),)),
     ]
     return tuple(facts)
 

@@ -1,4 +1,4 @@
-"""Section of the adjustment's statistics, in the manner of the protocols of burn-in triangulations.
+"""Section of the adjustment's statistics, following the protocols of burn-in triangulations.
 
 RMS of control and largest ground residuals, of photo positions and attitudes (the residuals of GNSS and INS),
 mean standard deviations of object points and orientations, and the limits set for them.
@@ -40,7 +40,7 @@ def _facts(results: Material) -> tuple[Fact, ...]:
     facts = [
         Fact("sigma0", "σ0, a posteriori / a priori", (Number(summary.sigma0, 3),)),
         Fact("sigma0_um", "σ0 of an image coordinate", (Number(summary.sigma0_um, 3),), "µm"),
-        Fact("sigma0_px", "the same in pixels", (Number(summary.sigma0_px, 3),), "px"),
+        Fact("sigma0_px", "in pixels", (Number(summary.sigma0_px, 3),), "px"),
         Fact("image_rms_px", "RMS of the image residuals x, y", numbers(rms, 3), "px"),
         Fact("redundancy", "degrees of freedom", (Number(summary.redundancy),)),
         Fact("iterations", "iterations", (Number(summary.iterations),)),
@@ -120,9 +120,9 @@ def statistics_table(results: Material) -> Table:
     )
     note = (
         "Photo positions and attitudes: residuals of GNSS and INS after boresight, lever arm, shift and "
-        "biases of strips. XY = √½(X² + Y²). Limits are those of the project."
+        "strip biases. XY = √½(X² + Y²). Limits are those of the project."
     )
-    return Table("statistics", "Statistics in the manner of a burn-in protocol", columns, tuple(rows), note)
+    return Table("statistics", "Statistics in the form of a burn-in protocol", columns, tuple(rows), note)
 
 
 def _row(key: str, words: str, unit: str, values: Sequence[float | None], decimals: int) -> Row:
@@ -139,7 +139,7 @@ def _limit(key: str, gate: AxisGate | None, values: Sequence[float | None]) -> R
     if gate is None:
         return Row(key, ("   limit", "", "", "", "", "", "none set"))
     kept = all(v is not None and v <= limit for v, limit in zip(values, gate.max, strict=True))
-    return Row(key, ("   limit", "m", *numbers(gate.max, 3), "", "kept" if kept else "not kept"))
+    return Row(key, ("   limit", "m", *numbers(gate.max, 3), "", "met" if kept else "not met"))
 
 
 def _components(table: pd.DataFrame, names: Sequence[str]) -> list[np.ndarray]:
@@ -160,7 +160,7 @@ def _mean(table: pd.DataFrame, pattern: str, names: Sequence[str]) -> tuple[floa
 
 
 def _of_group(results: Material, group: str, components: Sequence[str]) -> tuple[float | None, ...]:
-    """RMS residual of each component of an observation group that took part."""
+    """RMS residual of each component of an observation group that were used."""
     table = results.residuals
     own = table[(table["group"] == group) & table["status"].isin(TOOK_PART)]
     return _rms([own.loc[own["component"] == c, "residual"].to_numpy(np.float64) for c in components])
@@ -190,7 +190,7 @@ def group_table(results: Material) -> Table:
         Column("largest", "largest residual"),
         text_column("unit", "unit"),
         Column("largest_standardized", "largest standardized residual"),
-        Column("critical_value", "rejected beyond"),
+        Column("critical_value", "critical value"),
     )
     shown = [group for group in results.figures.groups if group.group != _STRIP_PRIORS]
     rows = tuple(
@@ -209,9 +209,9 @@ def group_table(results: Material) -> Table:
         for group in shown
     )
     note = (
-        "Largest residuals of the observations that took part. Beyond the critical value an observation is "
-        "rejected; where all its components are compared together, one of them may exceed it."
+        "Largest residuals of the observations used. An observation beyond the critical value is "
+        "rejected; where all its components are tested together, a single one may exceed it."
     )
     if len(shown) < len(results.figures.groups):
-        note += " Priors of the strip biases are left out."
+        note += " Priors of the strip biases are not listed."
     return Table("groups", "Observation groups", columns, rows, note)

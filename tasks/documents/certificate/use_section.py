@@ -1,4 +1,4 @@
-"""Section of the use: what the values hold for, and what this certificate must not be used for."""
+"""Section of the use: what the values apply to, and what this certificate must not be used for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tasks.documents.certificate.quantities import has_result, is_of
 _OF_PRODUCT = {
     "virtual_image": (
         "For single camera heads: interior orientation and additional parameters are those of the virtual "
-        "image. Nor must the certificates of heads be applied to the virtual image."
+        "image. Conversely, the certificates of the heads must not be used for the virtual image."
     ),
     "camera_head": (
         "For the virtual image that is composed of several heads: interior orientation and additional "
@@ -24,7 +24,7 @@ def use_section(material: CertificateMaterial) -> Section:
     """What it is for, and what not."""
     blocks: list[Block] = []
     if material.record.verdict != "refused":
-        blocks.append(Sentences("The values hold for", _holds_for(material)))
+        blocks.append(Sentences("The values are valid for", _holds_for(material)))
     blocks.append(Sentences("This certificate must not be used", _not_for(material)))
     return Section("use", "Use of this certificate", tuple(blocks))
 
@@ -40,12 +40,12 @@ def _holds_for(material: CertificateMaterial) -> tuple[str, ...]:
     if _any(material, BORESIGHT, LEVER_ARM):
         sentences.append(
             f"Boresight and lever arm: the same camera with {_numbered('inertial unit', identity.imu)} in "
-            f"{_numbered('installation', identity.mount)}, until either is dismounted."
+            f"{_numbered('installation', identity.mount)}, until either is removed."
         )
     if _any(material, GNSS_SHIFT):
         sentences.append(
             "GNSS shift: flights whose positions come from the same reference frame, base stations and "
-            "processing; else it is that of the calibration flight alone."
+            "processing; otherwise it is valid for the calibration flight only."
         )
     return tuple(sentences)
 
@@ -63,28 +63,29 @@ def _not_for(material: CertificateMaterial) -> tuple[str, ...]:
     record, identity = material.record, material.record.camera.identity
     sentences = []
     if record.verdict == "refused":
-        sentences.append("For production at all: the calibration is refused. It says what this flight lacks.")
+        sentences.append(
+            "For production: the calibration is refused. The certificate only documents what this flight "
+            "lacks."
+        )
     sentences.append(_OF_PRODUCT[identity.product])
     sentences.append(
-        "For another camera, lens, inertial unit or installation, whatever its name in a project is."
+        "For another camera, lens, inertial unit or installation, even if it has the same name in a project."
     )
     held = [item for item in material.parameters if not has_result(item)]
     if held:
         sentences.append(
-            "As a statement about parameters that were held, eliminated or not determinable: it says nothing "
-            "about them, and their σ is not zero."
+            "As a statement about parameters that were held, eliminated or not determinable: the certificate "
+            "makes no statement about them, and their σ is not zero."
         )
     sentences.append(
-        "For one parameter by itself: the values belong together. Focal length, principal point, boresight "
-        "and shift make up for each other; to use or replace one of them takes the others and the covariance "
-        "matrix of the record."
+        "For a single parameter: the values are valid only together. Focal length, principal point, "
+        "boresight and shift compensate each other; using or replacing one of them requires the others and "
+        "the covariance matrix of the record."
     )
     sentences.append(
-        "As a statement about the accuracy of mapping: the differences at control of the calibration are no "
-        "such statement, and those at independent check points are one for their block."
+        "As a statement about the accuracy of mapping: differences at control points of the calibration are "
+        "no such statement, and those at independent check points apply to their block only."
     )
     if material.results.residual_grid["correction_x_um"].notna().any():
-        sentences.append(
-            "Without the corrections of the image coordinates by mean residuals that went before it."
-        )
+        sentences.append("Without the preceding corrections of the image coordinates by mean residuals.")
     return tuple(sentences)

@@ -1,4 +1,4 @@
-"""The verdict: its sentence, the result in brief, reasons, remarks and the limits it stands on."""
+"""The verdict: its sentence, the result in brief, reasons, remarks and the limits it is based on."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _IN_THEIR_TABLE = "See the table of additional parameters."
 def verdict_sentence(record: CalibrationRecord) -> str:
     """The verdict in one sentence."""
     if record.verdict == "accepted":
-        return "Accepted: the flight meets the limits of a calibration flight."
+        return "Accepted: the flight meets the requirements of a calibration flight."
     if record.verdict == "restricted":
         number = len(record.restrictions)
         what = "one restriction" if number == 1 else f"{number} restrictions"
-        return f"Accepted with {what}: use it only as they allow."
+        return f"Accepted with {what}, which must be observed."
     if len(record.reasons) == 1:
         return f"Not accepted: {in_words(record.reasons[0])}"
     number = len(record.reasons)
@@ -62,10 +62,10 @@ def brief_section(material: CertificateMaterial) -> Section:
         facts.append(Fact("additional", "additional parameters kept", (count, offered), "offered", " of "))
     heading = "Result in brief"
     if material.record.verdict == "refused":
-        heading += ", refused and not to be used"
+        heading += ", refused and must not be used"
     blocks: list[Block] = [Facts("result", "", tuple(facts))]
     if any(" ± " in fact.joint for fact in facts):
-        blocks.append(Words(f"{coverage_of(material).words} Standard deviations σ stand below.", "note"))
+        blocks.append(Words(f"{coverage_of(material).words} Standard deviations σ are given below.", "note"))
     return Section("brief", heading, tuple(blocks))
 
 
@@ -136,7 +136,7 @@ def determinability_table(material: CertificateMaterial) -> Table:
     together: dict[tuple[str, str], list[str]] = {}
     for item in quantities.in_order(material.parameters):
         words = "eliminated" if item.status == "eliminated" else _VERDICTS[item.verdict]
-        # There may be scores of additional parameters; their σ stand in a table of their own.
+        # There may be scores of additional parameters; their σ are in a table of their own.
         plain = is_additional(item.parameter) and item.verdict in ("determined", "held")
         because = _IN_THEIR_TABLE if plain else in_words(item.because)
         together.setdefault((words, because), []).append(quantities.short_name(item))

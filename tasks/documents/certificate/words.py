@@ -30,11 +30,11 @@ _SETTINGS = {
     "adjustment.self_calibration": "self-calibration",
     "adjustment.refraction": "the correction for refraction",
     "mount_deg": "the mounting",
-    "checks.min_intersection_angle_deg": "the least angle of rays",
+    "checks.min_intersection_angle_deg": "the minimum angle of intersection",
     "prior:": "initial values of the ",
-    "calibration.held": "how well known what is held is",
+    "calibration.held": "the σ of the parameters held fixed",
     "model_alternatives.parquet": "the tables of the results",
-    "model_alternative_effects.parquet": "the effects beside them",
+    "model_alternative_effects.parquet": "the table of their effects",
 }
 _QUANTITIES = sorted({*COMPONENTS, *KINDS}, key=len, reverse=True)
 _NAMES = re.compile(
@@ -80,14 +80,14 @@ _UNIT = re.compile(r"_(?:um|mm|m|deg|s|px)$")
 _GATE = re.compile(r"\bThe gate (\w+) failed\b")
 #: What x, y and z are of.
 AXES_NOTE = (
-    "x, y, z: east, north, up of GNSS and control; forward, right, down of the lever arm; along columns and "
-    "against rows of the principal point."
+    "x, y, z: for GNSS and control east, north, up; for the lever arm forward, right, down; for the "
+    "principal point along columns and opposite to rows."
 )
 
 
 def in_words(sentence: str) -> str:
     """A sentence with words in the place of names of the code."""
-    plain = _GATE.sub(lambda found: f"The limit of {gate_words(found[1])} is not kept", sentence)
+    plain = _GATE.sub(lambda found: f"The limit for {gate_words(found[1])} is not met", sentence)
     plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), plain)
     plain = _OTHER_SETTING.sub(lambda found: _key_words(found[1]), plain)
     plain = _KEY.sub(lambda found: _key_words(found[0]), plain).replace("`", "")

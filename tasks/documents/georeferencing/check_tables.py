@@ -32,7 +32,7 @@ _FIGURES = (
     ("predicted_rmse_m", "predicted RMS [m]", 3, False),
     ("predicted_low_m", f"from ({_PERCENT}) [m]", 3, False),
     ("predicted_high_m", f"to ({_PERCENT}) [m]", 3, False),
-    ("degrees_of_freedom", "degrees of freedom of it", 1, False),
+    ("degrees_of_freedom", "its degrees of freedom", 1, False),
     ("mean_m", "mean [m]", 3, True),
     ("predicted_mean_sigma_m", "predicted σ of the mean [m]", 3, False),
     ("sd_m", "standard deviation about the mean [m]", 3, False),
@@ -46,7 +46,7 @@ _PART_WORDS = {
     "strips": "GNSS and INS, common to a strip",
     "calibration": "calibration, common to all images",
     "survey": "survey of the points",
-    "shared": "seen by the calibration, too (−: less)",
+    "shared": "also used in the calibration (−: reduces)",
 }
 
 
@@ -99,7 +99,7 @@ def source_table(material: CheckMaterial) -> Table:
     together = (*numbers(figures.predicted_rmse_m, 3), *numbers(models.predicted_rmse_m, 3))
     rows.append(Row("all", ("all together", *together)))
     return Table(
-        "sources", "What the predicted RMS comes from", columns, tuple(rows) if figures.count else ()
+        "sources", "Error budget of the predicted RMS", columns, tuple(rows) if figures.count else ()
     )
 
 
@@ -171,7 +171,7 @@ def statement_table(material: CheckMaterial) -> Table:
 
 
 def parallax_table(material: CheckMaterial) -> Table:
-    """Figures of the y-parallaxes beside their prediction."""
+    """Figures of the y-parallaxes next to their prediction."""
     f = material.figures
     columns = (
         text_column("figure", "figure"),
@@ -195,7 +195,7 @@ def parallax_table(material: CheckMaterial) -> Table:
         ),
         (
             "remaining",
-            "σ after a relative orientation of each model: image coordinates alone",
+            "σ after relative orientation of each model: image coordinates only",
             (f.y_parallax_remaining_sigma_um, f.y_parallax_image_sigma_um, None, None),
         ),
     )
@@ -260,4 +260,4 @@ def calibration_table(material: CheckMaterial) -> Table:
         )
         for item in material.figures.calibration
     )
-    return Table("calibration", "Calibration that was applied", columns, rows)
+    return Table("calibration", "Applied calibration", columns, rows)

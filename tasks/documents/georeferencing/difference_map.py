@@ -33,14 +33,14 @@ def difference_map(material: CheckMaterial) -> Markup:
             for axis in "xyz"
             if np.isfinite(float(str(row[f"d{axis}_m"])))
         ]
-        kind = "check point" if row["status"] == INDEPENDENT else "control of the calibration"
+        kind = "check point" if row["status"] == INDEPENDENT else "calibration control"
         words = f"{kind} {row['point']}: {', '.join(shown)}"
         parts.append(symbol(place, row["status"] == INDEPENDENT, took_part=True, words=words))
     y = plot.bottom + 6
     x = plot.x.start
     for is_check, words, width in (
         (True, "independent check point", 190.0),
-        (False, "control of the calibration", 200.0),
+        (False, "calibration control", 200.0),
     ):
         parts += [symbol((x + 7, y + 10), is_check, took_part=True, words="")]
         parts.append(markup.text(x + 20, y + 14, words, "start"))

@@ -25,7 +25,7 @@ _ASIDE = 3.0
 
 
 def parallax_map(material: CheckMaterial) -> Markup:
-    """A stroke beside the base of every model, coloured by the RMS of its y-parallaxes; needs one model."""
+    """A stroke next to the base of every model, coloured by the RMS of its y-parallaxes; needs one model."""
     models = material.models[material.models["points"] > 0]
     place = material.exposures.set_index("image")[["x_m", "y_m"]]
     left, right = (place.loc[models[side]].to_numpy(np.float64) for side in ("left", "right"))

@@ -13,8 +13,8 @@ def verdict(material: CheckMaterial) -> Verdict:
     gates = material.summary.gates
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
     if failed:
-        return Verdict("failed", f"{found} Not kept: {'; '.join(failed)}.")
-    kept = "All limits are kept." if gates else "No limits are set in the project."
+        return Verdict("failed", f"{found} Not met: {'; '.join(failed)}.")
+    kept = "All limits are met." if gates else "No limits are set in the project."
     return Verdict("good" if expected else "attention", f"{found} {kept}")
 
 
@@ -22,16 +22,16 @@ def _differences(material: CheckMaterial) -> tuple[str, bool]:
     """The differences in words, and whether they are what the prediction lets expect."""
     figures = material.figures
     if figures.count == 0:
-        return "The accuracy of direct georeferencing is not tested: there are no independent points.", False
+        return "Direct georeferencing was not tested: there are no independent check points.", False
     rmse = ", ".join(f"{value:.3f}" if value is not None else "–" for value in figures.rmse_m)
     words = (
-        f"Georeferenced directly, {figures.count} independent check points miss their survey by {rmse} m "
-        "(RMS east, north, up)"
+        f"With direct georeferencing, {figures.count} independent check points differ from their survey by "
+        f"{rmse} m (RMS east, north, up)"
     )
     too_large = [
         rms is not None and high is not None and rms > high
         for rms, high in zip(figures.rmse_m, figures.predicted_high_m, strict=True)
     ]
     if any(too_large):
-        return f"{words}, more than the stated σ let expect.", False
-    return f"{words}, as the stated σ let expect.", True
+        return f"{words}, more than expected from the stated σ.", False
+    return f"{words}, as expected from the stated σ.", True

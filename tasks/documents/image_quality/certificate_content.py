@@ -137,8 +137,8 @@ def radiometric_content(
 def _sentence(sensor: SensorMaterial) -> str:
     missed = int((~sensor.sheets["passed"]).sum())
     if not missed:
-        return f"All {len(sensor.sheets)} thresholds are kept."
-    return f"{missed} of {len(sensor.sheets)} thresholds are missed."
+        return f"All {len(sensor.sheets)} thresholds are met."
+    return f"{missed} of {len(sensor.sheets)} thresholds are not met."
 
 
 def _reasons(sensor: SensorMaterial) -> Section:
@@ -148,7 +148,7 @@ def _reasons(sensor: SensorMaterial) -> Section:
         f"threshold {row['threshold']:.4g}"
         for _, row in missed.iterrows()
     )
-    return Section("reasons", "Verdict", (Sentences("Not kept", items),))
+    return Section("reasons", "Verdict", (Sentences("Not met", items),))
 
 
 def _identity(material: QualityMaterial) -> Section:
@@ -231,14 +231,14 @@ def _lists(sensor: SensorMaterial) -> Section:
     if len(sensor.pixels):
         listed = pixel_table(sensor)
         left = len(sensor.pixels) - _LISTED
-        note = f"{left:,} more stand in defect_pixels.parquet." if left > 0 else ""
+        note = f"{left:,} more are listed in defect_pixels.parquet." if left > 0 else ""
         blocks.append(
             Listing(Table(listed.name, listed.caption, listed.columns, listed.rows[:_LISTED], note))
         )
     if len(sensor.columns):
         blocks.append(Listing(column_table(sensor)))
     if not blocks:
-        blocks.append(Words("No pixel or column is defective."))
+        blocks.append(Words("There are no defect pixels or columns."))
     return Section("defects", "Defects", tuple(blocks))
 
 

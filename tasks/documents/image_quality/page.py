@@ -83,7 +83,7 @@ def _verdicts(material: QualityMaterial) -> Iterator[str]:
         yield f"Factor of effective resolution: {', '.join(words)}."
     if material.sensor is not None:
         passed = bool(material.sensor.figures["passed"])
-        yield "The sensor keeps all thresholds." if passed else "The sensor misses thresholds."
+        yield "The sensor meets all thresholds." if passed else "The sensor does not meet all thresholds."
 
 
 def _plots(material: QualityMaterial) -> dict[str, Markup]:

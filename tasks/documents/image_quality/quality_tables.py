@@ -53,7 +53,7 @@ def mean_table(material: SceneMaterial) -> Table:
     )
     note = (
         "Factor: full width at half maximum of the line spread function in pixels, 1 for a sharp image. MTF "
-        "is the response in the manner of ISO 12233 across the edges, the pixel included."
+        "is the response across the edges following ISO 12233, including the pixel."
     )
     return Table("means", "Effective resolution", columns, rows, note)
 
@@ -64,7 +64,7 @@ def drift_table(drift: pd.DataFrame) -> Table:
         Column("band", "band"),
         text_column("direction", "along"),
         text_column("zone", "zone"),
-        Column("earlier", "factor then"),
+        Column("earlier", "earlier factor"),
         Column("factor", "now"),
         Column("change", "change"),
         Column("sigma_change", "σ"),
@@ -118,7 +118,7 @@ def change_table(changes: pd.DataFrame) -> Table:
         )
         for _, row in changes.iterrows()
     )
-    note = "Defects: σ is √(new + gone), since a pixel near its limit appears as often as it goes."
+    note = "Defects: σ is √(new + gone), since a pixel near its limit appears and disappears equally often."
     return Table(
         "changes", "Change of noise, sensitivity and defects since the earlier date", columns, rows, note
     )
@@ -150,18 +150,18 @@ def smear_table(material: SceneMaterial) -> Table:
         )
         for _, row in material.smears.iterrows()
     )
-    return Table("smears", "Blur of different directions, as a smear", columns, rows)
+    return Table("smears", "Blur by direction, interpreted as a smear", columns, rows)
 
 
 def motion_table(compared: pd.DataFrame) -> Table:
-    """Smear by the movement of the camera, and by the edges."""
+    """Smear from the movement of the camera and from the edges."""
     columns = (
         text_column("image", "image"),
         Column("band", "band"),
-        Column("expected_px", "by the trajectory", "px"),
+        Column("expected_px", "from the trajectory", "px"),
         Column("sigma_expected_px", "σ"),
         Column("expected_deg", "direction", "°"),
-        Column("found_px", "by the edges", "px"),
+        Column("found_px", "from the edges", "px"),
         Column("sigma_found_px", "σ"),
         Column("found_deg", "direction", "°"),
         Column("sigma_found_deg", "σ"),
@@ -181,8 +181,8 @@ def motion_table(compared: pd.DataFrame) -> Table:
         )
         for _, row in compared.iterrows()
     )
-    note = "Probability: of such a difference by chance; below 0.001 the two contradict each other."
-    return Table("motion", "Smear by the movement of the camera, and by the edges", columns, rows, note)
+    note = "Probability of such a difference by chance; below 0.001 the two contradict each other."
+    return Table("motion", "Smear from the movement of the camera and from the edges", columns, rows, note)
 
 
 def refused_table(material: SceneMaterial) -> Table:
@@ -190,7 +190,7 @@ def refused_table(material: SceneMaterial) -> Table:
     columns = (text_column("reason", "reason"), Column("count", "candidates"))
     refused = cast(Mapping[str, int], material.figures["refused"])
     rows = tuple(Row(reason, (reason, Number(count))) for reason, count in refused.items())
-    return Table("refused", "Candidates that were tried and not taken", columns, rows)
+    return Table("refused", "Rejected candidates", columns, rows)
 
 
 def noise_table(material: SceneMaterial) -> Table:

@@ -8,7 +8,7 @@ from typing import cast
 from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
 from tasks.documents.image_quality.material import SensorMaterial
 
-#: Lists longer than this stand in their table alone.
+#: Lists longer than this are in their table alone.
 _LISTED = 1000
 _WORDS = {
     "defect_pixels": "defect pixels",
@@ -74,7 +74,7 @@ def pixel_table(sensor: SensorMaterial) -> Table:
         for _, row in sensor.pixels.head(_LISTED).iterrows()
     )
     left = len(sensor.pixels) - len(rows)
-    note = f"{left:,} more stand in defect_pixels.parquet." if left else ""
+    note = f"{left:,} more are listed in defect_pixels.parquet." if left else ""
     return Table("pixels", "Defect pixels (rows and columns from 0)", columns, rows, note)
 
 
@@ -116,5 +116,5 @@ def transfer_table(sensor: SensorMaterial) -> Table:
         for one in found
     )
     return Table(
-        "transfer", "Photon transfer", columns, rows, "Misfit: weighted mean square, 1 if the line holds."
+        "transfer", "Photon transfer", columns, rows, "Misfit: weighted mean square, 1 if the line fits."
     )

@@ -67,7 +67,7 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
         parts.append(drawn)
     rings = _rings(images, surveyed, found, plot)
     if rings:
-        legend, y = swatches(plot.x.start, y, "", [Swatch(_RING, "ring: look here")], _room(plot))
+        legend, y = swatches(plot.x.start, y, "", [Swatch(_RING, "ring: cause named above")], _room(plot))
         parts += [markup.group("rings", rings), legend]
     return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
 
@@ -225,7 +225,7 @@ def _strip_name(name: str, x: Floats, y: Floats) -> Markup:
 
 
 def _surveyed(material: Material) -> pd.DataFrame:
-    """Control and check points with plan coordinates, and their differences where they took part."""
+    """Control and check points with plan coordinates, and their differences where they were used."""
     points = material.control_points
     points = points[points["x_m"].notna() & points["y_m"].notna()]
     found = pd.concat([material.differences(is_check) for is_check in (False, True)], ignore_index=True)
@@ -257,7 +257,7 @@ def _points(
     for is_check, took_part, words, width in (
         (False, True, "control point", 120.0),
         (True, True, "check point", 110.0),
-        (False, False, "takes no part or rejected (hollow)", 220.0),
+        (False, False, "not used or rejected (hollow)", 220.0),
     ):
         drawn += [
             symbol((x + 7, y + 10), is_check, took_part, ""),
@@ -273,7 +273,7 @@ def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
     """What the pointer shows at a control or check point."""
     kind = "check point" if is_check else "rejected control point" if row["rejected"] else "control point"
     if not took_part:
-        return f"{kind} {row['point']}: takes no part"
+        return f"{kind} {row['point']}: not used"
     shown = [
         f"{name} {float(str(row[f'{name}_m'])):+.3f} m"
         for name in ("dx", "dy", "dz")

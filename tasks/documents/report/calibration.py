@@ -40,7 +40,7 @@ def _verdicts(material: Material, found: CalibrationFigures) -> Table:
     rows = tuple(_verdict_row(item, rows_of[item.parameter, item.entity]) for item in shown)
     held = len(found.parameters) - len(shown)
     note = f"{held} more are held at their given values." if held else ""
-    return Table("calibration", "What this flight determines", columns, rows, note)
+    return Table("calibration", "Parameters determined by this flight", columns, rows, note)
 
 
 def _verdict_row(item: CalibrationVerdictFigure, row: Mapping[Hashable, Any]) -> Row:
@@ -67,7 +67,7 @@ def _releases(found: CalibrationFigures) -> Table:
         text_column("stage", "stage"),
         text_column("free", "free"),
         text_column("additional", "additional parameters"),
-        text_column("held", "held after it, and why"),
+        text_column("held", "then held fixed, with reason"),
     )
     rows = tuple(
         Row(
@@ -82,7 +82,7 @@ def _releases(found: CalibrationFigures) -> Table:
         )
         for number, release in enumerate(found.releases, start=1)
     )
-    return Table("calibration-releases", "Stages of release", columns, rows)
+    return Table("calibration-releases", "Parameters freed step by step", columns, rows)
 
 
 def _steps(found: CalibrationFigures) -> Table:

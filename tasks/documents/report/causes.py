@@ -68,7 +68,7 @@ class Cause:
 
 
 def causes(material: Material) -> tuple[Cause, ...]:
-    """The causes, the likeliest first; what one of them explains is not named again."""
+    """The causes, the most likely first; what one of them explains is not named again."""
     found = [_of_finding(material, finding) for finding in material.figures.model_findings]
     found += [Cause("the delivery", sentence) for sentence in material.suspicions]
     for cause in chain(_rejected(material), _unfit_images(material), _check_points(material)):
@@ -156,7 +156,7 @@ def _rejected_strips(table: pd.DataFrame) -> dict[tuple[str, str], Cause]:
         found[group, strip] = Cause(
             f"strip {strip}",
             f"{few} of its {every} {group_words(group)} were rejected; median of computed − given: "
-            f"{size} {unit}. So many have one cause, such as their datum, base station or times.",
+            f"{size} {unit}. So many must have a common cause, such as their datum, base station or times.",
             group,
             frozenset(own["image"]),
         )
@@ -173,7 +173,7 @@ def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
     )
     words = group_words(group)
     if group == "control_points":
-        sentence = f"It was rejected and counts as no control: {size}. Check its coordinates and its images."
+        sentence = f"It was rejected and not used as control: {size}. Check its coordinates and its images."
         return Cause(f"control point {point}", sentence, group, point=point)
     if image:
         words = _ITS_OWN.get(group, words)
@@ -207,7 +207,7 @@ def _unfit_images(material: Material) -> Iterator[Cause]:
     share = np.divide(unfit, count, out=np.zeros(len(names)), where=count > 0)
     found = np.flatnonzero((unfit >= _LEAST_POINTS) & (share >= _LEAST_SHARE))
     for k in found[np.argsort(-share[found], kind="stable")].tolist():
-        what = "were rejected" if tested else "have residuals that are no chance"
+        what = "were rejected" if tested else "have significant residuals"
         sentence = (
             f"{unfit[k]:.0f} of its {count[k]:.0f} image points {what}. Check whether its name, its "
             "orientation and its image points belong together."
@@ -232,7 +232,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
 
 
 def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:
-    """What is to be said of each place, the likeliest first."""
+    """What is to be reported of each place, the most likely first."""
     places: dict[str, tuple[str, ...]] = {}
     for cause in found:
         places[cause.place] = (*places.get(cause.place, ()), cause.sentence)

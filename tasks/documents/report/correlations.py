@@ -121,7 +121,7 @@ def _told_cell(x: float, y: float, size: float, value: float, words: str) -> Mar
 def _labels(
     left: float, top: float, side: float, names: Sequence[str], parameters: Sequence[str]
 ) -> list[Markup]:
-    """Names beside the rows, numbers on the diagonal; of rows too low for text every second or third."""
+    """Names next to the rows, numbers on the diagonal; of rows too low for text every second or third."""
     every = int(np.ceil(_LEAST_FOR_TINY_TEXT / side))
     css = "" if side >= _LEAST_FOR_TEXT else "tiny"
     parts = []

@@ -34,15 +34,15 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
     if not is_there(report):
         raise InputError(
             "There is no report.html in the folder of results.",
-            "Give the folder a run has written into (results/ beside the project file by default).",
+            "Give the output folder of a run (by default results/ next to the project file).",
             file=report,
         )
     page = read_delivered(report.resolve(), "table").decode(errors="replace")
     found = _figures(page)
     if not found:
         raise InputError(
-            "The report has no figures with names.",
-            "Run the project again: the report may come from an older version.",
+            "The report contains no named figures.",
+            "Run the project again: the report may have been written by an older version.",
             file=report,
         )
     style = _style_of(page)

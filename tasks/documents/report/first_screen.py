@@ -110,7 +110,7 @@ def _independent(material: Material) -> Card:
     if values is None or not summary.counts.check:
         values, what = (
             summary.rmse_control_m,
-            "RMS at control points: east, north, up; no check points tell the accuracy",
+            "RMS at control points: east, north, up; there are no check points to show the accuracy",
         )
     if values is None:
         return Card("–", "no control and no check points")

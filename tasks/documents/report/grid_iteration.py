@@ -13,7 +13,7 @@ def iteration_table(iteration: GridIterationFigure) -> Table:
         Column("sigma0", "σ0"),
         Column("rms_um", "RMS of the means", "µm"),
         Column("noise_um", "by chance", "µm"),
-        Column("other_rms_um", "RMS of the means of images without part", "µm"),
+        Column("other_rms_um", "RMS of the means, images left out", "µm"),
     )
     taken = {step.number: step for step in iteration.steps}
     tried = {step.number: step for step in iteration.cross_validation}

@@ -21,7 +21,7 @@ LEVELS = (1.96, 2.58, 3.29, 4.13)
 
 
 def standardized(material: Material, group: str) -> Floats:
-    """Standardized residuals (n,) of the controlled observations of a group that took part."""
+    """Standardized residuals (n,) of the controlled observations of a group that were used."""
     table = material.residuals
     own = table["standardized"][(table["group"] == group) & (table["status"] == "used")]
     values: Floats = own.dropna().to_numpy(np.float64)
@@ -68,7 +68,7 @@ def histogram_plot(material: Material) -> Markup:
     )
     drawn = [
         axes.horizontal_axis(
-            x, top, bottom, "standardized residual w (outermost bars: everything beyond)", about=10
+            x, top, bottom, "standardized residual w (outermost bars: all larger values)", about=10
         ),
         axes.vertical_axis(y, left, right, "number in a bar"),
         markup.element("path", {"fill": bar, "d": bars}, markup.title(f"{beyond:,} beyond ±{_LIMIT:g}")),

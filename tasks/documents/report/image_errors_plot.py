@@ -90,7 +90,9 @@ def _scale(left: float, y: float, longest_um: float, per_um: float, errors: Imag
     if errors.seams_x_mm or errors.seams_y_mm:
         at = left + length * per_um + 150.0
         drawn.append(markup.group("seams", [markup.line(at, y, at + 26.0, y)]))
-        drawn.append(markup.group("legend", [markup.text(at + 34.0, y + 4, "border of CCD images", "start")]))
+        drawn.append(
+            markup.group("legend", [markup.text(at + 34.0, y + 4, "seam between CCD images", "start")])
+        )
     return drawn
 
 
@@ -109,7 +111,7 @@ class BeforeAndAfter:
 
 
 def before_and_after(material: Material) -> tuple[BeforeAndAfter, ...]:
-    """Of every camera with additional parameters and image points that took part; by name."""
+    """Of every camera with additional parameters and image points that were used; by name."""
     if material.self_calibration.empty:
         return ()
     points = material.image_residuals

@@ -80,9 +80,7 @@ def key_table(material: Material) -> Table:
         _row("sigma0", "σ0 a posteriori / a priori", "", (summary.sigma0,), 3),
         _row("sigma0_um", "σ0 of an image coordinate", "µm", (summary.sigma0_um,), 2),
         _row("sigma0_px", "σ0 of an image coordinate", "px", (summary.sigma0_px,), 3),
-        _row(
-            "sigma_relative_um", "σ relative: of the image points alone", "µm", (_relative_um(material),), 3
-        ),
+        _row("sigma_relative_um", "σ relative: of the image points only", "µm", (_relative_um(material),), 3),
         _row("sigma_absolute_um", "σ absolute: of all observations", "µm", (summary.sigma0_um,), 3),
         _row("image_rms_px", "RMS of the image residuals x, y", "px", rms, 3),
         _row("redundancy", redundancy, "", (summary.redundancy,), 0),
@@ -130,7 +128,7 @@ def _relative_um(material: Material) -> float | None:
 
 
 def _mean_rays(material: Material, is_check: bool) -> float | None:
-    """Of the points that took part."""
+    """Of the points that were used."""
     table = material.check_points if is_check else material.control_residuals
     table = table if is_check or table.empty else table[table["status"] == "used"]
     return float(table["rays"].mean()) if len(table) else None
@@ -138,7 +136,7 @@ def _mean_rays(material: Material, is_check: bool) -> float | None:
 
 def _of_one(points: int | None) -> str:
     """A warning behind figures of a single point, which says nothing of the others."""
-    return " (of ONE point: no accuracy)" if points == 1 else ""
+    return " (of ONE point: not an accuracy)" if points == 1 else ""
 
 
 def _three(values: tuple[float | None, ...] | None) -> tuple[float | None, ...]:
@@ -197,7 +195,7 @@ def gate_table(gates: Sequence[GateResult]) -> Table:
                 "≤" if gate.bound == "max" else "≥",
                 Number(gate.limit, 3),
                 unit_words(gate.unit),
-                "kept" if gate.passed else "not kept",
+                "met" if gate.passed else "not met",
             ),
         )
         for gate in gates

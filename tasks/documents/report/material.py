@@ -24,7 +24,7 @@ from tasks.tables.parquet import read_table
 from tasks.tables.places import places_of
 
 IMAGE_POINTS = "image_points"
-#: Status of residuals that took part in the adjustment.
+#: Status of residuals that were used in the adjustment.
 TOOK_PART = ("used", "uncontrolled")
 
 
@@ -109,7 +109,7 @@ class Material:
     def image_residuals(self) -> pd.DataFrame:
         """One row for each image point: camera, x_mm, y_mm, vx_um, vy_um, wx, wy, used, shows_x, shows_y.
 
-        ``used`` says that both components took part; ``shows_x`` and ``shows_y`` that a component shows
+        ``used`` says that both components were used; ``shows_x`` and ``shows_y`` that a component shows
         errors, because others control it: these make the mean residuals.
         """
         places = self.image_points

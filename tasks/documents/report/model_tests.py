@@ -29,7 +29,7 @@ def strongest_table(material: Material) -> Table:
         ["place", "size"], ascending=[True, False], kind="stable"
     )
     columns = (
-        text_column("alternative", "what may differ"),
+        text_column("alternative", "possible difference"),
         Column("estimate", "size"),
         Column("sigma", "σ"),
         text_column("unit", "unit"),
@@ -40,7 +40,9 @@ def strongest_table(material: Material) -> Table:
     )
     rows = tuple(_strongest_row(row) for row in ordered.head(MOST).to_dict("records"))
     note = f"The {len(rows)} strongest of {len(known):,} that were tested; all in model_alternatives.parquet."
-    return Table("model-alternatives", "What the model may lack, the strongest first", columns, rows, note)
+    return Table(
+        "model-alternatives", "Tested deficiencies of the model, most significant first", columns, rows, note
+    )
 
 
 def _strongest_row(row: Mapping[Hashable, Any]) -> Row:
@@ -76,18 +78,18 @@ def unnoticed_table(material: Material) -> Table:
     chosen = chosen.sort_values("moved", ascending=False, kind="stable")
     columns = (
         text_column("alternative", "an error of"),
-        Column("detectable", "is found from"),
+        Column("detectable", "detected from"),
         text_column("unit", "unit"),
-        text_column("moves", "below that it may move"),
+        text_column("moves", "below this it may change"),
         Column("moved_by", "by up to", "σ"),
     )
     rows = tuple(_unnoticed_row(row) for row in chosen.head(MOST).to_dict("records"))
     note = (
-        "Found with a probability of 80 % beside all other tests. Without a number: this block cannot tell "
-        "it from the parameter it moves, whatever its size; that it is zero is an assumption. All in "
-        "model_alternatives.parquet and model_alternative_effects.parquet."
+        "Size detected with a probability of 80 % among all other tests. Without a number: this block "
+        "cannot separate it from the parameter it affects, regardless of its size; that it is zero is an "
+        "assumption. All in model_alternatives.parquet and model_alternative_effects.parquet."
     )
-    return Table("unnoticed-errors", "Errors that may stay unnoticed", columns, rows, note)
+    return Table("unnoticed-errors", "Errors that may remain undetected", columns, rows, note)
 
 
 def _unnoticed_row(row: Mapping[Hashable, Any]) -> Row:

@@ -15,7 +15,7 @@ from tasks.documents.report.material import Material
 from tasks.documents.report.worst_residuals import MOST_LISTED, listed_note
 
 _MDEG = 1e3
-# More places along the plot than this cannot be told apart on a screen.
+# More places along the plot than this cannot be separated on a screen.
 _MOST_PLACES = 900
 _MOST_STRIP_NAMES = 30
 
@@ -113,7 +113,7 @@ def neighbour_table(material: Material) -> Table:
             f"{worst['image']}, {worst['next_image']}",
         )
         rows.append(Row(axis, cells))
-    note = f"{len(pairs):,} pairs that follow each other in a strip; all in neighbouring_images.parquet."
+    note = f"{len(pairs):,} successive pairs of a strip; all in neighbouring_images.parquet."
     return Table("neighbours", "Correlation of neighbouring images", columns, tuple(rows), note)
 
 

@@ -20,7 +20,7 @@ _CELLS = 60
 _ABOUT_CLASSES = 6
 _AXES = ("x", "y", "z")
 _HEADINGS = ("east", "north", "height")
-# Points with this many rays and more stand in one row.
+# Points with this many rays and more are in one row.
 MANY_RAYS = 10
 
 

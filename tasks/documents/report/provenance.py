@@ -1,7 +1,7 @@
 """Where the report comes from: settings with all defaults, delivered files with digests, versions.
 
 Times, hosts and folders are not here, because the same inputs must give the same report byte for byte; they
-stand in manifest.json.
+are in manifest.json.
 """
 
 from __future__ import annotations

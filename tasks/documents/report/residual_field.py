@@ -54,7 +54,7 @@ class ResidualField:
     mean : mean residuals.
     correction : what was added to the image coordinates before; None where nothing was.
     significant : the mean vector differs from zero.
-    image_points : of the camera that took part with both coordinates.
+    image_points : of the camera that were used with both coordinates.
     rms_um : (2,) root mean square of all their residuals x, y.
     """
 
@@ -77,7 +77,7 @@ class ResidualField:
 
 
 def residual_fields(material: Material) -> tuple[ResidualField, ...]:
-    """The field of every camera with image points that took part, by name."""
+    """The field of every camera with image points that were used, by name."""
     table = material.image_residuals
     return tuple(
         residual_field(

@@ -28,7 +28,7 @@ _CASES = {
 
 
 def figures_table(statements: Sequence[StatementFigure]) -> Table:
-    """Every quantity of every statement beside its limit."""
+    """Every quantity of every statement next to its limit."""
     columns = (
         text_column("standard", "statement"),
         text_column("points", "check points"),

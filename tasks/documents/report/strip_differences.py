@@ -53,7 +53,7 @@ def _panel(
     label: str,
     factor: float,
 ) -> tuple[list[Markup], float]:
-    """One panel with three components beside each other; and where the next one begins."""
+    """One panel with three components side by side; and where the next one begins."""
     bottom = top + 150.0
     own = {name: strips[strips["component"] == name].set_index("label").reindex(order) for name in names}
     values = np.concatenate([table["value"].to_numpy(np.float64) * factor for table in own.values()])
@@ -96,7 +96,7 @@ def _marks(table: pd.DataFrame, factor: float, x: Scale, y: Scale, aside: float,
 
 
 def _names(order: list[str], x: Scale, top: float) -> list[Markup]:
-    """Names of the strips, turned to stand beside each other; one camera's name is not repeated."""
+    """Names of the strips, turned to stand side by side; one camera's name is not repeated."""
     cameras = {label.split(" ", 1)[0] for label in order}
     parts = []
     for number, label in enumerate(order):

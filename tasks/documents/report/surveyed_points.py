@@ -126,7 +126,7 @@ def distance_table(material: Material) -> Table:
 
 
 def check_test_table(material: Material) -> Table:
-    """Check points beside what their σ let expect, a row for each coordinate."""
+    """Check points compared with the values expected from their σ, a row for each coordinate."""
     found = material.summary.check_point_test
     columns = (
         text_column("way", ""),
@@ -173,7 +173,7 @@ def _test_row(found: CheckPointTest, k: int) -> Row:
 
 
 def _folds(material: Material) -> str:
-    """A sentence about control points left out a fold at a time; empty where that was not asked for."""
+    """A sentence about control points left out a fold at a time; empty where that was not requested."""
     found = material.figures.k_fold
     if found is None:
         return ""

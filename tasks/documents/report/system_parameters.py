@@ -15,9 +15,9 @@ _WORDS = {
     "not_significant": "not significant",
     "eliminated": "eliminated",
     "fixed": "held at its given value",
-    "considered": "held, its σ is part of all others",
-    "prior_only": "known from its prior only: this block adds nothing",
-    "not_determinable": "not determinable: inseparable from others in this block",
+    "considered": "held, its σ included in all others",
+    "prior_only": "determined by its prior only: this block adds no information",
+    "not_determinable": "not determinable: cannot be separated from others in this block",
 }
 
 
@@ -102,7 +102,7 @@ def registered_table(material: Material) -> Table:
         for item in material.figures.registered_calibrations
     )
     note = (
-        "T compares the calibrated values, with their covariance, with what the block says of them; below "
-        "0.1 % they contradict each other."
+        "T compares the calibrated values and their covariance with the values from the block; below 0.1 % "
+        "they contradict each other."
     )
-    return Table("registered-calibrations", "Calibrations of the registry", columns, rows, note)
+    return Table("registered-calibrations", "Calibrations from the registry", columns, rows, note)

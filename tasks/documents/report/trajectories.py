@@ -44,7 +44,7 @@ def trajectory_map(trajectories: pd.DataFrame, exposures: pd.DataFrame) -> Marku
                 markup.element(
                     "circle",
                     {"cx": plot.x.at(x), "cy": plot.y.at(y), "r": 6, "fill": "none", "stroke": _OUTLIER},
-                    markup.title(f"sample at {time:.3f} s does not belong to those around it"),
+                    markup.title(f"sample at {time:.3f} s inconsistent with its neighbours"),
                 )
                 for x, y, time in outliers[["x_m", "y_m", "time_s"]].itertuples(index=False)
             ],

@@ -29,9 +29,9 @@ _ROWS = (
     ("sigma_{}_m", "σ, measured in all images"),
     ("pair_sigma_{}_m", "σ, measured in the best pair"),
     ("relative_sigma_{}_m", "σ relative to the next cell"),
-    ("external_{}_m", "undetected error of a new image coordinate"),
-    ("block_error_{}_m", "undetected error of an orientation or a control point"),
-    ("ray_error_{}_m", "undetected error of an image point of the block"),
+    ("external_{}_m", "effect of an undetected error of a new image coordinate"),
+    ("block_error_{}_m", "effect of an undetected error of an orientation or a control point"),
+    ("ray_error_{}_m", "effect of an undetected error of an image point of the block"),
 )
 
 
@@ -138,7 +138,7 @@ def trust_map_histogram(material: Material) -> Markup | None:
         axes.WIDTH,
         end + 4,
         "Histogram of the standard deviation of new heights",
-        axes.horizontal_axis(x, top, bottom, "σ height [m] (last bar: everything beyond)", about=8),
+        axes.horizontal_axis(x, top, bottom, "σ height [m] (last bar: all larger values)", about=8),
         axes.vertical_axis(y, left, right, "part of the area [%]"),
         markup.element("path", {"fill": _BAR, "d": bars}),
         *lines,

@@ -26,7 +26,7 @@ _TESTED = {
     "lever_arm_by_flight": ("lever arm of each flight", "one lever arm"),
     "lever_arm_by_mounting": ("lever arm of each mounting", "one lever arm"),
 }
-_VERDICTS = {"not_determinable": "not determinable", "not_called_for": "not called for"}
+_VERDICTS = {"not_determinable": "not determinable", "not_called_for": "not needed"}
 
 
 def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
@@ -41,7 +41,7 @@ def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
         lambda group: zip(
             ("roll", "pitch", "yaw"), group.boresight_deg, group.boresight_sigma_deg, strict=True
         ),
-        "Mounting 0 is that of most strips and the result.",
+        "Mounting 0 is the mounting of most strips; its values are the result.",
     )
     of_offset = _means(
         "two-step-offsets",
@@ -54,8 +54,8 @@ def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
             (*group.lever_arm_sigma_m, *group.shift_sigma_m),
             strict=True,
         ),
-        "Forward, right, down: as if the whole offset were a lever arm; east, north, up: as if what the "
-        "given lever arm leaves were a GNSS shift.",
+        "Forward, right, down: the whole offset interpreted as a lever arm; east, north, up: the offset "
+        "remaining after the given lever arm, interpreted as a GNSS shift.",
     )
     return _mountings(cameras), of_boresight, of_offset, _tests(cameras)
 
@@ -121,11 +121,11 @@ def _tests(cameras: Sequence[TwoStepFigure]) -> Table:
         if test.probability is not None or "_by_" not in test.tested
     )
     note = (
-        "χ² is the decrease of the squares of the strips' residuals over their variance, which the strips "
-        "give themselves: the probability is that of the F-test. Plan only: in height a shift is a lever arm "
-        "in every heading. –: these strips do not separate the two."
+        "χ² is the decrease in the sum of squares of the strip residuals, divided by their variance, which "
+        "is estimated from the strips: the probability is that of the F-test. Horizontal only: in height, a "
+        "shift cannot be separated from a lever arm. –: these strips do not separate the two."
     )
-    return Table("two-step-tests", "What the strips call for", columns, rows, note)
+    return Table("two-step-tests", "Tests of lever arm and GNSS shift", columns, rows, note)
 
 
 def _test_row(camera: str, test: OffsetTestFigure) -> Row:
@@ -171,4 +171,4 @@ def parameter_table(parameters: Sequence[TwoStepParameterFigure]) -> Table:
         )
         for item in parameters
     )
-    return Table("two-step-parameters", "What the second step determines", columns, rows)
+    return Table("two-step-parameters", "Parameters determined by the second step", columns, rows)

@@ -37,7 +37,7 @@ def render(
     figures = figures_of(summary.model_extra)
     found = figures.two_step_calibration
     if found is None:
-        raise ValueError("the run has no two-step calibration")
+        raise ValueError("the run contains no two-step calibration")
     tables = (
         parameter_table(found.parameters),
         *two_step_tables(figures.two_step),

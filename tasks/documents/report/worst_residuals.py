@@ -26,7 +26,7 @@ _DIRECT = (
 
 
 def worst_table(material: Material) -> Table:
-    """The largest |w| of each group, of observations that took part and are controlled."""
+    """The largest |w| of each group, of observations that were used and are controlled."""
     table = material.residuals
     used = table[(table["status"] == "used") & table["standardized"].notna()]
     size = used["standardized"].abs()
@@ -46,8 +46,8 @@ def worst_table(material: Material) -> Table:
     )
     rows = tuple(_worst_row(row) for row in chosen.to_dict("records"))
     note = (
-        f"The {MOST_OF_GROUP} largest of each group, of what was not rejected; all in residuals.parquet. "
-        "w = v / σ of v, for an a-priori σ0 of 1."
+        f"The {MOST_OF_GROUP} largest of each groupamong the observations not rejected; all in "
+        "residuals.parquet. w = v / σ of v, for an a-priori σ0 of 1."
     )
     return Table("worst-residuals", "Worst residuals by group", columns, rows, note)
 
@@ -203,8 +203,8 @@ def _strip_directs(by_image: pd.DataFrame) -> Table:
         *_direct_columns("rms_{}", "RMS {} {}"),
     )
     note = (
-        "Adjusted − observed, of everything that was observed: what was rejected shows why. A mean far "
-        "from zero is a shift of the strip."
+        "Adjusted − observed, for all observations, including rejected ones. A mean far from zero indicates "
+        "a shift of the strip."
     )
     return Table("strip-direct-list", "Residuals of GNSS and INS by strip", columns, rows, note)
 

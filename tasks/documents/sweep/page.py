@@ -1,4 +1,4 @@
-"""sweep.html: the scenarios of a sweep, beside a published table where the project asks for one."""
+"""sweep.html: the scenarios of a sweep, next to a published table where the project asks for one."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _sentence(results: SweepResults) -> str:
     failed = int((table["status"] != "done").sum())
     names = {"block": "sub-block", "control": "choice of control points", "variant": "variant"}
     varied = ", ".join(_counted(table[column].nunique(), words) for column, words in names.items())
-    computed = "all of them are computed" if not failed else f"{failed} of them could not be computed"
+    computed = "all were computed" if not failed else f"{failed} could not be computed"
     return f"{len(table)} scenarios ({varied}); {computed}."
 
 

@@ -87,7 +87,7 @@ class _Bar:
             }
             words = f"{self.words}: {axis.upper()} {ours:.2f} GSD"
             if printed is not None:
-                words += f", in print {printed:.2f}"
+                words += f", published {printed:.2f}"
             parts.append(markup.element("rect", bar, markup.title(words)))
         if printed is not None:
             parts.append(markup.line(left - 1.0, height.at(printed), right, height.at(printed)))

@@ -83,7 +83,7 @@ def _calibrations(items: Sequence[StoredCalibration]) -> Table:
                 str(item.id),
                 str(item.flown or "–"),
                 item.camera.mounting,
-                item.state + (", refused by its own calibration" if item.record.verdict == "refused" else ""),
+                item.state + (", refused by the acceptance test" if item.record.verdict == "refused" else ""),
                 str(item.validity or "–"),
                 (item.approval or item.events[0]).person,
                 item.sealed.digest[:12],
@@ -121,4 +121,4 @@ def _values(series: Sequence[ParameterSeries]) -> Table:
                     ),
                 )
             )
-    return Table("values", "Values, and their change from the calibration before", columns, tuple(rows))
+    return Table("values", "Values, and their change from the previous calibration", columns, tuple(rows))

@@ -1,7 +1,7 @@
 """Inpho project (``.prj``): cameras and photos with exterior orientation, rotation object → image.
 
 Interior orientation leads from millimetres to pixels (column, row; centre of the first pixel 0, 0). The focal
-length stands in the camera and in every photo, and must be the same.
+length is in the camera and in every photo, and must be the same.
 """
 
 from __future__ import annotations

@@ -83,8 +83,8 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
     images = delivery.results.images
     if images.map_frame.is_local:
         raise InputError(
-            "The format needs latitude and longitude, and the block is local.",
-            "Write geopackage, which takes a local block.",
+            "The format requires latitude and longitude, but the block is local.",
+            "Write geopackage, which supports local blocks.",
             entity="project.crs",
         )
 

@@ -66,7 +66,7 @@ def write_opensfm(delivery: Delivery) -> Files:
 
 
 def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
-    """What OpenDroneMap takes beside its images."""
+    """What OpenDroneMap takes next to its images."""
     files, points = {}, delivery.points
     surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
     measured, rows = pixels(delivery) - _CENTRE, []

@@ -1,8 +1,9 @@
 """OPF 1.0 (Pix4D's open photogrammetry format): a project of cameras and control points.
 
 World is the frame of the adjustment as an engineering CRS, so nothing is approximated. Pixels count from the corner of the first one;
-angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points stand in the same frame, as control or check points with their
-marks; a point without one of its coordinates is a manual tie point. Tie points are a cloud with their matches (``opf_cloud``).
+angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points are in the same frame, as control or check points with
+their marks; a point without one of its coordinates is a manual tie point. Tie points are a cloud with their
+matches (``opf_cloud``).
 """  # noqa: E501
 
 from __future__ import annotations

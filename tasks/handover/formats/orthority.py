@@ -23,7 +23,7 @@ def write_orthority(delivery: Delivery) -> Files:
     images, pose = delivery.results.images, delivery.handed.pose
     if images.map_frame.is_local:
         raise InputError(
-            "Orthority needs a projected CRS, and the block is local.",
+            "Orthority requires a projected CRS, but the block is local.",
             "Write it for another program.",
             entity="project.crs",
         )

@@ -1,4 +1,4 @@
-"""RealityScan (RealityCapture): its CSV of registered images, and an XMP file beside each image.
+"""RealityScan (RealityCapture): its CSV of registered images, and an XMP file next to each image.
 
 | file | orientation | camera |
 |---|---|---|

@@ -1,6 +1,6 @@
 """All formats in which results are handed over; a further one is a file here and a row.
 
-Formats of whole blocks stand in `EXCHANGE`, those of results alone in `DELIVERIES`.
+Formats of whole blocks are in `EXCHANGE`, those of results alone in `DELIVERIES`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``NAME_RPC.TXT`` beside each image: what GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB and SNAP read."""
+"""``NAME_RPC.TXT`` next to each image: what GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB and SNAP read."""
 
 from __future__ import annotations
 

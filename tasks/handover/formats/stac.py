@@ -28,8 +28,8 @@ def write_stac(delivery: Delivery) -> Files:
     place = delivery.results.images.map_frame
     if place.is_local:
         raise InputError(
-            "STAC needs longitude and latitude, and the block is local.",
-            "Write a GeoPackage (--to geopackage), which takes local coordinates.",
+            "STAC requires longitude and latitude, but the block is local.",
+            "Write a GeoPackage (--to geopackage), which supports local coordinates.",
             entity="project.crs",
         )
     corners, below = footprints(delivery.results)

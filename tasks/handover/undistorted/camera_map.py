@@ -11,7 +11,7 @@ from adjust.resampling.pixel_map import PixelMap, pixel_map
 from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera
 
-# A measured point whose own ideal point is further than this from the one that was asked for belongs to
+# A measured point whose own ideal point is further than this from the one that was requested belongs to
 # another place: far outside, a distortion folds back. At a seam it is as far as the jump there.
 _FOLDED_PX = 20.0
 

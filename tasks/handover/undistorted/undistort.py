@@ -83,7 +83,7 @@ def undistort(
     for number, job in enumerate(jobs, start=1):
         name = job.camera.frame.name
         if name not in maps:
-            _log.info("camera %s: where its pixels come from", name)
+            _log.info("camera %s: source positions of pixels", name)
             maps[name] = camera_map(job.camera)
         _log.info("%s: image %d of %d", job.file, number, len(jobs))
         done.append(_carried_out(job, maps[name], folder, work, progress))
@@ -119,7 +119,7 @@ def _carried_out(
 
 
 def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | None) -> list[_Job]:
-    """All images that are wanted, after everything that can be refused has been looked at."""
+    """All images that are wanted, after everything that can be refused has been checked."""
     cameras, of_image = read_cameras(results)
     if camera is not None and camera not in cameras:
         raise InputError(
@@ -136,12 +136,12 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
         file = path.name if path.suffix.lower() in _TIFF else f"{path.stem}.tif"
         if file in jobs:
             raise InputError(
-                f"The image would be written as {file}, and so would {jobs[file].path}.",
+                f"The image would be written as {file}, as would {jobs[file].path}.",
                 "Write one of them into another folder (--out).",
                 file=path,
             )
         if (folder / file).exists() and (folder / file).samefile(path):
-            raise InputError("The image would be written over itself.", "Give another --out.", file=path)
+            raise InputError("The image would overwrite itself.", "Give another --out.", file=path)
         jobs[file] = _Job(path, taken_by, file)
     return list(jobs.values())
 
@@ -169,6 +169,6 @@ def _require_size(about: ImageDescription, camera: CalibratedCamera) -> None:
     raise InputError(
         f"The image has {about.columns:,} × {about.rows:,} pixels, and the camera {frame.name} "
         f"{frame.columns:,} × {frame.rows:,}.",
-        "Deliver it as the camera has taken it" + (", not turned." if turned else ", in its full size."),
+        "Deliver it as taken by the camera" + (", not turned." if turned else ", in its full size."),
         file=about.path,
     )

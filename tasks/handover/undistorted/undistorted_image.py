@@ -65,7 +65,7 @@ def undistort_image(source: ImageReader, pixels: PixelMap, path: Path, work: Wor
 
 
 class _RollingRows:
-    """Rows of an image that are asked for from top to bottom; each is read once."""
+    """Rows of an image that are requested from top to bottom; each is read once."""
 
     def __init__(self, source: ImageReader) -> None:
         self._source, rows = source, source.description.block_rows

@@ -121,8 +121,8 @@ CONTROL_RESIDUALS = _differences(
             number(
                 f"loo_{d}_m",
                 "m",
-                f"computed by the adjustment without the point − given, {way}; null if nothing else "
-                "determines it",
+                f"computed by the adjustment without the point − given, {way}; null if no other "
+                "observation determines it",
                 nullable=True,
             )
             for d, way in _WAYS

@@ -14,7 +14,7 @@ class Column:
 
     Attributes
     ----------
-    name : its name; a unit that is not fixed by the table stands at its end.
+    name : its name; a unit that is not fixed by the table is at its end.
     type : the Arrow type.
     unit : unit as text, empty for names and counts.
     meaning : one sentence.

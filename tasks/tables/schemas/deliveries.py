@@ -59,7 +59,11 @@ CAMERAS = TableSchema(
             number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
-        text("head_of", "reference head of the rig; null: the camera is no head of another", nullable=True),
+        text(
+            "head_of",
+            "reference head of the rig; null: the camera is not a head of a rig, or is the reference head",
+            nullable=True,
+        ),
         *(
             number(f"relative_position_{axis}_m", "m", f"given position against it, {way}", nullable=True)
             for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
@@ -172,7 +176,7 @@ TRAJECTORIES = TableSchema(
         *position("sample"),
         text("solution", "kind of the GNSS solution, null if not stated", nullable=True),
         flag("after_gap", "whether a gap lies before it, in which nothing is interpolated"),
-        flag("is_outlier", "whether it lies beside an exposure and does not belong to the samples around it"),
+        flag("is_outlier", "whether it is near an exposure and inconsistent with its neighbouring samples"),
     ),
     ("trajectory", "time_s"),
     XYZ_M,

@@ -72,7 +72,7 @@ Y_PARALLAXES = TableSchema(
         POINT,
         number("parallax_um", "um", "y of the left ray minus y of the right ray in the base frame"),
         number("sigma_um", "um", "predicted standard deviation from all sources"),
-        number("sigma_image_um", "um", "the part of it due to the image coordinates"),
+        number("sigma_image_um", "um", "the part due to the image coordinates"),
         number(
             "remaining_um",
             "um",

@@ -42,8 +42,8 @@ EDGES = TableSchema(
         number("radius", "", "distance from the middle of the image in parts of half its diagonal"),
         number("length_px", "px", "length used"),
         number("contrast", "", "grey values from the dark to the bright side"),
-        number("noise", "", "standard deviation of the pixels beside the edge, grey values"),
-        number("blur_px", "px", "σ of the Gaussian that blurs it, beside the pixel itself"),
+        number("noise", "", "standard deviation of the pixels on both sides of the edge, grey values"),
+        number("blur_px", "px", "σ of the Gaussian that blurs it, in addition to the pixel itself"),
         number("sigma_blur_px", "px", "standard deviation of blur_px"),
         *_FACTOR,
         *_RESPONSE,
@@ -123,7 +123,7 @@ EDGE_DRIFT = TableSchema(
         BAND,
         _direction("direction", ("all", *DIRECTIONS), "of the edges"),
         _direction("zone", ("all", *ZONES), "of the format"),
-        number("earlier", "", "factor then"),
+        number("earlier", "", "earlier factor"),
         number("factor", "", "factor now"),
         number("change", "", "factor now − then"),
         number("sigma_change", "", "its standard deviation", nullable=True),
@@ -159,7 +159,7 @@ EDGE_RESPONSES = TableSchema(
         BAND,
         _direction("direction", DIRECTIONS, "of the edges"),
         number("frequency", "1/px", "spatial frequency"),
-        number("response", "", "spatial frequency response in the manner of ISO 12233"),
+        number("response", "", "spatial frequency response following ISO 12233"),
     ),
     ("band", "direction", "frequency"),
 )
@@ -196,7 +196,7 @@ DEFECT_PIXELS = TableSchema(
 )
 DEFECT_COLUMNS = TableSchema(
     "defect_columns",
-    "A defect column, or several beside each other.",
+    "A defect column, or several adjacent ones.",
     (
         BAND,
         count("number", "number in the list of the band"),
@@ -215,7 +215,7 @@ PHOTON_TRANSFER = TableSchema(
         number("exposure_ms", "ms", "exposure time"),
         number("signal", "", "mean grey value above that of the dark images"),
         number("variance", "", "variance of a pixel, squared grey values, without that of quantisation"),
-        flag("used", "whether it takes part in the line of photon transfer"),
+        flag("used", "whether it is used in the line of photon transfer"),
         number("residual", "", "mean grey value minus the line of linearity, in parts of the largest signal"),
     ),
     ("band", "exposure_ms"),
@@ -227,7 +227,7 @@ APERTURE = TableSchema(
         BAND,
         count("row", "number of the cell from the top, from 0"),
         count("column", "number of the cell from the left, from 0"),
-        number("light", "", "signal in parts of that in the middle; the correction divides by it"),
+        number("light", "", "signal relative to that in the middle; the correction divides by it"),
     ),
     ("band", "row", "column"),
 )
@@ -238,7 +238,7 @@ SENSOR_SHEETS = TableSchema(
         BAND,
         text("sheet", "what is tested", values=SHEETS),
         number(
-            "value", "", "what the sheet is about: a number of defects, or the unit says what", nullable=True
+            "value", "", "value of the sheet: a number of defects, or a quantity with its unit", nullable=True
         ),
         number("sigma", "", "its standard deviation", nullable=True),
         text("unit", "unit of value; empty for numbers", nullable=True),

@@ -20,7 +20,7 @@ TRUST_MAP_CELLS = TableSchema(
         *position("middle of the cell"),
         count("rays", "number of images that see it"),
         *_of("sigma_{}_m", "standard deviation of {}, measured in all these images"),
-        *_of("pair_sigma_{}_m", "the same of {}, measured in the two of them that give the best height"),
+        *_of("pair_sigma_{}_m", "the same for {}, measured in the two images that give the best height"),
         *_of(
             "relative_sigma_{}_m",
             "standard deviation of the difference in {} from the next cell in the east, both measured in all "

@@ -69,7 +69,7 @@ def test_seams_that_do_not_fit_are_refused(seams: tuple[float, ...]) -> None:
 
 
 def test_fewer_cells_than_ccd_images_are_refused() -> None:
-    with pytest.raises(InconsistentBlockError, match="3 are needed"):
+    with pytest.raises(InconsistentBlockError, match="3 are required"):
         FormatCells.of(HALF, 2, Seams((-0.01, 0.01)))
 
 

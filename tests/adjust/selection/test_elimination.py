@@ -162,7 +162,7 @@ def test_what_is_not_determinable_is_named_and_goes_first() -> None:
     found = eliminate(estimate, candidates, DEFAULT)
     first, second = found.decisions[:2]
     assert (first.name, first.criterion) == ("p7", Criterion.DETERMINABILITY)
-    assert first.reason == "not determinable in this block: it cannot be told from p0"
+    assert first.reason == "not determinable in this block: it cannot be separated from p0"
     assert np.isnan(first.t)
     assert (second.name, second.criterion) == ("p5", Criterion.DETERMINABILITY)
     assert "p2 and p3" in second.reason or "p3 and p2" in second.reason

@@ -53,7 +53,7 @@ def test_a_block_without_anything_outside_misses_all_seven_directions() -> None:
     assert error.defect == 7
     assert error.parameters == DATUM_DIRECTIONS
     assert "Nothing fixes the rotation about z of the block." in error.explanation
-    assert "Add observations that fix them, or hold the parameters named." in str(error)
+    assert "Add observations that determine them, or hold the named parameters fixed." in str(error)
 
 
 def test_attitudes_alone_leave_position_and_scale() -> None:
@@ -125,7 +125,7 @@ def test_lever_arm_and_shift_cannot_be_told_apart_on_one_level_heading() -> None
     # Without tilts, jitter of the heading or curvature the two are the same thing.
     error = defect(frame="cartesian", headings_deg=(90.0,), tilt_deg=0.0, free=SHIFT_AND_ARM)
     assert error.defect == 3
-    assert "lever_arm_x of forward and gnss_shift_x of flight_0 cannot be told apart." in error.explanation
+    assert "lever_arm_x of forward and gnss_shift_x of flight_0 cannot be separated." in error.explanation
 
 
 def test_opposite_headings_separate_the_horizontal_lever_arm_from_the_shift() -> None:

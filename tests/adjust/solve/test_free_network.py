@@ -435,7 +435,7 @@ def test_projection_centres_on_one_line_cannot_carry_a_rotation_about_it() -> No
     scene = two_strips(strips=1, frame="cartesian", noise_seed=3, **NOTHING)
     along = np.linspace(-500.0, 500.0, len(scene.block.images))[:, None] * np.array([1.0, 0.2, 0.0])
     straight = replace(scene.block, projection_centre=along + np.array([0.0, 0.0, 1000.0]))
-    with pytest.raises(InconsistentBlockError, match="projection centres cannot carry the datum"):
+    with pytest.raises(InconsistentBlockError, match="projection centres cannot define the datum"):
         adjusted(replace(scene, block=straight), "projection_centres")
 
 

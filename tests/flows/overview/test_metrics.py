@@ -53,7 +53,7 @@ def test_server_queue_inbox_and_version_are_there(sources: Sources, browse: Brow
     from dataclasses import replace
     from importlib.metadata import version
 
-    news = InboxNews(("block-9", "block-10"), ("block-11 is not understood.",))
+    news = InboxNews(("block-9", "block-10"), ("block-11 is not valid.",))
     found = figures(browse(replace(sources, inbox=lambda: news)))
     assert found[("aerocal_info", (("version", version("aerocal")),))] == 1.0
     assert found[("aerocal_server_up", ())] in (0.0, 1.0)

@@ -47,7 +47,7 @@ def test_the_state_stands_in_the_first_line_and_links_follow(
     assert text.startswith("**GateFailed: Gates not passed: max_check_m_z.**\n")
     assert "[Report](<http://127.0.0.1:8051/results/1234/report.html>)" in text
     assert "[Production page](<http://127.0.0.1:8051/>)" in text
-    assert "you decide whether they may be used" in text
+    assert "decide whether they may be used" in text
     assert f"`{outcome.directory}`" in text
     beside = text_of_outcome(outcome, request_of_block, IDENTITY, recorded=False).markdown
     assert "results/1234" not in beside

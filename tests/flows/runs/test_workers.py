@@ -61,7 +61,7 @@ def test_a_worker_says_why_it_cannot_take_part(tmp_path: Path, monkeypatch: pyte
         (replace(fit, software=replace(software_here(), sources="0")), 1, "other source files"),
         (replace(fit, words=((seen, "others"),)), 1, "does not see"),
         (replace(fit, words=((tmp_path / "missing", "words"),)), 1, "does not see"),
-        (replace(fit, environment=(("FLIGHTS", "/other"),)), 1, "has FLIGHTS set to something else"),
+        (replace(fit, environment=(("FLIGHTS", "/other"),)), 1, "has FLIGHTS set differently"),
     ):
         trouble = unfit.trouble(threads)
         assert trouble is not None

@@ -85,5 +85,5 @@ def test_a_server_that_asks_for_a_password_is_told_from_one_that_does_not_answer
         require_server(address)
     assert "ann:password" not in str(refused.value)
     Answers.codes[:] = [200, 500]
-    with pytest.raises(InstallationError, match="does not answer as one"):
+    with pytest.raises(InstallationError, match="does not answer like a Prefect server"):
         require_server(address)

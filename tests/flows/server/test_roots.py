@@ -81,11 +81,11 @@ def test_inputs_of_a_project_stay_inside_too(
             RunRequest(file, roots=roots.folders).project()
         assert "password-of-the-server" not in str(refused.value)
         if path.startswith(".."):
-            assert "does not lie under a folder" in str(refused.value)
+            assert "is not in a folder" in str(refused.value)
     file.write_text(sound)
     (file.parent / "exposures.csv").unlink()
     (file.parent / "exposures.csv").symlink_to(tmp_path / "outside" / "exposures.csv")
-    with pytest.raises(InputError, match="does not lie under a folder"):
+    with pytest.raises(InputError, match="is not in a folder"):
         RunRequest(file, roots=roots.folders).project()
     assert RunRequest(file).project().project.name == "small"
 

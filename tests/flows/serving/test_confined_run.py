@@ -114,7 +114,7 @@ def test_a_link_swapped_in_while_a_run_reads_its_inputs_is_noticed(roots: Roots,
 
     outcome = deployed(roots, story=swapping)
     assert outcome.summary.status == "input_error"
-    assert "leads over a link" in str(outcome.error)
+    assert "contains a link" in str(outcome.error)
 
 
 @pytest.mark.parametrize("place", ["", ".store", ".store/lock", ".store/bundle_adjustment"])

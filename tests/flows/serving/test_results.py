@@ -42,7 +42,7 @@ def test_without_an_address_results_stay_beside_the_project(roots: Roots, tmp_pa
 def test_a_name_that_cannot_stand_in_an_address_is_wrong_input(
     roots: Roots, tmp_path: Path, project: str, output: str
 ) -> None:
-    with pytest.raises(InputError, match="cannot stand in an address"):
+    with pytest.raises(InputError, match="is not allowed in an address"):
         place(roots, tmp_path, project, output)
 
 
@@ -56,5 +56,5 @@ def test_a_server_is_told_an_address_or_does_not_start(roots: Roots, text: str) 
 def test_folders_of_one_name_would_share_places_and_are_refused(roots: Roots, tmp_path: Path) -> None:
     (tmp_path / "other" / "inbox").mkdir(parents=True)
     alike = roots_of([*roots.folders, tmp_path / "other" / "inbox"])
-    with pytest.raises(InputError, match="Two folders are called 'inbox'"):
+    with pytest.raises(InputError, match="Two folders are named 'inbox'"):
         results_of_server("s3://surveys/production", alike)

@@ -309,7 +309,7 @@ def test_the_bars_are_as_high_as_their_numbers_and_the_page_needs_no_network(swe
 def _bar_heights(svg: str) -> dict[str, float]:
     """Height of every bar by its title, without the published number in it."""
     bars = re.findall(r'<rect [^>]*height="([^"]+)"[^>]*><title>(.*?)</title>', svg)
-    return {words.partition(", in print")[0]: float(height) for height, words in bars}
+    return {words.partition(", published")[0]: float(height) for height, words in bars}
 
 
 def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, tmp_path: Path) -> None:

@@ -280,7 +280,7 @@ def test_the_certificate_holds_every_sigma_against_its_limit(
     (table,) = [b for s in sections for b in s["blocks"] if b.get("name") == "limits"]
     rows = {row["key"]: row["cells"] for row in table["rows"]}
     for item in record.estimated:
-        assert rows[f"sigma:{item.parameter}@{item.entity}"][-1] == "kept"
+        assert rows[f"sigma:{item.parameter}@{item.entity}"][-1] == "met"
     value, _, limit = rows["sigma:focal_length@UCE-80"][1:4]
     (sigma,) = [item.sigma for item in record.parameters if item.parameter == "focal_length"]
     assert sigma is not None

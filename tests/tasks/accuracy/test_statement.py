@@ -176,7 +176,10 @@ def test_control_points_are_no_check_points() -> None:
         assert not made.passed
         assert made.figures == {}
         assert "there are no independent check points" in made.sentence
-        assert "The 84 control points took part in the adjustment and prove nothing." in made.sentence
+        assert (
+            "The 84 control points were used in the adjustment and are no evidence of accuracy."
+            in made.sentence
+        )
 
 
 def test_every_standard_says_what_of_it_was_compared_with_its_text() -> None:
@@ -241,7 +244,7 @@ def test_a_template_of_ones_own_has_its_limits_and_words(tmp_path: Path) -> None
         ('missed = "NOT kept: {exceeded}."', "", "a part with limits needs the texts met and missed"),
         ("least_check_points = 5", "", "least_check_points"),
         ("max_z = 0.10", "max_z = -0.10", "greater than 0"),
-        ("max_z = 0.10", "max_z = ", "no TOML file"),
+        ("max_z = 0.10", "max_z = ", "not a TOML file"),
     ],
 )
 def test_a_template_with_something_unknown_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -76,7 +76,7 @@ def test_the_axes_of_two_datums_differ_by_the_rotation_of_the_same_vectors():
 
 
 def test_local_and_earthly_systems_do_not_mix():
-    with pytest.raises(InputError, match="cannot be brought together"):
+    with pytest.raises(InputError, match="cannot be combined"):
         Transfer.between(MapFrame.of("local", ELLIPSOIDAL), LAMBERT93)
 
 

@@ -15,13 +15,13 @@ from tests.conftest import REPOSITORY
     "text", ['{"a": 1, "a": 1}', '[{"b": {"a": 1, "c": 2, "a": 3}}]', '{"é": 1, "\\u00e9": 2}']
 )
 def test_a_key_that_stands_twice_is_refused_at_any_depth(text: str) -> None:
-    with pytest.raises(ValueError, match="stands there twice"):
+    with pytest.raises(ValueError, match="exists twice"):
         from_json(text)
 
 
 @pytest.mark.parametrize("text", ["[NaN]", "[Infinity]", '{"a": -Infinity}'])
 def test_what_is_no_number_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="is no number"):
+    with pytest.raises(ValueError, match="is not a number"):
         from_json(text)
 
 

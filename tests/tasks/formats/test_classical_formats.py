@@ -58,9 +58,9 @@ def test_orientations_of_patb_are_rotations_ground_from_camera(file):
     ("old", "new", "said", "line"),
     [
         ("  0.995590839510\n", "\n", "3 fields", 3),
-        ("0.044887436532", "0.000000000000", "no rotation", 1),
-        (" -0.018182629618", " 0.0l8182629618", "no number", 3),
-        (PATB.split("\n")[2] + "\n", "", "every image has three", 2),
+        ("0.044887436532", "0.000000000000", "not a rotation", 1),
+        (" -0.018182629618", " 0.0l8182629618", "is not a number", 3),
+        (PATB.split("\n")[2] + "\n", "", "every image needs three", 2),
     ],
 )
 def test_damaged_orientations_of_patb_are_named(file, old, new, said, line):
@@ -346,8 +346,8 @@ def test_camera_control_and_measurements_of_a_block(file):
     ("change", "said"),
     [
         ({"rotation": "<Heading>1</Heading><Pitch>0</Pitch><Roll>0</Roll>"}, "not published"),
-        ({"axes": "XRightYLeft"}, "is none"),
-        ({"srs": "/some/file.prj"}, "none that is read"),
+        ({"axes": "XRightYLeft"}, "does not exist"),
+        ({"srs": "/some/file.prj"}, "is not supported"),
         ({"rotation": "<M_00>1</M_00>"}, "<M_01>"),
     ],
 )

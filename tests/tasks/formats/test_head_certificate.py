@@ -36,7 +36,7 @@ def test_metres_under_the_heading_mm_are_recognised(serial: str, tmp_path: Path)
     with pytest.raises(InputError, match=r'cannot be in mm: .* They are in m.*Write unit = "m"') as error:
         read(tmp_path, certificate(serial))
     assert "K1 shifts a point in the corner by" in str(error.value)
-    assert "sum of mm and these numbers is wrong, too" in str(error.value)
+    assert "sum of mm and these numbers is also wrong" in str(error.value)
     found = read(tmp_path, certificate(serial, "m"))
     nominal = 0.120 if serial in PAN else 0.025
     assert found.camera.focal_length_mm == pytest.approx(1e3 * (nominal + PRINTED[serial]["dc"][0]))  # type: ignore[operator]
@@ -66,7 +66,7 @@ def test_millimetres_under_the_heading_m_are_recognised_too(tmp_path: Path) -> N
 
 
 def test_numbers_that_are_no_lens_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no lens in either unit"):
+    with pytest.raises(InputError, match="do not describe a lens in either unit"):
         read(tmp_path, certificate("00110011", "m", K1=[1e9, 1.0]))
 
 

@@ -66,7 +66,7 @@ def test_an_opf_project_in_a_map(tmp_path):
     np.testing.assert_allclose(exposures.position, [[500010.5, 5300020.25, 900.0]], atol=1e-9)
     np.testing.assert_allclose(exposures.angles, [[1.0, -2.0, 30.0]], atol=1e-12)
     assert "25832" in exposures.states.crs
-    assert "no positions" in exposures.remarks[0]
+    assert "not true camera positions" in exposures.remarks[0]
     (camera,) = read_opf_cameras(path).values()
     assert (camera.columns, camera.rows, camera.focal_length_px) == (100, 80, 201.0)
     assert camera.principal_point_px == (1.5, 1.0)
@@ -155,14 +155,14 @@ def test_our_own_opf_project_sees_the_ground(tmp_path):
 @pytest.mark.parametrize(
     ("member", "change", "says"),
     [
-        ("matchCameraIds.bin", lambda content: content[:-4], "do not fit together"),
-        ("matchCameraIds.bin", lambda content: content[:-4] + b"\xff" * 4, "do not fit together"),
-        ("matchPointIndexRanges.bin", lambda content: b"\xff" * len(content), "do not fit together"),
-        ("tie-points.gltf", lambda text: text.replace("5126", "5123"), "do not fit together"),
+        ("matchCameraIds.bin", lambda content: content[:-4], "are inconsistent"),
+        ("matchCameraIds.bin", lambda content: content[:-4] + b"\xff" * 4, "are inconsistent"),
+        ("matchPointIndexRanges.bin", lambda content: b"\xff" * len(content), "are inconsistent"),
+        ("tie-points.gltf", lambda text: text.replace("5126", "5123"), "are inconsistent"),
         (
             "tie-points.gltf",
             lambda text: text.replace('"cameraIds": 1', '"cameraIds": 99'),
-            "do not fit together",
+            "are inconsistent",
         ),
         ("tie-points.gltf", lambda text: text.replace("positions.bin", "../../etc/passwd"), None),
         ("tie-points.gltf", lambda text: text.replace("matchCameraIds", "no"), "lacks a file"),
@@ -184,10 +184,10 @@ def test_damaged_tie_points_of_opf_are_refused(member, change, says, tmp_path):
 @pytest.mark.parametrize(
     ("member", "old", "new", "says"),
     [
-        ("p/scene-reference-frame.json", "[1, 1, 1]", "[0.3048, 0.3048, 1]", "another unit"),
-        ("p/scene-reference-frame.json", "EPSG:25832", "+proj=utm +init=/etc/hosts", "names a file"),
+        ("p/scene-reference-frame.json", "[1, 1, 1]", "[0.3048, 0.3048, 1]", "is not metres"),
+        ("p/scene-reference-frame.json", "EPSG:25832", "+proj=utm +init=/etc/hosts", "refers to a file"),
         ("p/camera-list.json", '"id": 7', '"id": 8', "no camera or sensor 7"),
-        ("p/calibrated-cameras.json", "[1.0, -2.0, 30.0]", "[1.0, -2.0]", "2 numbers, and 3"),
+        ("p/calibrated-cameras.json", "[1.0, -2.0, 30.0]", "[1.0, -2.0]", "2 numbers, but 3"),
         ("p/project.opf", "camera-list.json", "../../etc/passwd", "lacks a file"),
     ],
 )
@@ -199,7 +199,7 @@ def test_damaged_opf_projects_are_refused(member, old, new, says, tmp_path):
 
 
 def test_what_is_no_packed_folder_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no zip file"):
+    with pytest.raises(InputError, match="not a zip file"):
         read_opf_exposures(saved(tmp_path, small.OPF["p/project.opf"]), ORDER)
     with pytest.raises(InputError, match=r"0 files \*\.opf"):
         read_opf_exposures(saved(tmp_path, small.packed({"a.txt": "a"})), ORDER)

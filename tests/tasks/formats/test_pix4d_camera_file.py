@@ -38,7 +38,7 @@ def test_several_cameras_are_called_by_their_numbers(tmp_path: Path) -> None:
         written(tmp_path, PIX4D_CAMERA_FILE + again.replace("FOCAL 10", "FOCAL 20"))
     )
     assert {name: camera.focal_length_mm for name, camera in cameras.items()} == {"0": 10.0, "1": 20.0}
-    with pytest.raises(InputError, match="there twice"):
+    with pytest.raises(InputError, match="exists twice"):
         read_pix4d_camera_file(written(tmp_path, 2 * PIX4D_CAMERA_FILE))
 
 
@@ -47,7 +47,7 @@ def test_several_cameras_are_called_by_their_numbers(tmp_path: Path) -> None:
     [
         ("camera_calibration_file 0", "nothing", "No line begins with"),
         ("camera_calibration_file 0", "Pix4D camera calibration file 0", "size of the image in pixels"),
-        ("FOCAL 10.0", "", "lacks some of"),
+        ("FOCAL 10.0", "", "lacks at least one of"),
         ("FOCAL 10.0", "FOCAL -10.0", "focal length is not positive"),
         ("FOCAL 10.0", "FOCAL ten", "'ten'"),
         ("100x80", "100x90", "square pixels"),
@@ -58,7 +58,7 @@ def test_several_cameras_are_called_by_their_numbers(tmp_path: Path) -> None:
             "not the same point",
         ),
         ("SYM_DIST 0", "SYM_DIST 0.1", "K0 or p3"),
-        ("DEC_DIST 0 0.00001 0", "DEC_DIST 0 0.00001", "3 are needed"),
+        ("DEC_DIST 0 0.00001 0", "DEC_DIST 0 0.00001", "3 are required"),
     ],
 )
 def test_damage_is_named(tmp_path: Path, old: str, new: str, what: str) -> None:

@@ -98,7 +98,7 @@ def test_lines_of_errors_count_from_the_top_of_the_file(file):
         ({"x": "Eastin"}, "not in the file"),
         ({"x": 9}, "not in the file"),
         ({"x": "Easting", "y": "Easting"}, "twice"),
-        ({"east": "Easting"}, "no column of this kind"),
+        ({"east": "Easting"}, "not a column of this kind"),
     ],
 )
 def test_declarations_that_cannot_be_are_refused(file, columns, said):

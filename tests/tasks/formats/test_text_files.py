@@ -72,7 +72,7 @@ def test_a_header_without_rows_is_an_error(file, content):
 def test_missing_columns_are_named_with_what_may_be_meant(file):
     error = refused(read_csv_image_points, file("image,points,x,y_mm\nI,P,1,2\n"))
     assert "point, y" in error.what
-    assert "'points' may be meant for 'point'" in error.remedy
+    assert "'points' may mean 'point'" in error.remedy
     assert error.line == 1
 
 
@@ -96,7 +96,7 @@ def test_one_field_too_many_is_not_dropped_silently(file):
 
 def test_one_field_too_few_is_an_error_on_its_line(file):
     error = refused(read_csv_image_points, file("image,point,x,y\nI,P,1,2\nI,Q,1\n"))
-    assert (error.line, "has 3 columns, and the header names 4" in error.what) == (3, True)
+    assert (error.line, "has 3 columns, but the header has 4" in error.what) == (3, True)
 
 
 @pytest.mark.parametrize("last", ["C3,1,2", "C3,1", "C3", "C3,1,2,3,0.1,0.1", '"C, 3",1', "C3,1,2\n\n"])
@@ -182,7 +182,7 @@ def test_every_reader_refuses_an_empty_file_and_a_table_of_words(file, register)
     for reader in register.values():
         assert refused(reader, file("")).what == "The file is empty."
         error = refused(reader, file("point image x y\nthis is no number\n"))
-        assert error.line in (1, 2) or error.what.startswith(("There is no", "The camera", "This is no "))
+        assert error.line in (1, 2) or error.what.startswith(("There is no", "The camera", "This is not "))
 
 
 def test_every_exposure_reader_refuses_an_empty_file(file):
@@ -206,7 +206,7 @@ def test_a_column_that_is_nearly_one_of_ours_is_not_passed_over(file, name):
     error = refused(read_csv_control, file(f"point,x,y,z,{name}\nA,1,2,3,0.1\n"))
     assert error.entity == name
     assert error.line == 1
-    assert "nothing reads it" in error.what
+    assert "it is not used" in error.what
 
 
 @pytest.mark.parametrize("name", ["note", "gsd", "signal", "class", "Description", "source", "side", "epoch"])

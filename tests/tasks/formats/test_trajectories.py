@@ -99,7 +99,7 @@ def test_impossible_records_are_named(tmp_path, field, values, says):
 
 def test_a_cut_trajectory_is_refused(tmp_path):
     error = refusal(read_sbet, tmp_path / "a.sbet", content_of(("trajectory", "sbet"))[:-1])
-    assert "records of 136: 135 are left" in error.what
+    assert "records of 136: 135 remain" in error.what
     error = refusal(read_smrmsg, tmp_path / "a.out", content_of(("accuracy", "smrmsg"))[:-8])
     assert "records of 80" in error.what
 
@@ -111,10 +111,10 @@ def test_a_cut_trajectory_is_refused(tmp_path):
         ("GPST  ", "JST   ", 3, "times are headed 'JST'"),
         ("latitude(deg)", "x-ecef(m)", 3, "lack latitude(deg)"),
         ("21:28:43", "21:28:42", 4, "is not later"),
-        ("21:28:43", "21:61:43", 4, "no date"),
+        ("21:28:43", "21:61:43", 4, "not a date"),
         ("   1  11", "   9  11", 4, "quality Q other"),
         ("   0.1384   0.00", "", 4, "fields"),
-        ("40.097025245", "140.097025245", 4, "nowhere"),
+        ("40.097025245", "140.097025245", 4, "is not a position on the earth"),
     ],
 )
 def test_damage_of_a_solution_is_named_with_its_line(tmp_path, old, new, line, says):

@@ -48,7 +48,7 @@ def table(folder: Path, **changes: object) -> pd.DataFrame:
 
 
 def results(folder: Path) -> CalibrationInput:
-    """A calibration whose table of cameras lies in a folder; the other tables are not looked at."""
+    """A calibration whose table of cameras lies in a folder; the other tables are not checked."""
     names = ("parameters", "correlations", "control_residuals", "control_points", "cameras")
     return CalibrationInput.model_validate({name: folder / f"{name}.parquet" for name in names})
 

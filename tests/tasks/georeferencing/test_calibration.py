@@ -96,20 +96,20 @@ def test_without_a_calibration_cameras_stay_as_they_are() -> None:
 
 
 def test_a_camera_the_calibration_does_not_know_is_refused() -> None:
-    with pytest.raises(InputError, match="knows no camera 'D'") as error:
+    with pytest.raises(InputError, match="contains no camera 'D'") as error:
         calibrated_cameras(CAMERAS.assign(camera="D"), calibration())
     assert "'C'" in error.value.remedy
 
 
 def test_additional_parameters_of_one_flight_hold_for_no_other() -> None:
     row = ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant", "C", "2")
-    with pytest.raises(InputError, match="hold for no other flight"):
+    with pytest.raises(InputError, match="are valid for that flight only"):
         calibrated_cameras(CAMERAS, calibration((row,)))
 
 
 def test_additional_parameters_of_one_flight_in_a_table_that_does_not_name_their_camera_are_refused() -> None:
     row = ("bluh:10", "C in 2", 1e-9, 1e-10, "1/mm²", "significant", None, None)
-    with pytest.raises(InputError, match="hold for no other flight"):
+    with pytest.raises(InputError, match="are valid for that flight only"):
         calibrated_cameras(CAMERAS, calibration((row,)))
 
 

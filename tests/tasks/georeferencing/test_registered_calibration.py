@@ -1,4 +1,4 @@
-"""Calibrations of the registry as they are applied: names, covariances, whose control."""
+"""Calibrations from the registry as they are applied: names, covariances, whose control."""
 
 from __future__ import annotations
 

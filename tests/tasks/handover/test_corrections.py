@@ -169,8 +169,9 @@ def test_a_grid_states_the_jumps_at_seams():
     assert 0.3e-6 < grid.misfit < 1.2 * np.linalg.norm(jump, axis=1).max() + 2e-6
     assert grid.rms < 0.2 * grid.misfit
     text = " ".join(statement(delivery, REGISTER["distortion-grid"], "flown").split())
-    assert f"reproduced to {1e6 * max(grid.misfit, delivery.grids[0].measured_from_ideal.misfit):.3f}" in text
-    assert "jumps or bends" in text
+    misfit = max(grid.misfit, delivery.grids[0].measured_from_ideal.misfit)
+    assert f"reproduces the correction to {1e6 * misfit:.3f}" in text
+    assert "step or a bend" in text
     assert "Cartesian" not in text
 
 
@@ -210,7 +211,7 @@ def test_the_statement_says_where_mean_residuals_and_refraction_are():
         for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc", "colmap")
     }
     for name, words in {
-        "corrected-csv": "taken from the image points: switch such a correction OFF",
+        "corrected-csv": "removed from the image points: switch such a correction OFF",
         "patb": "are contained in the image points",
         "isat": "are contained in the distortion grids",
         "eo-csv": "are NOT contained",

@@ -59,7 +59,12 @@ def test_fewer_bits_than_the_type_has_are_known(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(None, "no such file"), (b"", "no image"), (b"II*\0\x08\0\0\0", "no image"), (b"x" * 99, "no image")],
+    [
+        (None, "no such file"),
+        (b"", "image cannot be read"),
+        (b"II*\0\x08\0\0\0", "image cannot be read"),
+        (b"x" * 99, "image cannot be read"),
+    ],
 )
 def test_what_is_no_image_is_refused(content: bytes | None, words: str, tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
@@ -76,7 +81,7 @@ def test_a_file_that_names_other_files_is_refused(tmp_path: Path) -> None:
         '<VRTDataset rasterXSize="4" rasterYSize="5"><VRTRasterBand dataType="Byte" band="1"><SimpleSource>'
         f"<SourceFilename>{tmp_path / 'a.tif'}</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>"
     )
-    with pytest.raises(InputError, match="no image"), opened_image(path):
+    with pytest.raises(InputError, match="image cannot be read"), opened_image(path):
         pass
 
 

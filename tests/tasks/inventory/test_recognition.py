@@ -88,7 +88,7 @@ def test_init_writes_what_is_known_and_asks_for_the_rest(tmp_path: Path) -> None
     folder = delivery(tmp_path / "block 7")
     done = aerocal("init", folder)
     assert done.returncode == 0
-    for words in ("eo.txt", "2 exposures", "2 image points", "TIFF: an image", "no reader reads it"):
+    for words in ("eo.txt", "2 exposures", "2 image points", "TIFF: an image", "no reader can read it"):
         assert words in done.stdout
     content = tomllib.loads((folder / "project.toml").read_text(encoding="utf-8"))
     (exposures,) = content["inputs"]["exposures"]

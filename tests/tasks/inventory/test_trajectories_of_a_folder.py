@@ -138,7 +138,7 @@ def test_dji_marks_are_the_events_of_a_solution_and_exposures_without_one(tmp_pa
     project, text = begun(tmp_path / "both", rover_pos=solution(), Timestamp_MRK=marks(), points_csv=POINTS)
     (exposures,) = project["inputs"]["exposures"]
     assert (exposures["format"], exposures["events"]["format"]) == ("rtklib", "dji-mrk")
-    assert exposures["position"].startswith("DECLARE: projection_centre (the way from the antenna")
+    assert exposures["position"].startswith("DECLARE: projection_centre (the offset from the antenna")
     assert exposures["image_names"].startswith("DECLARE: ")  # events are numbered, images are not
     assert "time" not in exposures["events"]
     assert "trajectory" not in exposures
@@ -147,7 +147,7 @@ def test_dji_marks_are_the_events_of_a_solution_and_exposures_without_one(tmp_pa
     project, text = begun(tmp_path / "alone", Timestamp_MRK=marks())
     (exposures,) = project["inputs"]["exposures"]
     assert (exposures["format"], exposures["position"]) == ("dji-mrk", "projection_centre")
-    assert "moments of exposures" not in text
+    assert "times of exposures" not in text
 
 
 def test_leap_seconds_are_asked_where_both_files_state_their_clocks(tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_a_trajectory_without_events_asks_for_them(tmp_path: Path) -> None:
     project, text = begun(tmp_path, path_out=sbet(), other_csv=EVENTS.replace("3456", "5999"))
     (exposures,) = project["inputs"]["exposures"]
     assert exposures["events"]["file"].startswith("DECLARE: ")
-    assert "# other.csv: moments of exposures, 599901 to 599903 s, within none of the trajectories." in text
+    assert "# other.csv: times of exposures, 599901 to 599903 s, within none of the trajectories." in text
 
 
 def test_the_same_images_of_a_second_trajectory_are_left_to_a_person(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_a_failed_gate_arrives_at_a_webhook_once(records: Records, courier: Call
         "report": f"http://127.0.0.1:4201/results/{run}/report.html",
         "run": f"http://127.0.0.1:4200/v2/runs/flow-run/{run}",
     }
-    assert "Not kept: sigma0 = 1.5, limit <= 1.2" in message["message"]
+    assert "Not met: sigma0 = 1.5, limit <= 1.2" in message["message"]
     assert "- Too large." in message["message"]
 
 

@@ -66,7 +66,7 @@ def test_a_document_is_shown_as_it_was_written(records: Records, published: RunR
 
 def test_changed_bytes_are_refused(records: Records, published: RunRecord, root: Path) -> None:
     (Path(published.directory) / "report.html").write_bytes(REPORT + b" ")
-    with pytest.raises(ChangedDocumentError, match="was changed after the run had written it"):
+    with pytest.raises(ChangedDocumentError, match="was changed after the run"):
         read_document(records, published.id, "report.html", (root,))
 
 
@@ -79,7 +79,7 @@ def test_changed_bytes_are_refused(records: Records, published: RunRecord, root:
     ],
 )  # fmt: skip
 def test_no_other_name_leads_anywhere(records: Records, published: RunRecord, root: Path, name: str) -> None:
-    with pytest.raises(NoDocumentError, match="no document of this name"):
+    with pytest.raises(NoDocumentError, match="not written a document with this name"):
         read_document(records, published.id, name, (root,))
 
 
@@ -88,7 +88,7 @@ def test_no_other_name_leads_anywhere(records: Records, published: RunRecord, ro
 )
 def test_no_other_number_is_a_run(records: Records, published: RunRecord, root: Path, number: str) -> None:
     assert published.id != number
-    with pytest.raises(NoDocumentError, match="no run of this number"):
+    with pytest.raises(NoDocumentError, match="no run with this number"):
         read_document(records, number, "report.html", (root,))
 
 
@@ -115,7 +115,7 @@ def test_a_link_out_of_the_folders_is_not_followed(
     report = Path(published.directory) / "report.html"
     report.unlink()
     report.symlink_to(outside)
-    with pytest.raises(NoDocumentError, match="not where it was written"):
+    with pytest.raises(NoDocumentError, match="no longer where it was written"):
         read_document(records, published.id, "report.html", (root,))
 
 

@@ -94,7 +94,7 @@ def test_a_number_only_one_side_gives_is_a_difference(filled: Registry) -> None:
 
 def test_without_numbers_the_name_decides(filled: Registry) -> None:
     assert chosen(filled, AUTUMN, name="nameless", identity=CameraIdentity()) == 6
-    assert "none of such a camera" in refusal(filled, AUTUMN, name="other", identity=CameraIdentity()).what
+    assert "none for such a camera" in refusal(filled, AUTUMN, name="other", identity=CameraIdentity()).what
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def test_processes_that_add_at_once_lose_nothing(address: DatabaseAddress) -> No
 def test_processes_that_add_the_same_record_get_it_once(address: DatabaseAddress) -> None:
     answers = in_processes(3, lambda _: add(Registry.at(address), record()).id)
     assert sorted(answers)[0] == "1"
-    refused = [answer for answer in answers if "in the registry already" in answer]
+    refused = [answer for answer in answers if "already in the registry" in answer]
     assert len(refused) == 2, answers
     assert len(Registry.at(address).verified().calibrations) == 1
 
@@ -87,7 +87,7 @@ def test_processes_that_approve_different_successors_get_one_conflict(address: D
     answers = in_processes(2, work)
     assert sorted(answers)[0] == "2"  # approved, and the first one superseded
     winner = answers.index("2")
-    assert f"Meanwhile person {winner} has approved calibration {2 + winner}" in answers[1 - winner]
+    assert f"In the meantime, person {winner} has approved calibration {2 + winner}" in answers[1 - winner]
     found = Registry.at(address).verified()
     assert not found.findings
     assert found.calibration(str(2 + winner)).state == "approved"

@@ -189,4 +189,4 @@ def test_nothing_due_is_said_in_one_sentence(registry: Registry) -> None:
     add(registry, record())
     approve(registry, 1, SPRING)
     watch = watch_of(registry.contents(), SUMMER, DueLimits())
-    assert watch.sentences == ("No calibration is due: 1 camera looked at.",)
+    assert watch.sentences == ("No calibration is due: 1 camera checked.",)

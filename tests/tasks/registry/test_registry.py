@@ -79,7 +79,7 @@ def test_versions_are_counted_for_each_camera(registry: Registry) -> None:
 
 def test_the_same_calibration_is_added_once(registry: Registry) -> None:
     add(registry, record())
-    with pytest.raises(InputError, match=r"in the registry already: it is calibration 1 .*added by ann"):
+    with pytest.raises(InputError, match=r"already in the registry: it is calibration 1 .*added by ann"):
         add(registry, record())
     assert len(registry.contents().calibrations) == 1
 
@@ -137,7 +137,7 @@ def test_an_approval_that_would_begin_before_another_is_refused(registry: Regist
 
 def test_nobody_approves_twice_or_against_the_verdict_without_a_reason(registry: Registry) -> None:
     add(registry, record(verdict="refused", reasons=("One height only.",)))
-    with pytest.raises(InputError, match="refused by its own calibration: One height only"):
+    with pytest.raises(InputError, match="refused by the acceptance test: One height only"):
         approve(registry, 1, SPRING)
     approve(registry, 1, SPRING, although="the test field is closed")
     assert registry.calibration("1").events[-1].although == "the test field is closed"
@@ -152,7 +152,9 @@ def test_two_who_approve_different_successors_get_a_conflict(registry: Registry)
     seen = registry.contents()
     mine, yours = (approval_of(seen, number, Validity(SUMMER)) for number in "23")
     registry.approve(mine, Signature("cid"))
-    with pytest.raises(InputError, match=r"Meanwhile cid has approved calibration 2 .* nothing was changed"):
+    with pytest.raises(
+        InputError, match=r"In the meantime, cid has approved calibration 2 .* nothing was changed"
+    ):
         registry.approve(yours, Signature("dot"))
     assert [registry.calibration(number).state for number in "123"] == ["superseded", "approved", "draft"]
     # Having looked at it, the second one may decide otherwise.
@@ -169,7 +171,9 @@ def test_tables_of_another_version_are_refused(registry: Registry) -> None:
     with registry.database.writing() as connection:
         connection.execute(update(SCHEMA).values(version=2))
     for action in (registry.contents, lambda: add(registry, record(changed(1)))):
-        with pytest.raises(InputError, match="tables of version 2; this version of aerocal knows version 1"):
+        with pytest.raises(
+            InputError, match="tables of version 2, but this version of aerocal uses version 1"
+        ):
             action()
 
 
@@ -186,7 +190,7 @@ def test_records_are_found_by_number_digest_and_camera_or_the_nearest_is_named(r
     contents = registry.contents()
     assert [item.id for item in contents.of_camera("UC-E-1")] == [1]
     assert [item.id for item in contents.of_camera("L-9")] == [2]
-    with pytest.raises(InputError, match="'UCE' fits 2 cameras") as error:
+    with pytest.raises(InputError, match="'UCE' matches 2 cameras") as error:
         contents.of_camera("UCE")
     assert "UC-E-2" in error.value.remedy
     with pytest.raises(InputError, match="no calibration of a camera 'UC-E-11'") as error:

@@ -143,15 +143,15 @@ CASES: dict[str, tuple[tuple[Edit, ...], str, str]] = {
     "content": ((forged_content(2),), r"Calibration 2 \(UCE, version 2\): its content has the digest", "2"),
     "content and digest": ((forged_content(2), with_fitting_digest(2)), "the content was changed", "2"),
     "content is not JSON": ((of_record(2, content="{}"),), "the content was changed", "2"),
-    "digest": ((of_record(2, digest="0" * 64),), "digest says '0000", "2"),
+    "digest": ((of_record(2, digest="0" * 64),), "digest is '0000", "2"),
     "verdict": (
         (of_record(2, verdict="refused"),),
-        "verdict says 'refused', its content says 'accepted'",
+        "verdict is 'refused', but its content says 'accepted'",
         "2",
     ),
-    "camera": ((of_record(2, camera_key="{}"),), "camera_key says '{}'", "2"),
-    "mounting": ((of_record(2, mounting_key="{}"),), "mounting_key says '{}'", "2"),
-    "flown": ((of_record(2, flown="2020-01-01"),), "flown says '2020-01-01'", "2"),
+    "camera": ((of_record(2, camera_key="{}"),), "camera_key is '{}'", "2"),
+    "mounting": ((of_record(2, mounting_key="{}"),), "mounting_key is '{}'", "2"),
+    "flown": ((of_record(2, flown="2020-01-01"),), "flown is '2020-01-01'", "2"),
     "version": ((of_record(2, version=9),), "version 9 where 2 is due", "2"),
     "validity": (
         (of_event(4, valid_from="2020-01-01"),),
@@ -166,10 +166,10 @@ CASES: dict[str, tuple[tuple[Edit, ...], str, str]] = {
     "whose event": ((of_event(5, calibration=3),), "calibration 3.: its values do not", "3"),
     "first event removed": ((without_event(1),), "gap before event 2 .draft, calibration 2.", "123"),
     "middle event removed": ((without_event(4),), "gap before event 5 .approved, calibration 2.", "123"),
-    "last event removed": ((without_event(6),), "counted 6 events and there are 5", "123"),
+    "last event removed": ((without_event(6),), "counted 6 events, but there are 5", "123"),
     "reordered": ((swapped(2, 3),), "does not continue before event 2", "123"),
-    "event put in": ((forged_event,), "counted 6 events and there are 7", "123"),
-    "event in place of another": ((without_event(6), forged_event), "not the one the registry has", "123"),
+    "event put in": ((forged_event,), "counted 6 events, but there are 7", "123"),
+    "event in place of another": ((without_event(6), forged_event), "not the one written last by", "123"),
     "record removed": ((deleted_record(2)[-1],), "Calibration 2 is missing; event 2 of the history", "123"),
     "record and history removed": (deleted_record(3), "gap before event 4|counted 3 calibrations", "123"),
     "record put in": ((copied_record,), "Calibration 4 .* has no history", "4"),
@@ -255,7 +255,7 @@ def test_a_history_cut_at_its_end_is_found_by_whoever_has_seen_it(
     assert not filled.verified().findings
     edit(filled, cut_behind(4))
     sentence = filled.verified().findings[0].sentence
-    assert "The history has 4 events and not the state" in sentence
+    assert "The history has 4 events and does not contain the state" in sentence
     with pytest.raises(InputError, match="The registry was edited"):
         filled.calibration("1")
     with pytest.raises(InputError, match="The registry was edited"):

@@ -56,7 +56,7 @@ def test_a_verdict_edited_in_the_folder_is_no_longer_what_was_published(tmp_path
         read_calibrations(tmp_path)
     # With the manifest edited, too, the certificate still has the code.
     manifest(tmp_path)
-    with pytest.raises(InputError, match="certificate beside it has the verification code"):
+    with pytest.raises(InputError, match="certificate next to it has the verification code"):
         read_calibrations(tmp_path)
 
 
@@ -77,7 +77,7 @@ def test_a_key_given_twice_is_refused_whatever_its_values(tmp_path: Path) -> Non
     file = published(tmp_path)
     text = file.read_text().replace('"verdict": "refused"', '"verdict": "refused",\n"verdict": "refused"')
     file.write_text(text)
-    with pytest.raises(InputError, match="the key 'verdict' stands there twice"):
+    with pytest.raises(InputError, match="the key 'verdict' exists twice"):
         read_calibrations(tmp_path)
 
 
@@ -96,7 +96,7 @@ def test_a_text_is_no_number_and_true_is_no_version(
 def test_a_file_that_comes_alone_needs_the_code_of_its_certificate(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(record().text, encoding="utf-8")
-    with pytest.raises(InputError, match="in no folder of results") as error:
+    with pytest.raises(InputError, match="not in a results folder") as error:
         read_calibrations(file)
     assert "--code" in error.value.remedy
     digest = record().digest
@@ -105,7 +105,7 @@ def test_a_file_that_comes_alone_needs_the_code_of_its_certificate(tmp_path: Pat
         assert read_calibrations(file, ["f" * 64, code])[0].digest == digest
     with pytest.raises(InputError, match="has 8 digits"):
         read_calibrations(file, [digest[:8]])
-    with pytest.raises(InputError, match="none that was named"):
+    with pytest.raises(InputError, match="not one of those given"):
         read_calibrations(file, ["f" * 64])
 
 

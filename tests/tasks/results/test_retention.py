@@ -239,7 +239,7 @@ def test_nothing_goes_while_a_run_is_writing(folder: Folder) -> None:
     before = folder.outputs()
     with run_lock(folder.directory):
         for found in (clean_up(folder.directory, since(0)), look_through(folder.directory, since(0))):
-            assert found.refusal == "A run is writing into it: nothing is removed."
+            assert found.refusal == "A run is writing to it: nothing is removed."
             assert not found.removed
     assert folder.outputs() == before
     assert leftover.exists()
@@ -324,7 +324,7 @@ def test_nothing_goes_outside_the_folders_of_a_server(folder: Folder) -> None:
     folder.age(100)
     found = clean_up(folder.directory, since(0), roots=[folder.directory / "elsewhere"])
     assert found.refusal is not None
-    assert "leads out of the folders of this server" in found.refusal
+    assert "leads outside the folders of this server" in found.refusal
     assert stages(clean_up(folder.directory, since(0), roots=[folder.directory.parent])) != []
 
 

@@ -54,7 +54,7 @@ def test_what_is_given_is_read(tmp_path: Path) -> None:
         ("calibrated = 2026-09-21", "calibrated = 2026-09-31", "not valid TOML: Invalid date"),
         ("calibrated = 2026-09-21", 'calibrated = "soon"', "certificate.calibrated"),
         ('role = "Head"', 'role = " "', "certificate.signatories"),
-        ('name = "Laboratory"', 'name = "La\\u0007b"', "cannot be seen"),
+        ('name = "Laboratory"', 'name = "La\\u0007b"', "invisible character"),
         ("[[certificate.signatories]]", "[[certificate.signatory]]", "signatories"),
     ],
 )

@@ -51,8 +51,8 @@ def test_the_own_adjustment_the_registry_and_a_folder_of_results_are_told_apart(
     ("text", "words"),
     [
         ('calibration = "nowhere"', "nowhere/parameters.parquet"),
-        ("calibration = 3", "The calibration is not understood"),
-        ('calibration = { parameters = "project.toml" }', "by some of its files only"),
+        ("calibration = 3", "The calibration is not valid"),
+        ('calibration = { parameters = "project.toml" }', "by only some of its files"),
         ("calibration = { adjustment = true, registry = true }", "or twice"),
         ("calibraton = 3", "Did you mean 'calibration'"),
         ("accuracy_class_m = 0", "accuracy_class_m"),

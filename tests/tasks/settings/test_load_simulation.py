@@ -96,13 +96,13 @@ def test_the_seed_of_the_command_line_beats_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
-        (["project.crs=EPSG:25832"], "place of the block"),
-        (["project.latitude_deg=48", "project.longitude_deg=9"], "no place on the earth"),
+        (["project.crs=EPSG:25832"], "location of the block"),
+        (["project.latitude_deg=48", "project.longitude_deg=9"], "no location on the earth"),
         (["flight.1.lines=5"], "numbers of exposures"),
         (["flight.1.name=E"], "same name"),
         (["control.layout=perimeter"], "needs count"),
         (["control.control=3", "control.check_fraction=0.5"], "exclude each other"),
-        (["truth.gnss_shift_of_flight_m={ 2 = [0.1, 0.0, 0.0] }"], "no such flight"),
+        (["truth.gnss_shift_of_flight_m={ 2 = [0.1, 0.0, 0.0] }"], "which does not exist"),
     ],
 )
 def test_contradictions_are_refused_in_a_sentence(changes: list[str], what: str) -> None:

@@ -106,7 +106,11 @@ def test_the_sweep_is_no_part_of_the_settings_of_a_run(write: Callable[[str], Pa
         ('["boresight"]', '["boresite"]', "boresite"),
         ('"3/0" = "all"', '"3/0" = "every"', "delivered"),
         ("count = 2", "cont = 2", "'count'"),
-        ('{ count = 2, layout = "border" }', '{ layout = "border" }', "which points are control points"),
+        (
+            '{ count = 2, layout = "border" }',
+            '{ layout = "border" }',
+            "The choice of control points is not valid",
+        ),
         ("[sweep.blocks]", "[sweep.block]", "'blocks'"),
         ("[sweep]\n", '[sweep]\ncompare_with = "uce-2021"\n', "'uce-2012'"),
         ("[sweep]\n", '[sweep]\nparameters = ["loose"]\n', "two variants 'loose'"),

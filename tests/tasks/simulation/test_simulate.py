@@ -204,8 +204,8 @@ def test_points_hardly_ever_found_are_refused_before_they_fill_the_memory(tmp_pa
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        (("trajectory.sbet_hz=200.0",), "no place on the earth"),
-        (("trajectory.sbet_hz=200.0", "trajectory.rate_deg_s=[1.0, 1.0, 1.0]"), "turns as its path does"),
+        (("trajectory.sbet_hz=200.0",), "no location on the earth"),
+        (("trajectory.sbet_hz=200.0", "trajectory.rate_deg_s=[1.0, 1.0, 1.0]"), "follow from its path"),
         (
             (
                 "trajectory.sbet_hz=200.0",

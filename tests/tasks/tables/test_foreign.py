@@ -63,7 +63,7 @@ def test_a_table_comes_back_and_columns_added_since_are_empty(file: Path) -> Non
         (having("value", pa.array([50.0, -1e300])), "number that no quantity has"),
         (having("status", pa.array(["significant", "fine"])), "'fine', which is none of its words"),
         (having("parameter", pa.array(["focal_length"] * 2)), "Row 2 repeats parameter, entity"),
-        (having("entity", pa.array(["C", "a\u202eb"])), "cannot be seen"),
+        (having("entity", pa.array(["C", "a\u202eb"])), "invisible character"),
     ],
 )
 def test_what_a_column_may_not_hold_is_named(

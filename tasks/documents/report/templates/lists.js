@@ -36,7 +36,7 @@ for (const box of document.querySelectorAll(".scroll.list")) {
   };
   headings.forEach((heading, place) => {
     heading.tabIndex = 0;
-    heading.title = "Order by this column";
+    heading.title = "Sort by this column";
     heading.addEventListener("click", () => order(place));
     heading.addEventListener("keydown", (pressed) => { if (pressed.key === "Enter") order(place); });
   });

@@ -236,7 +236,7 @@ def test_only_independent_check_points_carry_a_statement(
 ) -> None:
     document = as_json(document_of(calibration.content()))
     tables = tables_of(document)
-    assert "no accuracy" in tables["control-differences"]["caption"]
+    assert "not independent" in tables["control-differences"]["caption"]
     check = calibration.table("check_points")
     assert len(check) >= 30
     rms = (check["dz_m"] ** 2).mean() ** 0.5
@@ -260,23 +260,23 @@ def test_a_refused_calibration_is_for_no_use(calibration: Calibration) -> None:
     assert "certificate –" not in page_of(content)
     assert calibration.content().title == "Calibration certificate"
     use = section(calibration, "use", verdict="refused", reasons=reasons)
-    assert sentences(use, "The values hold for") == ""
-    assert sentences(use, "This certificate must not be used").startswith("For production at all")
+    assert sentences(use, "The values are valid for") == ""
+    assert sentences(use, "This certificate must not be used").startswith("For production:")
     assert content.sections[0].name == "reasons"
     assert sentences(content.sections[0], "Not accepted, because") == reasons[0]
     assert calibration.content().sections[0].name == "laboratory"
-    assert sentences(section(calibration, "use"), "The values hold for") != ""
+    assert sentences(section(calibration, "use"), "The values are valid for") != ""
 
 
 def test_a_restriction_stands_first_and_the_values_may_be_used(calibration: Calibration) -> None:
     said = ("Strip 3 sits otherwise.",)
     content = calibration.content(changed(calibration.record, verdict="restricted", restrictions=said))
     assert content.title == "Calibration certificate with restrictions"
-    assert content.sentence == "Accepted with one restriction: use it only as they allow."
+    assert content.sentence == "Accepted with one restriction, which must be observed."
     assert sentences(content.sections[0], "Restrictions of use") == said[0]
     use = section(calibration, "use", verdict="restricted", restrictions=said)
-    assert sentences(use, "The values hold for") != ""
-    assert "For production at all" not in sentences(use, "This certificate must not be used")
+    assert sentences(use, "The values are valid for") != ""
+    assert "For production:" not in sentences(use, "This certificate must not be used")
 
 
 @pytest.mark.parametrize(

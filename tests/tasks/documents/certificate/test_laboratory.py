@@ -188,9 +188,9 @@ def limits(material: CertificateMaterial) -> dict[str, Row]:
 def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -> None:
     material = calibration.material()
     found = limits(material)
-    assert [found[f"sigma0:{name}"].cells[-1] for name in ("image_points", "gnss_positions")] == ["kept"] * 2
+    assert [found[f"sigma0:{name}"].cells[-1] for name in ("image_points", "gnss_positions")] == ["met"] * 2
     gate = found["rmse_control_m_x:max"]
-    assert (str(gate.cells[3]), gate.cells[4], gate.cells[5]) == ("0.100", "m", "kept")
+    assert (str(gate.cells[3]), gate.cells[4], gate.cells[5]) == ("0.100", "m", "met")
     residuals = material.results.residuals.copy()
     own = residuals.index[residuals["group"] == "gnss_positions"]
     residuals.loc[own[: 3 * 14], "status"] = "rejected"
@@ -208,9 +208,9 @@ def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -
     part = found["rejected:gnss_positions"].cells[1]
     assert isinstance(part, Number)
     assert part.value == pytest.approx(50.0)
-    assert found["rejected:gnss_positions"].cells[-1] == "not kept"
-    assert found["rejected:image_points"].cells[-1] == "kept"
-    assert found[f"{failed.name}:max"].cells[-1] == "not kept"
+    assert found["rejected:gnss_positions"].cells[-1] == "not met"
+    assert found["rejected:image_points"].cells[-1] == "met"
+    assert found[f"{failed.name}:max"].cells[-1] == "not met"
 
 
 def test_errors_of_the_model_are_held_against_what_they_may_move(calibration: Calibration) -> None:
@@ -228,7 +228,7 @@ def test_errors_of_the_model_are_held_against_what_they_may_move(calibration: Ca
     chance = {"strips": 9, "statistic": 40.0, "freedom": 9, "probability": 1e-5, "scatter": 0.002}
     scatter = {"quantity": "boresight_pitch", "unit": "deg", **of, **chance, "moved_by": 1.4}
     found = {"moved_by_findings": 0.4, "model_findings": [finding], "strip_scatter": []}
-    for worse, words in (({}, "kept"), ({"strip_scatter": [scatter]}, "not kept")):
+    for worse, words in (({}, "met"), ({"strip_scatter": [scatter]}, "not met")):
         extra = {**(material.results.summary.model_extra or {}), **found, **worse}
         summary = type(material.results.summary).model_validate(
             {**material.results.summary.model_dump(), **extra}
@@ -245,7 +245,7 @@ def test_the_limit_of_the_statistics_says_whether_it_is_kept(calibration: Calibr
     material = calibration.material()
     gates = Gates(rmse_control_m=AxisGate(max=(1.0, 1.0, 1e-6)))
     project = material.results.project.model_copy(update={"gates": gates})
-    for with_gates, words in ((material.results.project, "kept"), (project, "not kept")):
+    for with_gates, words in ((material.results.project, "met"), (project, "not met")):
         results = replace(material.results, project=with_gates)
         tables = tables_of(as_json(document_of(content_of(replace(material, results=results), {}))))
         rows = {row["key"]: row["cells"][-1] for row in tables["statistics"]["rows"]}

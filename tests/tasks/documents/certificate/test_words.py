@@ -30,7 +30,7 @@ from tests.tasks.documents.certificate.conftest import Calibration, as_json, cha
         ),
         (
             "The gate rmse_check_m_x failed: 0.2 ≤ 0.1 m",
-            "The limit of RMS at check points, x is not kept: 0.2 ≤ 0.1 m",
+            "The limit for RMS at check points, x is not met: 0.2 ≤ 0.1 m",
         ),
         ("Raise checks.control_distance_m.", "Raise control distance."),
         ("correct mount_deg", "correct the mounting"),

@@ -221,7 +221,7 @@ def test_without_rejection_residuals_tell_the_image() -> None:
     residuals.loc[wrong & (residuals["component"] == "x"), "standardized"] = 6.0
     (found,) = causes(_material(residuals, {"critical_value": None}))
     assert found.place == "image A2"
-    assert "10 of its 10 image points have residuals that are no chance" in found.sentence
+    assert "10 of its 10 image points have significant residuals" in found.sentence
 
 
 def test_a_suspicion_is_a_cause_and_never_green() -> None:

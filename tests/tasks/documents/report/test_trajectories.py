@@ -38,7 +38,7 @@ def test_solutions_gaps_and_outliers_are_told_apart() -> None:
     # Fixed, the step to float, float, and the dashed gap to the last sample.
     assert [colour for colour, _ in curves] == ["#009E73", "#E69F00", "#E69F00", "#C1351B"]
     assert ["dasharray" in rest for _, rest in curves] == [False, False, False, True]
-    assert "sample at 2.000 s does not belong" in drawn
+    assert "sample at 2.000 s inconsistent with its neighbours" in drawn
     assert "other solution" in drawn
     assert "without quality" not in drawn
 
