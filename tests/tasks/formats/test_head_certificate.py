@@ -135,7 +135,7 @@ def test_damaged_parameters_are_refused(change: dict[str, object], message: str,
 def test_it_is_never_applied_to_a_composed_image(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="must not be applied"):
         camera(tmp_path, certificate("00110011", "m"), identity={"product": "virtual_image"})
-    with pytest.raises(ValueError, match="Keep one of the two"):
+    with pytest.raises(ValueError, match="Keep only one of the two"):
         camera(tmp_path, certificate("00110011", "m"), focal_length_mm=120.0)
 
 

@@ -256,7 +256,7 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ("inputs.exposures.format=ign-opc", "Did you mean 'ign-opk'?"),
         ("adjustment.rejection=some", "critical_value"),
         ("gates.sigma0={}", "no limit"),
-        ('cameras."CAM 1".file="a.csv"', "Keep one of the two"),
+        ('cameras."CAM 1".file="a.csv"', "Keep only one of the two"),
         ('cameras."CAM 1".mount_deg=45', "0, 90, 180 or 270"),
         ("version=2", "Input should be 1"),
         ("project.heights={}", "ellipsoidal"),
