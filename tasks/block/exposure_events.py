@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from adjust.arrays import Bools, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.rig import EventMotion, Rig
 from tasks.block.given_orientations import GivenOrientations
@@ -59,7 +60,7 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
             "Deliver the times of all images of a rig, or a column `event` with the name of their event.",
             entity=f"image {given.image[untimed[0]]}",
         )
-    event = _joined(given, reference, in_rig, named)
+    event = joined_images(given.time_s, given.flight_of_image, np.array(given.event), reference, in_rig)
     _refuse_repeated_heads(given, event)
     # The reading of an event is that of the image of its reference head, where there is one.
     order = np.lexsort((given.camera != reference, event))
@@ -103,13 +104,23 @@ def _motion(events: GivenOrientations) -> EventMotion:
     return EventMotion(velocity, np.nan_to_num(events.rates))
 
 
-def _joined(given: GivenOrientations, reference: Ints, in_rig: Bools, named: Bools) -> Ints:
-    """Number (n,) of the event of each image."""
-    time = np.where(in_rig & ~named, given.time_s, 0.0)
-    names = len(time) + np.unique(np.array(given.event), return_inverse=True)[1]
+def joined_images(
+    time_s: Floats, flight: Ints, name: NDArray[np.str_], reference: Ints, in_rig: Bools
+) -> Ints:
+    """Number (n,) of the event of each image.
+
+    Parameters
+    ----------
+    time_s, flight, reference : (n,) moment, number of the flight, reference head of the rig.
+    name : (n,) of the event as delivered; empty: its time decides.
+    in_rig : (n,) whether the camera has others beside it.
+    """
+    named = in_rig & (name != "")
+    time = np.where(in_rig & ~named, time_s, 0.0)
+    names = len(time) + np.unique(name, return_inverse=True)[1]
     alone = np.where(named, names, np.where(in_rig, -1, np.arange(len(time))))
-    order = np.lexsort((time, given.flight_of_image, reference, alone))
-    same = (np.diff(given.flight_of_image[order]) == 0) & (np.diff(reference[order]) == 0)
+    order = np.lexsort((time, flight, reference, alone))
+    same = (np.diff(flight[order]) == 0) & (np.diff(reference[order]) == 0)
     same &= (np.diff(alone[order]) == 0) & (np.diff(time[order]) < _ONE_EVENT_S)
     event = np.empty(len(order), dtype=np.int64)
     event[order] = np.concatenate([[0], np.cumsum(~same)])

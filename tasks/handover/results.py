@@ -28,6 +28,7 @@ from tasks.errors import InputError
 from tasks.files.json_text import from_json
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
+from tasks.handover.rig_heads import RigHeads, rig_heads
 from tasks.handover.rigorous import OrientedImages
 from tasks.results.manifest import read_manifest
 from tasks.settings.project import ProjectSettings
@@ -106,6 +107,7 @@ class Results:
     strips : name of the strip of each image; empty without.
     ground : (n, 3) low, middle and high map height of the tie points below each image, metres.
     name, flown : of the project; None: the date is not stated.
+    heads : which images heads of a rig took together; None: there is no rig.
     """
 
     images: OrientedImages
@@ -115,6 +117,7 @@ class Results:
     ground: Floats
     name: str
     flown: date | None = None
+    heads: RigHeads | None = None
 
     @property
     def needed_date(self) -> date:
@@ -152,7 +155,17 @@ def read_results(folder: Path) -> Results:
     index = pd.Index([item.frame.name for item in cameras]).get_indexer(pd.Index(taken["camera"]))
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
-    return Results(images, cameras, orientations, strips, _ground(folder, names), stated.name, stated.flown)
+    heads = _heads(folder, [one.frame.name for one in cameras], names)
+    ground = _ground(folder, names)
+    return Results(images, cameras, orientations, strips, ground, stated.name, stated.flown, heads)
+
+
+def _heads(folder: Path, cameras: list[str], names: list[str]) -> RigHeads | None:
+    """Heads of rigs among the cameras, in their order, and the events of the images."""
+    rows = read_result_table(folder, schemas.CAMERAS).set_index("camera", drop=False).loc[cameras]
+    if rows["head_of"].isna().all():
+        return None
+    return rig_heads(read_result_table(folder, schemas.EXPOSURES), rows, names)
 
 
 def read_cameras(folder: Path) -> tuple[dict[str, CalibratedCamera], dict[str, str]]:

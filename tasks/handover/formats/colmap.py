@@ -1,7 +1,8 @@
 """COLMAP text model: ``cameras.txt``, ``images.txt``, ``points3D.txt``; ``points.csv`` names the points.
 
 Numbers count from 1 in the order of the results. FULL_OPENCV is written where k3 is needed, else OPENCV. The error of a point is
-the mean length of its residuals in pixels, as COLMAP has it.
+the mean length of its residuals in pixels, as COLMAP has it. ``rigs.txt`` and ``frames.txt`` (COLMAP 3.12 and later) are written where heads of
+a rig sit beside their reference head alike in all events.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -29,7 +30,42 @@ def write_colmap(delivery: Delivery) -> Files:
         "points3D.txt": _points(delivery),
         "points.csv": table(["POINT3D_ID", "point", "role"], _names(delivery)),
         **renamed("images.csv", "image", names, delivery.names),
+        **_rigs(delivery),
     }
+
+
+def _rigs(delivery: Delivery) -> Files:
+    """Rigs and frames of a block with heads that sit beside each other alike in all events."""
+    heads, camera = delivery.results.heads, delivery.results.images.camera
+    rotation, translation = camera_from_world(delivery)
+    relative = None if heads is None else heads.against_reference(camera, rotation, translation)
+    if heads is None or relative is None:
+        return {}
+    rigs, frames = (
+        ["# RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID, then the pose of each head"],
+        ["# FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS, then its images"],
+    )
+    turn, shift = relative
+    pose = np.hstack([quaternions(turn), shift])
+    references = np.unique(heads.reference)
+    for number, one in enumerate(references, start=1):
+        others = np.flatnonzero((heads.reference == one) & (np.arange(len(heads.reference)) != one))
+        sensors = [f"CAMERA {head + 1} 1 {' '.join(map(exact, pose[head]))}" for head in others]
+        rigs.append(" ".join([f"{number} {len(others) + 1} CAMERA {one + 1}", *sensors]))
+    # The rig is its reference head: X_rig = R_relᵀ (R X + t − t_rel) by any of its images.
+    back = np.swapaxes(turn, 1, 2)[camera]
+    of_rig = np.hstack(
+        [quaternions(back @ rotation), np.einsum("nij,nj->ni", back, translation - shift[camera])]
+    )
+    order = np.argsort(heads.event, kind="stable")
+    for number, images in enumerate(
+        np.split(order, np.flatnonzero(np.diff(heads.event[order])) + 1), start=1
+    ):
+        rig = int(np.searchsorted(references, heads.reference[camera[images[0]]])) + 1
+        taken = [f"CAMERA {camera[k] + 1} {k + 1}" for k in images]
+        values = " ".join(map(exact, of_rig[images[0]]))
+        frames.append(f"{number} {rig} {values} {len(images)} {' '.join(taken)}")
+    return {"rigs.txt": "\n".join(rigs) + "\n", "frames.txt": "\n".join(frames) + "\n"}
 
 
 def _camera(number: int, model: LensModel) -> str:
