@@ -70,6 +70,13 @@ CronOption: TypeAlias = Annotated[
     str | None,
     typer.Option("--cron", metavar='"M H D M W"', help="Schedule of a full scan of the inbox."),
 ]
+OnlyOnScheduleOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--only-on-schedule",
+        help="Start deliveries by --cron alone, e.g. at night, not as soon as they are complete.",
+    ),
+]
 TimezoneOption: TypeAlias = Annotated[str, typer.Option("--timezone", help="Time zone of all schedules.")]
 RegistryOption: TypeAlias = Annotated[
     str | None,

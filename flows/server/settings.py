@@ -72,6 +72,7 @@ class Settings:
     results : where runs keep their results on object storage, too; None: nowhere.
     limit : runs at the same time.
     registers : whether the runner registers the deployments; a further one does not.
+    only_on_schedule : whether deliveries wait for the schedule, e.g. for the night.
     """
 
     roots: Roots
@@ -92,6 +93,7 @@ class Settings:
     results: ObjectAddress | None = None
     limit: int = 1
     registers: bool = True
+    only_on_schedule: bool = False
 
     @property
     def records(self) -> str:
@@ -162,6 +164,8 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         raise InputError("There is a schedule for calibrations, but no registry.", "Add --registry ADDRESS.")
     if cron is not None and inbox is None:
         raise InputError("There is a schedule, but no inbox.", "Add --inbox DIR.")
+    if given.get("only_on_schedule") and cron is None:
+        raise InputError("Deliveries wait for a schedule, and there is none.", 'Add --cron "M H D M W".')
     _require_schedule("--cron", cron)
     _require_schedule("--recalibration-cron", recalibration_cron)
     timezone = given.get("timezone", "UTC")
@@ -188,6 +192,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         given.get("history_days", 365),
         results_of_server(given.get("results"), roots),
         given.get("limit", 1),
+        only_on_schedule=given.get("only_on_schedule", False),
     )
 
 

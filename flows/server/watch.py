@@ -120,7 +120,7 @@ class Watch:
             self.say(f"Run of {run.project}: {run.state}. {run.message}")
         for run in begin_again(self.api, self.records):
             self.say(f"Run of {run.project} is restarted (restart {run.attempts - 1}).")
-        if self.settings.inbox is None:
+        if self.settings.inbox is None or self.settings.only_on_schedule:
             return
         roots, story = self.settings.roots, self.settings.story
         found = schedule_deliveries(

@@ -88,7 +88,7 @@ def _section(
     mounting = {
         "pixel_origin": origin,
         "mount_deg": open_value(
-            "0, 90, 180 or 270: 0 if the columns run forward, 90 if forward is up the rows"
+            "0, 90, 180 or 270: 0 if the columns run forward, 90 if forward is down the rows"
         ),
     }
     found = [one for one in delivered if one.name == name]
