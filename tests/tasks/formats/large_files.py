@@ -78,6 +78,11 @@ def in_photo_lists(k: int) -> str:
     return f"{begin}{point(k)} {xy(k)}\n"
 
 
+def up_to(most: int, make: Maker) -> Maker:
+    """A smaller file, where more of its entries than any block has are refused."""
+    return lambda path, size: make(path, min(size, most))
+
+
 def between(text: str, begin: str, end: str) -> tuple[str, str, str]:
     """What stands before a passage, the passage, and what stands behind it."""
     first = text.index(begin)
@@ -401,8 +406,9 @@ LARGE: dict[tuple[str, str], Maker] = {
     ("events", "dji-mrk"): repeated(_mrk),
     ("control", "csv"): repeated(lambda k: f"A{k},{xyz(k).replace(' ', ',')}\n", "point,x,y,z\n"),
     ("control", "ign-app"): repeated(lambda k: f"A{k} 13 {xyz(k)}\n"),
-    ("control", "patb"): repeated(
-        lambda k: f"A{k} {' '.join(xyz(k).split()[:2])}\n", tail="-99\nA1 10.25\n-99\n"
+    ("control", "patb"): up_to(
+        12_000_000,
+        repeated(lambda k: f"A{k} {' '.join(xyz(k).split()[:2])}\n", tail="-99\nA1 10.25\n-99\n"),
     ),
     ("control", "bingo"): repeated(lambda k: f"CONT {k} {xyz(k)}\n"),
     ("control", "inpho"): passage(texts.INPHO, "  c1 ", "0\n", _named("c1")),
@@ -457,11 +463,14 @@ LARGE: dict[tuple[str, str], Maker] = {
     ),
     ("camera", "colmap"): _colmap_cameras,
     ("camera", "opensfm"): passage(sound._RECONSTRUCTION, '"c": {"projection', "}", _named('"c'), ", "),
-    ("camera", "pix4d"): passage(
-        sound.PIX4D_CAMERAS,
-        "IMG 1",
-        "0 0 -1\n",
-        lambda one, k: one.replace("IMG 1", f"IMG {k}").replace("0.1 0 0", f"0.{k} 0 0"),
+    ("camera", "pix4d"): up_to(
+        8_000_000,
+        passage(
+            sound.PIX4D_CAMERAS,
+            "IMG 1",
+            "0 0 -1\n",
+            lambda one, k: one.replace("IMG 1", f"IMG {k}").replace("0.1 0 0", f"0.{k} 0 0"),
+        ),
     ),
     ("camera", "pix4d-cam"): passage(
         sound.PIX4D_CAMERA_FILE,
