@@ -77,7 +77,7 @@ def _rms(values: Floats) -> Floats:
 
 
 def test_sigma_of_four_strips_holds_with_the_errors_they_have_in_common() -> None:
-    flight, flights = two_step_flight(4), 40
+    flight, flights = two_step_flight(4), 20
     differences = flown(flight, flights)
     scores, _ = normal_scores(flight, differences, known=True)
     without, _ = normal_scores(flight, differences, known=False)

@@ -19,6 +19,7 @@ from adjust.resampling.resampled import (
     needed_rows,
     resampled,
 )
+from tests.grids import diagonal_daily
 
 TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
 Kind = Literal["cubic", "lanczos"]
@@ -51,8 +52,7 @@ def whole(
     return resampled(SourceRows(pixels, valid, 0, pixels.shape[1]), of, (0, of.rows), values, kind, threads)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("dtype", TYPES)
+@pytest.mark.parametrize(("dtype", "kind"), diagonal_daily(TYPES, KINDS))
 def test_the_identity_changes_no_byte(dtype: str, kind: Kind) -> None:
     pixels = noise(dtype)
     made = whole(pixels, shifted(0.0, 0.0), limits(dtype), kind)
