@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 
 
 def without_position(project: Path, images: list[str], columns: tuple[str, ...] = ("x", "y", "z")) -> None:
@@ -22,7 +22,7 @@ def without_position(project: Path, images: list[str], columns: tuple[str, ...] 
 
 
 def run(project: Path) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(project))
+    return carry_out(adjustment_alone, RunRequest(project))
 
 
 def test_an_exposure_without_position_is_no_observation_and_is_oriented_by_its_image_points(

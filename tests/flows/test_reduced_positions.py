@@ -11,9 +11,9 @@ import pytest
 
 from adjust.geometry import rotation
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 ARM = (0.8, -0.3, -1.2)
 FLIGHT = ("points.count=400", "points.detection=0.7", f"truth.lever_arm_m={list(ARM)}")
@@ -49,7 +49,7 @@ def exposures(file: str, position: str) -> str:
 def run(delivery: Path, out: str, *inputs: tuple[str, str], more: tuple[str, ...] = ()) -> RunOutcome:
     stated = ", ".join(exposures(*item) for item in inputs)
     changes = (f"inputs.exposures=[{stated}]", STATED, *more)
-    return carry_out(aerial_triangulation, RunRequest(delivery / "project.toml", delivery / out, changes))
+    return carry_out(adjustment_alone, RunRequest(delivery / "project.toml", delivery / out, changes))
 
 
 def test_what_was_reduced_is_undone_whatever_is_mixed(delivery: Path) -> None:

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 PARAMETERS = "adjustment.self_calibration.parameters"
 ALL_52 = f'{PARAMETERS}="bluh:1-12+42-73+81-88"'
@@ -23,7 +23,7 @@ def simulated(folder: Path, preset: str, *overrides: str) -> Path:
 
 
 def run(project: Path, *overrides: str) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(project, overrides=overrides))
+    return carry_out(adjustment_alone, RunRequest(project, overrides=overrides))
 
 
 def table(outcome: RunOutcome, name: str) -> pd.DataFrame:

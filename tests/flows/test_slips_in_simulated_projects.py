@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.examination import examine_everything
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.store.store import Store
+from tests.flows.adjustment_alone import adjustment_alone
 
 # Undulations of the geoid, metres: India and New Guinea are further out, Germany has 34 to 51.
 UNDULATIONS = (-30.0, 48.0)
@@ -194,9 +194,7 @@ def test_an_ordinary_misalignment_is_where_the_adjustment_begins(tmp_path: Path,
     true = (1.5, -2.0, 1.0)
     project = simulated(tmp_path / "block", "uce-high", angles, f"truth.boresight_deg={list(true)}")
     held, free = ('adjustment.free=["gnss_shift"]', 'adjustment.free=["boresight", "gnss_shift"]')
-    outcome = carry_out(
-        aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "free", (free,))
-    )
+    outcome = carry_out(adjustment_alone, RunRequest(project / "project.toml", tmp_path / "free", (free,)))
     assert outcome.error is None, outcome.error
     said = next(text for text in outcome.summary.problems if "misalignment of camera and INS" in text)
     about = [float(value) for value in re.findall(r"(?:roll|pitch|yaw) ([+-][\d.]+)°", said)]
@@ -207,9 +205,7 @@ def test_an_ordinary_misalignment_is_where_the_adjustment_begins(tmp_path: Path,
         assert item.value is not None
         assert item.sigma is not None
         assert abs(item.value - value) < 4.0 * item.sigma
-    outcome = carry_out(
-        aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "held", (held,))
-    )
+    outcome = carry_out(adjustment_alone, RunRequest(project / "project.toml", tmp_path / "held", (held,)))
     assert outcome.summary.status == "input_error"
     assert "free the boresight" in str(outcome.error)
 
@@ -228,7 +224,7 @@ def adjusted(project: Path, out: Path, signs: tuple[int, ...], free: str, reject
         f"adjustment.free=[{free}]",
         f"adjustment.rejection={rejection}",
     )
-    outcome = carry_out(aerial_triangulation, RunRequest(project / "project.toml", out, overrides))
+    outcome = carry_out(adjustment_alone, RunRequest(project / "project.toml", out, overrides))
     return "\n".join(text for text in outcome.summary.problems if "given lever arm" in text)
 
 
@@ -309,7 +305,7 @@ def test_good_projects_raise_no_suspicion_when_adjusted(tmp_path: Path, preset: 
     for free in (SHIFT_FREE, ALL_HELD, ARM_FREE):
         overrides = (f"cameras.{camera}.lever_arm_m=[0.35, -0.12, -1.2]", f"adjustment.free=[{free}]")
         outcome = carry_out(
-            aerial_triangulation, RunRequest(project / "project.toml", tmp_path / "out", overrides)
+            adjustment_alone, RunRequest(project / "project.toml", tmp_path / "out", overrides)
         )
         assert outcome.error is None, outcome.error
         doubts = [
@@ -331,9 +327,7 @@ def test_another_height_system_is_named_whatever_the_sigma_of_positions(
         'adjustment.free=["boresight"]',
         'adjustment.rejection={critical_value=4.0, test="observations"}',
     )
-    outcome = carry_out(
-        aerial_triangulation, RunRequest(tmp_path / "project.toml", tmp_path / "out", changes)
-    )
+    outcome = carry_out(adjustment_alone, RunRequest(tmp_path / "project.toml", tmp_path / "out", changes))
     assert outcome.error is None
     said = outcome.summary.problems
     assert "different height systems" in said[0]
@@ -348,7 +342,7 @@ def test_attitudes_worse_than_stated_are_refused_with_the_sigma_and_its_key(tmp_
     table[["heading", "pitch", "roll"]] += noise
     table["heading"] %= 360.0
     table.to_csv(tmp_path / "exposures.csv", index=False)
-    outcome = carry_out(aerial_triangulation, RunRequest(tmp_path / "project.toml", tmp_path / "out"))
+    outcome = carry_out(adjustment_alone, RunRequest(tmp_path / "project.toml", tmp_path / "out"))
     assert outcome.summary.status == "input_error"
     said = str(outcome.error)
     assert "the stated σ of 0.05 m and 0.008° explain" in said

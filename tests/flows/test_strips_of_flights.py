@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 CHANGES = (
     "points.count=600",
@@ -42,7 +42,7 @@ def flown(folder: Path, strip: str | None) -> Path:
 
 
 def adjusted(folder: Path) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(folder / "project.toml", folder / "results", (FREE,)))
+    return carry_out(adjustment_alone, RunRequest(folder / "project.toml", folder / "results", (FREE,)))
 
 
 def test_flights_that_number_their_strips_alike_give_what_others_give(tmp_path: Path) -> None:

@@ -13,12 +13,12 @@ from scipy import stats
 
 from adjust.geometry import rotation
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.system_calibration import system_calibration
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
 from tests.close_range import FOCAL_LENGTH_MM, K1, PRINCIPAL_POINT_MM, CloseRange, close_range, write_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 POSITIONS = ["x", "y", "z"]
 ANGLES = ["heading", "pitch", "roll"]
@@ -41,7 +41,7 @@ def delivered(flight: Path, tmp_path: Path) -> Path:
 
 
 def run(project: Path, *overrides: str) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(project / "project.toml", overrides=overrides))
+    return carry_out(adjustment_alone, RunRequest(project / "project.toml", overrides=overrides))
 
 
 def assert_true(project: Path, outcome: RunOutcome, images: int = 28) -> None:

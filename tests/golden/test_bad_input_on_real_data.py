@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 DATA = "ign_ultracam_eagle_m3"
@@ -24,7 +24,7 @@ def refusal(test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
 
     def run(*overrides: str) -> str:
-        outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+        outcome = carry_out(adjustment_alone, RunRequest(EXAMPLE, tmp_path / "out", overrides))
         assert outcome.error is not None
         assert outcome.summary.status == "input_error"
         assert outcome.summary.problems == (outcome.error,)
@@ -133,7 +133,7 @@ def test_a_wrong_mounting_is_suspected_from_the_track(
     """Collinearity does not see it, so it is a named suspicion, not an error."""
     monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
     overrides = ("cameras.UCE-M3-f120-s07.mount_deg=180",)
-    outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+    outcome = carry_out(adjustment_alone, RunRequest(EXAMPLE, tmp_path / "out", overrides))
     assert outcome.error is None
     assert any("mount_deg" in text for text in outcome.summary.problems)
 
@@ -162,7 +162,7 @@ def test_orthometric_heights_of_the_exposures(
         (tmp_path / "orthometric.opk").write_text(text)
         override = f'inputs.exposures.file="{tmp_path / "orthometric.opk"}"'
     project = EXAMPLE.parents[1] / example / "project.toml"
-    outcome = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", (override,)))
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "out", (override,)))
     said = [
         text for text in outcome.summary.problems if "different height systems (geoid undulation?)" in text
     ]
@@ -195,7 +195,7 @@ def test_wrong_signs_of_the_lever_arm(
         "inputs.exposures.position=antenna",
         'adjustment.free=["boresight"]',
     )
-    outcome = carry_out(aerial_triangulation, RunRequest(EXAMPLE, tmp_path / "out", overrides))
+    outcome = carry_out(adjustment_alone, RunRequest(EXAMPLE, tmp_path / "out", overrides))
     assert outcome.error is None
     said = [
         text for text in outcome.summary.problems if "lever arm of camera UCE-M3-f120-s07 looks as" in text
@@ -212,7 +212,7 @@ def test_the_examples_as_they_are_raise_no_suspicion(
 ) -> None:
     monkeypatch.setenv("AEROCAL_TEST_DATA", str(test_data))
     project = EXAMPLE.parents[1] / example / "project.toml"
-    outcome = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out"))
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "out"))
     assert outcome.error is None
     words = ("height systems", "looks as if", "look like", "look rotated", "appear", "mount_deg")
     assert [text for text in outcome.summary.problems if any(word in text for word in words)] == []
