@@ -90,7 +90,13 @@ def adjust_with_selection(
     reduced = with_held(_started_from(block, values.state), layout, elimination.eliminated)
     kept = without_priors_of_held(reduced, observations)
     rejected = _of_same(kept, values.search.given, values.rejected)
-    start = _with_own_values(reduced, values.state)
+    # Where the linear equations see the parameters that are left, without those that are eliminated.
+    start = layout.update(
+        reduced.approximate_state(),
+        np.zeros((layout.events, 6)),
+        elimination.estimate.change,
+        np.zeros((layout.points, 3)),
+    )
     result = adjust_block(reduced, kept, options, progress, rejected, start)
     # The values to start from are no longer the given ones.
     left = with_held(block, layout, elimination.eliminated)
@@ -145,18 +151,6 @@ def _started_from(block: Block, state: State) -> Block:
         local_from_camera=state.local_from_camera,
         object_point=state.object_point,
     )
-
-
-def _with_own_values(block: Block, state: State) -> State:
-    """The approximate state of a block with the adjusted values of what is free in it."""
-    start = block.approximate_state()
-    own = {
-        parameters.family.name: np.where(
-            parameters.free, state.system[parameters.family.name], parameters.values
-        )
-        for parameters in block.system
-    }
-    return replace(start, system=own)
 
 
 def _of_same(wanted: Observations, before: Observations, rejected: Rejection) -> Rejection:

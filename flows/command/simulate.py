@@ -47,6 +47,8 @@ def simulate(
 
       dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II
 
+      dmc-heads: 40 exposures of the four heads of a DMC, attitudes as published
+
       penta: a nadir head and four heads tilted by 45°, 60 exposures
 
     [bold]Specifications[/bold]

@@ -151,7 +151,7 @@ def test_images_turned_against_their_angles(block: Path, named, turn: int) -> No
     said = named(block, turned)
     # Turned back they fit; headings count clockwise, κ does not.
     back = 360 - turn
-    assert f"turned by {back}°" in said
+    assert f"rotated by {back}°" in said
     assert "Check" in said
 
 

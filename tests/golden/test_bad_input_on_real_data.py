@@ -85,7 +85,7 @@ def test_all_images_turned_by_half_a_turn(refusal, trajectory: list[str], tmp_pa
 
     (tmp_path / "turned.opk").write_text(rewritten(trajectory, turned))
     message = refusal(f'inputs.exposures.file="{tmp_path / "turned.opk"}"')
-    assert "turned by 180°" in message
+    assert "rotated by 180°" in message
 
 
 def test_one_exposure_with_a_wrong_position(refusal, trajectory: list[str], tmp_path: Path) -> None:

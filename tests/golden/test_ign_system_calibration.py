@@ -88,7 +88,7 @@ def test_ign_s_own_adjustment_carries_the_second_step(calibrated: RunOutcome, fo
     assert main["right"] == pytest.approx(0.34, abs=0.02)
     compared = found["calibration"]["two_step"]
     assert {item["parameter"] for item in compared["parameters"]} >= {"boresight_pitch", "lever_arm_x"}
-    others = [text for text in found["problems"] if "have another mounting" in text]
+    others = [text for text in found["problems"] if "were flown with another mounting" in text]
     assert len(others) == 1
     assert all(name in others[0] for name in ("x00030", "x00032", "x00040"))
 

@@ -9,12 +9,12 @@ def test_the_nearest_name_is_found_whatever_the_case():
 
 def test_nothing_alike_is_nothing():
     assert nearest("xyz", ["focal_length", "boresight"]) is None
-    assert did_you_mean("xyz", ["a", "b"]) == "Known are: 'a', 'b'."
+    assert did_you_mean("xyz", ["a", "b"]) == "Known names: 'a', 'b'."
 
 
 def test_long_lists_are_cut_short():
     text = did_you_mean("?", [f"name{i}" for i in range(40)])
-    assert text.count("name") == 12
+    assert text.count("'name") == 12
     assert text.endswith("….")
 
 

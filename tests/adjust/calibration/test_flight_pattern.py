@@ -106,7 +106,7 @@ def test_turning_everything_turns_the_directions_and_nothing_else() -> None:
 
 def test_exposures_without_heading_or_height_are_refused() -> None:
     one = np.zeros(1)
-    with pytest.raises(InconsistentBlockError, match="no exposure"):
+    with pytest.raises(InconsistentBlockError, match="No flight direction"):
         flight_pattern(one[:0], one[:0], np.zeros(0, dtype=np.int64))
     for heading, height in ((np.nan, 500.0), (0.0, np.nan), (0.0, -5.0)):
         with pytest.raises(InconsistentBlockError, match="missing or not positive"):

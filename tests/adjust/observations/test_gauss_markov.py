@@ -202,7 +202,7 @@ def test_what_cannot_be_is_refused(time: list[float], tau: float, message: str) 
 
 def test_half_an_observation_is_refused() -> None:
     process = GaussMarkov(np.zeros(2, dtype=np.int64), np.array([0.0, 1.0]), 5.0)
-    with pytest.raises(InconsistentBlockError, match="all its components"):
+    with pytest.raises(InconsistentBlockError, match="must be complete"):
         StochasticModel.from_sigma(np.array([[1.0, np.nan], [1.0, 1.0]])).correlated(process)
 
 

@@ -236,7 +236,7 @@ def test_one_component_for_both_files_is_neither(large: SimulatedBlock) -> None:
 def test_a_division_of_other_observations_is_refused(large: SimulatedBlock) -> None:
     block = large.block(FREE)
     wrong = Division("image_points", ("a",), np.zeros(3, dtype=np.int64))
-    with pytest.raises(InconsistentBlockError, match="of 3 observations"):
+    with pytest.raises(InconsistentBlockError, match="has 3 observations"):
         estimated(block, large.observations(block), divisions=(wrong,))
 
 

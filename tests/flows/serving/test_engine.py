@@ -53,7 +53,7 @@ def test_every_deployment_refuses_unknown_parameters() -> None:
     from flows.serving.deployments import deployments
 
     made = deployments(Settings(Roots(()), Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9))
-    assert len(made) == 7
+    assert len(made) == 8
     for one in made:
         schema = one._parameter_openapi_schema.model_dump(exclude_unset=True)
         assert (schema["additionalProperties"], one.enforce_parameter_schema) == (False, True), one.name

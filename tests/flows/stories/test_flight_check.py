@@ -68,5 +68,5 @@ def test_standard_deviations_that_promise_too_much_are_named(checked) -> None:
 
 
 def test_a_project_without_truth_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no truth"):
+    with pytest.raises(InputError, match="no true values"):
         compare_with_truth(tmp_path, tmp_path / "results")
