@@ -60,12 +60,25 @@ def _test_words(material: Material) -> tuple[str, bool]:
     sigma0, test = material.summary.sigma0, material.figures.global_test
     if sigma0 is None or test is None or test.lower is None or test.upper is None:
         return "nothing could be tested because the block has no redundancy", False
-    limits = f"{test.lower:.3f} to {test.upper:.3f}, {100 * test.confidence:g} %"
+    limits = f"σ0 = {sigma0:.3f}, allowed {test.lower:.3f} to {test.upper:.3f}, {100 * test.confidence:g} %"
+    others = _other_sigmas(material)
     if test.passed:
-        return f"the residuals agree with the stated σ (σ0 = {sigma0:.3f}, allowed {limits})", True
-    side = "larger" if sigma0 > test.upper else "smaller"
-    words = f"the residuals are {side} than expected from the stated σ (σ0 = {sigma0:.3f}, allowed {limits})"
-    return words, False
+        sigmas = "the estimated σ, not with all stated ones" if others else "the stated σ"
+        return f"the residuals agree with {sigmas} ({limits})", True
+    side, sigmas = "larger" if sigma0 > test.upper else "smaller", "estimated" if others else "stated"
+    return f"the residuals are {side} than expected from the {sigmas} σ ({limits})", False
+
+
+def _other_sigmas(material: Material) -> bool:
+    """Whether variance components have replaced a stated σ by one from which it differs significantly."""
+    found = material.figures.variance_components
+    factors = () if found is None else found.components
+    return any(
+        item.factor_lower is not None
+        and item.factor_upper is not None
+        and not item.factor_lower <= 1.0 <= item.factor_upper
+        for item in factors
+    )
 
 
 def key_table(material: Material) -> Table:

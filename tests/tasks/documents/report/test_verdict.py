@@ -18,12 +18,22 @@ from tasks.store.notes import Notes
 NOTHING = pd.DataFrame()
 
 
-def _verdict(sigma0: float | None, limits: tuple[float, float] | None, gates: dict[str, object]) -> Verdict:
-    """The verdict on a block with this σ0, these limits of the global test and these gates."""
+def _verdict(
+    sigma0: float | None,
+    limits: tuple[float, float] | None,
+    gates: dict[str, object],
+    factor: tuple[float | None, float | None] | None = None,
+) -> Verdict:
+    """The verdict on a block with this σ0, limits of the global test, gates and limits of a factor of σ."""
     lower, upper = limits or (None, None)
     passed = sigma0 is not None and limits is not None and limits[0] <= sigma0 <= limits[1]
     test: dict[str, JSON] = {"lower": lower, "upper": upper, "confidence": 0.95, "passed": passed}
     figures: dict[str, JSON] = {"sigma0": sigma0, "global_test": test, "rmse_check_m": [0.02, 0.03, 0.09]}
+    if factor is not None:
+        component = dict.fromkeys(("factor", "sigma", "redundancy", "degrees_of_freedom"), 1.0)
+        component |= {"part": "ins_attitudes yaw", "estimated": factor[0] is not None, "unit": "deg"}
+        component |= {"factor_lower": factor[0], "factor_upper": factor[1]}
+        figures["variance_components"] = {"rounds": 2, "confidence": 0.99, "components": [component]}
     summary = summary_of([Notes((), figures)], Gates.model_validate(gates), {})
     project = Project.model_construct()
     return verdict(Material(project, summary, {}, *[NOTHING] * 15))
@@ -72,6 +82,23 @@ def test_the_verdict_names_limits_and_global_test(
     assert words in found.sentence
     assert found.sentence.startswith("The block is adjusted")
     assert found.sentence.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("factor", "sigma0", "words"),
+    [
+        ((1.02, 1.16), 1.0, "agree with the estimated σ, not with all stated ones (σ0 = 1.000"),
+        ((0.4, 0.9), 1.0, "agree with the estimated σ, not with all stated ones"),
+        ((0.9, 1.1), 1.0, "agree with the stated σ"),
+        ((None, None), 1.0, "agree with the stated σ"),
+        ((1.02, 1.16), 1.1, "larger than expected from the estimated σ"),
+        ((0.9, 1.1), 1.1, "larger than expected from the stated σ"),
+    ],
+)
+def test_a_stated_sigma_that_was_replaced_is_not_said_to_agree(
+    factor: tuple[float | None, float | None], sigma0: float, words: str
+) -> None:
+    assert words in _verdict(sigma0, LIMITS, {}, factor).sentence
 
 
 def test_limits_and_groups_are_named_for_people() -> None:
