@@ -6,8 +6,8 @@ Where AEROCAL_AERIAL_IMAGES names no folder with the images, there is nothing to
   roads, cars, a shelter, a shore; drone, processed by the camera;
 - IMG_0022 to IMG_0148.jpg of github.com/OpenDroneMap/odm_data_copr (CC BY-SA 4.0): sand, shrubs, targets;
   kite, soft images with colour fringes;
-- m_4709963_se_14_1_*.tif of github.com/opengeos/data, folder naip (images of the USDA; the repository is under MIT):
-  fields and lakes, resampled.
+- m_4709963_se_14_1_*.tif of github.com/opengeos/data, folder naip (images of the USDA; the repository is
+  under MIT): fields and lakes, resampled.
 
 `edge_page` shows the edges; ``aerial_edges.csv`` has those that were looked at, one by one.
 """
