@@ -5,26 +5,17 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import pandas as pd
 
-from adjust.calibration.flight_pattern import FlightPattern
+from tasks.calibration.camera_record import Found, Origin, record_of
 from tasks.calibration.evidence import Evidence
-from tasks.calibration.head_boresight import HeadBoresight, head_boresights, without_reference
-from tasks.calibration.held_quantities import held_sigmas, with_held
+from tasks.calibration.head_boresight import head_boresights
+from tasks.calibration.held_quantities import WithHeld, held_sigmas, with_held
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
-from tasks.calibration.record import (
-    CalibratedCamera,
-    CalibratedParameter,
-    CalibrationFlight,
-    CalibrationRecord,
-    RecordedHeld,
-)
 from tasks.calibration.two_step_comparison import compared_steps, images_of_mountings
 from tasks.calibration.verdicts import (
     REFUSED,
@@ -53,7 +44,6 @@ from tasks.stages.judgement import recognised_pattern
 from tasks.store.artifact import Artifact, digest_of_file
 from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import read_table
 
 #: Beginning of the names of the files; one camera alone has no more than this.
@@ -93,89 +83,39 @@ def describe_calibration(
     name, flown : of the project.
     """
     outputs = {name: artifact for one in stages for name, artifact in one.items()}
-    table, pairs = read_table(outputs["parameters"]), read_table(outputs["correlations"])
-    sigmas = held_sigmas(settings.held, read_table(outputs["residuals"]))
-    known = with_held(table, pairs, read_table(outputs["model_alternative_effects"]), sigmas)
-    table, pairs = known.parameters, known.correlations
-    images = read_table(outputs["images"])
-    pattern = recognised_pattern(images)
-    verdicts = dict(parameter_verdicts(table, pairs, pattern, settings.limits))
-    held = _held(releases)
-    verdicts |= {key: _refused(item, held) for key, item in verdicts.items()}
+    images, cameras = read_table(outputs["images"]), read_table(outputs["cameras"])
+    known = _known(outputs, settings)
     steps = None
     if means is not None:
         mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
+        table, pairs = known.parameters, known.correlations
         steps = compared_steps(table, pairs, read_table(means), mountings)
     summary = merged_figures([read_notes(adjusted)])
-    figures = figures_of(summary)
-    evidence = _evidence(stages, outputs, figures, gates, steps)
-    by_gnss = any(item.group == "gnss_positions" for item in figures.groups)
-    heads = heads_of_rigs(read_table(outputs["cameras"]), images)
-    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss, heads=heads)
-    of_flight = _with_held(of_flight, held)
-    of_flight = of_flight.beside(*evidence.objections(settings.limits))
-    by_height = flights_by_height(images, pattern)
-    if (
-        by_height is not None
-        and "gnss_shift" in settings.free
-        and any(
-            item.parameter == "focal_length" and item.verdict == "not_determinable"
-            for item in verdicts.values()
-        )
-    ):
-        of_flight = of_flight.beside((by_height,), ())
-    material = _Material(
-        table,
-        pairs,
-        verdicts,
-        of_flight,
-        pattern,
-        images,
-        read_table(outputs["cameras"]),
-        known.held,
-        head_boresights(table, pairs, read_table(outputs["cameras"])),
+    evidence = _evidence(stages, outputs, figures_of(summary), gates, steps)
+    found = _found(known, images, cameras, evidence, settings, _held(releases))
+    origin = Origin(
+        project=name,
+        crs=crs,
+        flown=flown,
+        counts=_counts(outputs),
+        inputs=_digests(inputs, given),
+        software=software,
+        sigma0=float(str(summary["sigma0"])),
+        redundancy=round(float(str(summary["redundancy"]))),
+        remarks=(*remarks, *([steps.sentence] if steps is not None else [])),
     )
-    files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
-    digests = {path.name: digest_of_file(path) for path in files}
-    counts = {
-        "object_points": outputs["object_points"].rows or 0,
-        "image_points": outputs["image_points"].rows or 0,
-        "control_points": int((read_table(outputs["control_residuals"])["status"] == "used").sum()),
-    }
-    used = sorted(material.images["camera"].unique())
+    used = sorted(images["camera"].unique())
     for camera in used:
-        record = CalibrationRecord(
-            camera=_camera(material.cameras, camera, given[camera]),
-            parameters=_parameters(material, camera),
-            covariance=_covariance(material, camera),
-            held=known.held,
-            flight=_flight(material, camera, name, crs, flown, counts),
-            sigma0=float(str(summary["sigma0"])),
-            redundancy=round(float(str(summary["redundancy"]))),
-            verdict=of_flight.verdict,
-            reasons=of_flight.reasons,
-            restrictions=of_flight.restrictions,
-            remarks=(
-                *([material.boresights[camera].sentence] if camera in material.boresights else []),
-                *of_flight.remarks,
-                *remarks,
-                *([steps.sentence] if steps is not None else []),
-            ),
-            inputs=digests,
-            software=dict(software),
-        )
+        record = record_of(found, camera, given[camera], origin)
         (folder / f"{file_stem(camera, alone=len(used) == 1)}.json").write_text(record.text, encoding="utf-8")
-    problems = [
-        *(f"{REFUSED}{reason}" for reason in of_flight.reasons),
-        *(f"{RESTRICTED}{restriction}" for restriction in of_flight.restrictions),
-    ]
-    write_notes(
-        folder,
-        Notes(
-            (*problems, *of_flight.remarks, *remarks),
-            {CALIBRATION: _figures(material, releases, steps, remarks).to_json()},
-        ),
+    verdict = found.of_flight
+    problems = (
+        *(f"{REFUSED}{reason}" for reason in verdict.reasons),
+        *(f"{RESTRICTED}{restriction}" for restriction in verdict.restrictions),
     )
+    said = (*verdict.remarks, *remarks)
+    figures = _figures(found, releases, steps, said)
+    write_notes(folder, Notes((*problems, *said), {CALIBRATION: figures.to_json()}))
 
 
 def file_stem(camera: str, *, alone: bool) -> str:
@@ -187,19 +127,51 @@ def file_stem(camera: str, *, alone: bool) -> str:
     return f"{CALIBRATION}_{plain}{told_apart}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Material:
-    """What all records are made from."""
+def _known(outputs: Mapping[str, Artifact], settings: CalibrationSettings) -> WithHeld:
+    """Parameters and correlations of the adjustment, with what was held in their σ."""
+    parameters, correlations = read_table(outputs["parameters"]), read_table(outputs["correlations"])
+    sigmas = held_sigmas(settings.held, read_table(outputs["residuals"]))
+    return with_held(parameters, correlations, read_table(outputs["model_alternative_effects"]), sigmas)
 
-    parameters: pd.DataFrame
-    correlations: pd.DataFrame
-    verdicts: Mapping[Key, ParameterVerdict]
-    of_flight: FlightVerdict
-    pattern: FlightPattern
-    images: pd.DataFrame
-    cameras: pd.DataFrame
-    held: tuple[RecordedHeld, ...]
-    boresights: Mapping[str, HeadBoresight]
+
+def _found(
+    known: WithHeld,
+    images: pd.DataFrame,
+    cameras: pd.DataFrame,
+    evidence: Evidence,
+    settings: CalibrationSettings,
+    held: Mapping[str, str],
+) -> Found:
+    """Verdicts of the parameters and of the whole; a finding of any stage counts."""
+    table, pairs = known.parameters, known.correlations
+    pattern = recognised_pattern(images)
+    judged = parameter_verdicts(table, pairs, pattern, settings.limits)
+    verdicts = {key: _refused(item, held) for key, item in judged.items()}
+    by_gnss = any(item.group == "gnss_positions" for item in evidence.adjusted.groups)
+    heads = heads_of_rigs(cameras, images)
+    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss, heads=heads)
+    of_flight = _with_held(of_flight, held)
+    of_flight = of_flight.beside(*evidence.objections(settings.limits))
+    by_height = flights_by_height(images, pattern)
+    undetermined = {item.parameter for item in verdicts.values() if item.verdict == "not_determinable"}
+    if by_height is not None and "gnss_shift" in settings.free and "focal_length" in undetermined:
+        of_flight = of_flight.beside((by_height,), ())
+    boresights = head_boresights(table, pairs, cameras)
+    return Found(known, verdicts, of_flight, pattern, images, cameras, boresights)
+
+
+def _counts(outputs: Mapping[str, Artifact]) -> Mapping[str, int]:
+    return {
+        "object_points": outputs["object_points"].rows or 0,
+        "image_points": outputs["image_points"].rows or 0,
+        "control_points": int((read_table(outputs["control_residuals"])["status"] == "used").sum()),
+    }
+
+
+def _digests(inputs: Inputs, given: Mapping[str, CameraInput]) -> Mapping[str, str]:
+    """SHA-256 of every file that the calibration was made from."""
+    files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
+    return {path.name: digest_of_file(path) for path in files}
 
 
 def heads_of_rigs(cameras: pd.DataFrame, images: pd.DataFrame) -> frozenset[str]:
@@ -209,18 +181,6 @@ def heads_of_rigs(cameras: pd.DataFrame, images: pd.DataFrame) -> frozenset[str]
     return frozenset(taken["camera"][rig.duplicated(keep=False)])
 
 
-def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:
-    """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
-    own = parameters["camera"].isna() | (parameters["camera"] == camera)
-    return parameters[own & parameters["parameter"].map(is_calibrated)]
-
-
-def _rows(material: _Material, camera: str) -> pd.DataFrame:
-    """Those of a record; boresight and lever arm of a head are those of its reference head."""
-    rows = rows_of(material.parameters, camera)
-    return without_reference(rows) if camera in material.boresights else rows
-
-
 def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
     """Families that were held because the flight did not determine them, with the reasons."""
     return {name: why for item in releases for name, why in ReleaseFigure.model_validate(item).held.items()}
@@ -228,9 +188,9 @@ def _held(releases: tuple[JSON, ...]) -> dict[str, str]:
 
 def _refused(item: ParameterVerdict, held: Mapping[str, str]) -> ParameterVerdict:
     """The verdict of a parameter that was held in the end because it had not been determined before."""
-    for family, reason in held.items():
-        if kind_of(item.parameter) == family:
-            return ParameterVerdict(item.parameter, item.entity, "not_determinable", reason)
+    reason = held.get(kind_of(item.parameter))
+    if reason is not None:
+        return ParameterVerdict(item.parameter, item.entity, "not_determinable", reason)
     return item
 
 
@@ -263,84 +223,21 @@ def _evidence(
     )
 
 
-def _camera(cameras: pd.DataFrame, name: str, given: CameraInput) -> CalibratedCamera:
-    (row,) = cameras[cameras["camera"] == name].to_dict("records")
-    return CalibratedCamera(
-        name=name,
-        identity=given.identity,
-        columns=int(row["columns"]),
-        rows=int(row["rows"]),
-        pixel_um=float(row["pixel_um"]),
-        mount_deg=int(row["mount_deg"]),
-        calibration_axes_deg=int(row["calibration_axes_deg"]),
-    )
-
-
-def _parameters(material: _Material, camera: str) -> tuple[CalibratedParameter, ...]:
-    return tuple(
-        CalibratedParameter(
-            parameter=row["parameter"],
-            entity=row["entity"],
-            unit=row["unit"],
-            value=row["value"],
-            given=row["value"] - row["change"],
-            sigma=_known(row["sigma"]),
-            sigma_prior=_known(row["sigma_prior"]),
-            status=row["status"],
-            verdict=verdict.verdict,
-            because=verdict.because,
-        )
-        for row in _rows(material, camera).to_dict("records")
-        for verdict in (material.verdicts[row["parameter"], row["entity"]],)
-    )
-
-
-def _covariance(material: _Material, camera: str) -> tuple[tuple[float, ...], ...]:
-    rows = _rows(material, camera)
-    rows = rows[rows["sigma"].notna()]
-    keys: list[Key] = list(zip(rows["parameter"], rows["entity"], strict=True))
-    matrix = covariance_of(keys, sigmas_of(rows), correlation_pairs(material.correlations))
-    return tuple(tuple(float(value) for value in row) for row in matrix)
-
-
-def _flight(
-    material: _Material, camera: str, name: str, crs: str, flown: date | None, counts: Mapping[str, int]
-) -> CalibrationFlight:
-    images = material.images[material.images["camera"] == camera]
-    (row,) = material.cameras[material.cameras["camera"] == camera].to_dict("records")
-    heights = tuple(round(float(height), 1) for height in material.pattern.heights)
-    return CalibrationFlight(
-        project=name,
-        crs=crs,
-        flown=flown,
-        images=len(images),
-        strips=len(images[["flight", "strip"]].drop_duplicates()),
-        heights_m=heights,
-        headings_deg=tuple(
-            round(float(np.rad2deg(angle)) % 360.0, 1) for angle in material.pattern.directions
-        ),
-        gsd_m=tuple(
-            float(f"{height * 1e-3 * row['pixel_um'] / row['focal_length_mm']:.3g}") for height in heights
-        ),
-        **counts,
-    )
-
-
 def _figures(
-    material: _Material,
+    found: Found,
     releases: tuple[JSON, ...],
     steps: StepComparisonFigure | None,
     remarks: tuple[str, ...],
 ) -> CalibrationFigures:
     """For summary.json: verdicts, pattern, releases, and the comparison with the second step."""
-    of_flight = material.of_flight
+    of_flight = found.of_flight
     return CalibrationFigures(
         verdict=of_flight.verdict,
         reasons=of_flight.reasons,
         restrictions=of_flight.restrictions,
-        remarks=(*of_flight.remarks, *remarks),
-        directions=direction_words(material.pattern),
-        heights=height_words(material.pattern),
+        remarks=remarks,
+        directions=direction_words(found.pattern),
+        heights=height_words(found.pattern),
         parameters=tuple(
             CalibrationVerdictFigure(
                 parameter=item.parameter,
@@ -353,14 +250,10 @@ def _figures(
                 correlated_with=None if item.strongest is None else str(item.strongest),
                 correlation=None if item.strongest is None else item.strongest.correlation,
             )
-            for item in material.verdicts.values()
+            for item in found.verdicts.values()
             if is_calibrated(item.parameter)
         ),
-        held=tuple(item.model_dump() for item in material.held),
+        held=tuple(item.model_dump() for item in found.known.held),
         releases=tuple(ReleaseFigure.model_validate(release) for release in releases),
         two_step=steps,
     )
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

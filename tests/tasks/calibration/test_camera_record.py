@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from tasks.stages.calibration import rows_of
+from tasks.calibration.camera_record import rows_of
 
 OWNERS = {"A": ("A", None), "A in B": ("A in B", None), "1": (None, "1"), "A in 2": ("A", "2")}
 ROWS = (
