@@ -90,7 +90,7 @@ def diagnosed_control(
     now = _miss(here, given)
     mistakes: list[Mistake] = []
     if now > max(_NOTABLE_M, _NOTABLE_SIGMAS * expected.sigma_m):
-        trials = list(_trials(delivered, state, survey, usable, row[usable], here, given))
+        trials = list(_trials(_Place(delivered, state, survey, usable, row[usable], here, given)))
         best = min(trials, key=lambda trial: _miss(trial.intersected, trial.given))
         left = _miss(best.intersected, best.given)
         if left * _MARGIN < now and left <= max(_NOTABLE_M, expected.limit_m):
@@ -118,73 +118,59 @@ def _evidence(trials: Sequence[_Trial], now: float) -> tuple[str, ...]:
     )
 
 
-def _trials(
-    delivered: Delivered,
-    state: State,
-    survey: Survey,
-    usable: np.ndarray,
-    row: np.ndarray,
-    here: Floats,
-    given: Floats,
-) -> Iterator[_Trial]:
-    """Every reading of exposures and control points."""
-    frame, map_frame = survey.frame, survey.map_frame
-    place = survey.table[["x_m", "y_m", "z_m"]].to_numpy(np.float64)[usable]
-    yield from _heights(here, given, np.asarray(frame.local_from_enu(given)))
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Surveyed points in use and where rays meet, and how both change with another reading.
 
-    def control_at(in_map: Floats) -> Floats:
-        return local_from_map(map_frame, frame, in_map)
+    Attributes
+    ----------
+    usable, row : (n,) the surveyed points in use and their object points.
+    here, given : (n, 3) intersections and surveyed positions as declared.
+    """
 
-    def exposures_at(in_map: Floats, turn: Floats | None = None) -> Floats:
-        own = delivered.given
+    delivered: Delivered
+    state: State
+    survey: Survey
+    usable: np.ndarray
+    row: np.ndarray
+    here: Floats
+    given: Floats
+
+    @property
+    def control(self) -> Floats:
+        """(n, 3) surveyed positions in the map."""
+        in_map: Floats = self.survey.table[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+        return np.asarray(in_map[self.usable])
+
+    @property
+    def exposures(self) -> Floats:
+        """(e, 3) positions of exposures in the map."""
+        return self.delivered.given.x_in_map
+
+    def control_at(self, in_map: Floats) -> Floats:
+        """Surveyed positions if these were their map coordinates."""
+        return local_from_map(self.survey.map_frame, self.survey.frame, in_map)
+
+    def exposures_at(self, in_map: Floats, turn: Floats | None = None) -> Floats:
+        """Intersections if these were the map coordinates of the exposures, their grid turned by an angle."""
+        frame, map_frame = self.survey.frame, self.survey.map_frame
+        own = self.delivered.given
+        at = local_from_map(map_frame, frame, self.exposures)
         moved = replace(own, observed=own.observed + local_from_map(map_frame, frame, in_map) - at)
         if turn is not None:
             # The import added the convergence that the declared zone has there, and the true one has another.
             axes = local_from_grid(map_frame, frame, in_map) @ rotation.about_z(turn)
             moved = replace(moved, local_from_grid=axes)
-        found = _intersected(replace(delivered, given=moved), state, len(survey.names))
-        return np.asarray(found[row])
+        delivered = replace(self.delivered, given=moved)
+        return np.asarray(_intersected(delivered, self.state, len(self.survey.names))[self.row])
 
-    exposures = delivered.given.x_in_map
-    at = local_from_map(map_frame, frame, exposures)
-    for scale, words, key in _FEET:
-        if map_frame.is_local or key == "height_unit":
-            for unit, factor in (("ft", _FOOT), ("m", 1.0 / _FOOT)):
-                in_words = "feet" if unit == "ft" else "metres"
-                yield _Trial(
-                    f"The {words} of the control points look like {in_words}.",
-                    f'Declare {key} = "{unit}" for the control points ("us-ft" for US survey feet).',
-                    f'inputs.control.{key} = "{unit}"',
-                    here,
-                    control_at(place * (1.0 + (factor - 1.0) * scale)),
-                )
-                yield _Trial(
-                    f"The {words} of the exposures look like {in_words}.",
-                    f'Declare {key} = "{unit}" for the exposures ("us-ft" for US survey feet).',
-                    f'inputs.exposures.{key} = "{unit}"',
-                    exposures_at(exposures * (1.0 + (factor - 1.0) * scale)),
-                    given,
-                )
-    exchanged = place[:, [1, 0, 2]]
-    if map_frame.is_local or bool(np.asarray(map_frame.inside_area_of_use(exchanged)).all()):
-        yield _Trial(
-            "x and y of the control points look swapped.",
-            "x is east and y is north in every input: exchange the two columns.",
-            'inputs.control.columns = { x = "y", y = "x" }',
-            here,
-            control_at(exchanged),
-        )
-    # An input in the CRS of the project is believed rather than one in another.
-    control_first = survey.crs_of_control != map_frame.name or survey.crs_of_exposures == map_frame.name
-    if control_first:
-        for crs, moved, _ in _in_other_zones(map_frame, survey.crs_of_control, place):
-            yield _Trial(
-                *_zone("control", "control points", survey.crs_of_control, crs), here, control_at(moved)
-            )
-    if not control_first or survey.crs_of_exposures != map_frame.name:
-        for crs, moved, turn in _in_other_zones(map_frame, survey.crs_of_exposures, exposures):
-            zone = _zone("exposures", "exposures", survey.crs_of_exposures, crs)
-            yield _Trial(*zone, exposures_at(moved, turn if survey.is_grid else None), given)
+
+def _trials(place: _Place) -> Iterator[_Trial]:
+    """Every reading of exposures and control points."""
+    yield from _heights(place)
+    yield from _feet(place)
+    yield from _exchanged(place)
+    yield from _zones(place)
 
 
 #: What is in feet: (x, y, z), words, key.
@@ -194,9 +180,10 @@ _FEET = (
 )
 
 
-def _heights(here: Floats, given: Floats, local_from_enu: Floats) -> Iterator[_Trial]:
+def _heights(place: _Place) -> Iterator[_Trial]:
     """One height system is that of the ellipsoid, the other that of the geoid."""
-    up = np.einsum("nji,nj->ni", local_from_enu, here - given)[:, 2]
+    local_from_enu = np.asarray(place.survey.frame.local_from_enu(place.given))
+    up = np.einsum("nji,nj->ni", local_from_enu, place.here - place.given)[:, 2]
     offset = float(np.median(up))
     if abs(offset) <= _LARGEST_UNDULATION_M:
         yield _Trial(
@@ -204,9 +191,59 @@ def _heights(here: Floats, given: Floats, local_from_enu: Floats) -> Iterator[_T
             f"intersections are {abs(offset):.1f} m {'higher' if offset > 0.0 else 'lower'} than given.",
             "Check `heights` of both inputs: altitudes above the geoid need its grid.",
             'inputs.exposures.heights = { geoid = "FILE.tif" }  # or of inputs.control',
-            here - offset * local_from_enu[:, :, 2],
-            given,
+            place.here - offset * local_from_enu[:, :, 2],
+            place.given,
         )
+
+
+def _feet(place: _Place) -> Iterator[_Trial]:
+    """Coordinates or heights of one of the two are in feet and read as metres, or the reverse."""
+    for scale, words, key in _FEET:
+        if not place.survey.map_frame.is_local and key != "height_unit":
+            continue
+        for unit, in_words, factor in (("ft", "feet", _FOOT), ("m", "metres", 1.0 / _FOOT)):
+            factors = 1.0 + (factor - 1.0) * scale
+            yield _Trial(
+                f"The {words} of the control points look like {in_words}.",
+                f'Declare {key} = "{unit}" for the control points ("us-ft" for US survey feet).',
+                f'inputs.control.{key} = "{unit}"',
+                place.here,
+                place.control_at(place.control * factors),
+            )
+            yield _Trial(
+                f"The {words} of the exposures look like {in_words}.",
+                f'Declare {key} = "{unit}" for the exposures ("us-ft" for US survey feet).',
+                f'inputs.exposures.{key} = "{unit}"',
+                place.exposures_at(place.exposures * factors),
+                place.given,
+            )
+
+
+def _exchanged(place: _Place) -> Iterator[_Trial]:
+    map_frame = place.survey.map_frame
+    exchanged = place.control[:, [1, 0, 2]]
+    if map_frame.is_local or bool(np.asarray(map_frame.inside_area_of_use(exchanged)).all()):
+        yield _Trial(
+            "x and y of the control points look swapped.",
+            "x is east and y is north in every input: exchange the two columns.",
+            'inputs.control.columns = { x = "y", y = "x" }',
+            place.here,
+            place.control_at(exchanged),
+        )
+
+
+def _zones(place: _Place) -> Iterator[_Trial]:
+    """One of the two is in a neighbouring zone; an input in the project's CRS is believed before another."""
+    survey, map_frame = place.survey, place.survey.map_frame
+    control_first = survey.crs_of_control != map_frame.name or survey.crs_of_exposures == map_frame.name
+    if control_first:
+        for crs, moved, _ in _in_other_zones(map_frame, survey.crs_of_control, place.control):
+            zone = _zone("control", "control points", survey.crs_of_control, crs)
+            yield _Trial(*zone, place.here, place.control_at(moved))
+    if not control_first or survey.crs_of_exposures != map_frame.name:
+        for crs, moved, turn in _in_other_zones(map_frame, survey.crs_of_exposures, place.exposures):
+            zone = _zone("exposures", "exposures", survey.crs_of_exposures, crs)
+            yield _Trial(*zone, place.exposures_at(moved, turn if survey.is_grid else None), place.given)
 
 
 def _zone(kind: str, words: str, declared: str, crs: str) -> tuple[str, str, str]:

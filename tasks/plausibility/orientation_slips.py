@@ -47,12 +47,22 @@ _SAME = np.eye(3)
 
 def usual_slips(given: GivenOrientations) -> list[Slip]:
     """The common mistakes."""
-    grid = not bool(given.is_heading.all())
-    name = "angles.unit"
-    slips = [
-        _angles("The angles look like gon", f'Declare {name} = "gon" for the exposures.', 0.9),
-        _angles("The angles look like degrees", f'Declare {name} = "deg" for the exposures.', 10.0 / 9.0),
-        _angles("The angles look like radians", f'Declare {name} = "rad" for the exposures.', 180.0 / np.pi),
+    on_grid = [] if given.is_heading.all() else _of_the_grid()
+    return [*_of_units(), *_of_axes(), *_of_quarter_turns(given), *on_grid]
+
+
+def _of_units() -> list[Slip]:
+    key = "angles.unit"
+    return [
+        _angles("The angles look like gon", f'Declare {key} = "gon" for the exposures.', 0.9),
+        _angles("The angles look like degrees", f'Declare {key} = "deg" for the exposures.', 10.0 / 9.0),
+        _angles("The angles look like radians", f'Declare {key} = "rad" for the exposures.', 180.0 / np.pi),
+    ]
+
+
+def _of_axes() -> list[Slip]:
+    """Axes of the image mirrored or swapped, rotations transposed."""
+    return [
         Slip(
             "The image coordinates look mirrored (y down)",
             "Image coordinates count y against the rows (up); change the sign of y, or declare unit px.",
@@ -70,6 +80,11 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
             lambda g, r: (g, r, "omega-phi-kappa", _transposing(g)),
         ),
     ]
+
+
+def _of_quarter_turns(given: GivenOrientations) -> list[Slip]:
+    """Images, headings, or those of one of several cameras, turned by 90°, 180° or 270°."""
+    slips = []
     for quarter in (1, 2, 3):
         turn = np.round(rotation.about_z(quarter * np.pi / 2.0))
         slips.append(
@@ -84,32 +99,31 @@ def usual_slips(given: GivenOrientations) -> list[Slip]:
             slips.append(_turned_headings(quarter))
         for camera in _several(given):
             slips += _turned_camera(given, camera, quarter)
-    if grid:
-        slips.append(
-            Slip(
-                "The angles look like the other order of ω and φ",
-                'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
-                lambda g, r: (g, r, "phi-omega-kappa", _SAME),
-                declare='exposures.angles.order = "phi-omega-kappa"',
-            )
-        )
-        slips.append(
-            Slip(
-                "The angles appear to refer to true north",
-                'Declare angles.reference = "true-north" for the exposures.',
-                lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
-                declare='exposures.angles.reference = "true-north"',
-            )
-        )
-        slips.append(
-            Slip(
-                "The angles appear to refer to grid north",
-                'Declare angles.reference = "grid" for the exposures.',
-                lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
-                declare='exposures.angles.reference = "grid"',
-            )
-        )
     return slips
+
+
+def _of_the_grid() -> list[Slip]:
+    """Order and reference of angles counted from the axes of the map."""
+    return [
+        Slip(
+            "The angles look like the other order of ω and φ",
+            'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
+            lambda g, r: (g, r, "phi-omega-kappa", _SAME),
+            declare='exposures.angles.order = "phi-omega-kappa"',
+        ),
+        Slip(
+            "The angles appear to refer to true north",
+            'Declare angles.reference = "true-north" for the exposures.',
+            lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
+            declare='exposures.angles.reference = "true-north"',
+        ),
+        Slip(
+            "The angles appear to refer to grid north",
+            'Declare angles.reference = "grid" for the exposures.',
+            lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
+            declare='exposures.angles.reference = "grid"',
+        ),
+    ]
 
 
 def _turned_headings(quarter: int) -> Slip:
