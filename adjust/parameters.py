@@ -31,13 +31,15 @@ LEVER_ARM = "lever_arm"
 GNSS_SHIFT = "gnss_shift"
 GNSS_STRIP_BIAS = "gnss_strip_bias"
 GNSS_DRIFT = "gnss_drift"
+INS_STRIP_BIAS = "ins_strip_bias"
+INS_DRIFT = "ins_drift"
 TIME_OFFSET = "time_offset"
 ADDITIONAL_PARAMETERS = "additional_parameters"
 
 EntityKind = Literal["camera", "flight", "strip"]
 #: Unknowns whose approximate values carry the datum of a free network.
 InnerConstraints: TypeAlias = Literal["object_points", "projection_centres", "both"]
-Unit = Literal["m", "rad", "s", "m/s", "1"]
+Unit = Literal["m", "rad", "s", "m/s", "rad/s", "1"]
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,20 @@ FAMILIES: Mapping[str, Family] = {
             ("gnss_drift_x", "gnss_drift_y", "gnss_drift_z"),
             "strip",
             "m/s",
+            always_there=False,
+        ),
+        Family(
+            INS_STRIP_BIAS,
+            ("ins_strip_bias_roll", "ins_strip_bias_pitch", "ins_strip_bias_yaw"),
+            "strip",
+            "rad",
+            always_there=False,
+        ),
+        Family(
+            INS_DRIFT,
+            ("ins_drift_roll", "ins_drift_pitch", "ins_drift_yaw"),
+            "strip",
+            "rad/s",
             always_there=False,
         ),
         Family(TIME_OFFSET, ("time_offset",), "flight", "s", always_there=False),

@@ -18,6 +18,8 @@ from adjust.parameters import (
     GNSS_DRIFT,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -47,6 +49,7 @@ _SHOWN: Mapping[str, Mapping[Use, Shown]] = {
     },
     "s": {"plain": Shown("ms", 1e3, 2), "screen": Shown("ms", 1e3, 3)},
     "m/s": {"plain": Shown("m/s"), "sigma": Shown("cm/s", 100.0)},
+    "deg/s": {"plain": Shown("°/s"), "screen": Shown("mdeg/s", 1e3, 4)},
     "1": {"plain": Shown("%", 100.0), "sigma": Shown(""), "change": Shown("1"), "screen": Shown("1")},
     "1e-6": {"plain": Shown("ppm")},
 }  # fmt: skip
@@ -163,6 +166,14 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind("gnss_drift", GNSS_DRIFT, "m/s", "GNSS drift of each strip", axes=_XYZ, observed_by="gnss"),
         Kind(
+            "ins_strip_bias", INS_STRIP_BIAS, "deg", "INS bias of each strip",
+            axes=("roll", "pitch", "yaw"), observed_by="ins",
+        ),
+        Kind(
+            "ins_drift", INS_DRIFT, "deg/s", "INS drift of each strip",
+            axes=("roll", "pitch", "yaw"), observed_by="ins",
+        ),
+        Kind(
             "time_offset", TIME_OFFSET, "s", "time offset of each flight", caption="Time offset",
             symbols=("Δt",), short="", observed_by="gnss",
         ),
@@ -260,6 +271,10 @@ def is_calibrated(parameter: str) -> bool:
     return entity_kind(parameter) != "strip"
 
 
+_PER_RADIAN = float(np.rad2deg(1.0))
+_FROM_SI = {("m", "mm"): 1e3, ("rad", "deg"): _PER_RADIAN, ("rad/s", "deg/s"): _PER_RADIAN}
+
+
 def reported_unit(family: Family, component: int = 0) -> tuple[str, float]:
     """Unit of a parameter in the tables and the factor from SI; additional ones keep their own."""
     return reported(family.components[component], family.unit_of(component))
@@ -269,13 +284,13 @@ def reported(parameter: str, si: str) -> tuple[str, float]:
     """The same of a parameter of which name and SI unit are known."""
     known = COMPONENTS.get(parameter)
     unit = si if known is None else known.kind.unit
-    return unit, {("m", "mm"): 1e3, ("rad", "deg"): float(np.rad2deg(1.0))}.get((si, unit), 1.0)
+    return unit, _FROM_SI.get((si, unit), 1.0)
 
 
 def quantity_words(name: object) -> str:
     """A kind, parameter or other quantity as people write it: ``GNSS shift x``; ``bluh:7`` as it is."""
     text = str(name)
-    return text if ":" in text else text.replace("_", " ").replace("gnss", "GNSS")
+    return text if ":" in text else text.replace("_", " ").replace("gnss", "GNSS").replace("ins ", "INS ")
 
 
 def entity_words(name: str, entity: str) -> str:
@@ -301,5 +316,5 @@ _GROUPS = {
 
 def group_words(name: str) -> str:
     """The name of an observation group for people."""
-    plain = _GROUPS.get(name, name.replace("_", " ").replace("gnss", "GNSS"))
+    plain = _GROUPS.get(name) or name.replace("_", " ").replace("gnss", "GNSS").replace("ins ", "INS ")
     return plain.replace("prior:", "priors: ")

@@ -11,7 +11,16 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.observations.base import Linearization, StochasticModel, Term
-from adjust.parameters import BORESIGHT, EXTERIOR_ORIENTATION, TIME_OFFSET, State, Unit
+from adjust.observations.gnss_position import StripMotion
+from adjust.parameters import (
+    BORESIGHT,
+    EXTERIOR_ORIENTATION,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
+    TIME_OFFSET,
+    State,
+    Unit,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +43,13 @@ class InsAttitudes:
 
     The observation is zero when
 
-        log( R_INSᵀ · R_b · exp(ω Δt_f) ) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
+        log( R_INSᵀ · R_b · exp(ω Δt_f) ) + γ_k + e_k (t − t_k) = 0,    R_b = R_c · Tᵀ · R_B(b)ᵀ
 
     a rotation vector in body axes: roll, pitch, yaw errors. R_INS is local from body as observed,
     R_c local from camera, T the nominal mounting, b the boresight misalignment, ω the rates of the body and
     Δt the time offset of flight f, by which the trajectory was read too late; it turns nothing without rates.
+    γ and e are the bias and the drift of strip k about its mid time t_k: errors of the observed attitude
+    about the body axes.
 
     Attributes
     ----------
@@ -48,6 +59,7 @@ class InsAttitudes:
     body_from_camera : (n, 3, 3) nominal mounting T.
     stochastic : components roll, pitch, yaw in radians, small rotations in body axes.
     turning : rates of the body; without them a time offset acts on positions alone.
+    motion : strips and times; without them there is no strip bias or drift.
     """
 
     event: Ints
@@ -56,6 +68,7 @@ class InsAttitudes:
     body_from_camera: Floats
     stochastic: StochasticModel
     turning: BodyRates | None = None
+    motion: StripMotion | None = None
 
     name: ClassVar[str] = "ins_attitudes"
     components: ClassVar[tuple[str, ...]] = ("roll", "pitch", "yaw")
@@ -93,7 +106,8 @@ class InsAttitudes:
         ]
         if self.turning is not None and turned is not None:
             terms.append(Term(TIME_OFFSET, self.turning.flight, inverse @ self.turning.rate[:, :, None]))
-        return Linearization(-computed, tuple(terms))
+        along, of_strips = _along_strip(self.motion, state)
+        return Linearization(-computed - along, (*terms, *of_strips))
 
     def at_exposure(self, system: Mapping[str, Floats]) -> Floats:
         """Attitudes local from body (n, 3, 3) at the exposures: the observed ones less the time offset."""
@@ -117,3 +131,17 @@ class InsAttitudes:
     def with_correlation_time(self, seconds: float) -> Self:
         """The same group with errors that last so long."""
         return replace(self, stochastic=self.stochastic.with_correlation_time(seconds))
+
+
+def _along_strip(motion: StripMotion | None, state: State) -> tuple[Floats | float, tuple[Term, ...]]:
+    """Bias and drift of the strips (n, 3), radians in body axes, and the derivatives by them."""
+    if motion is None:
+        return 0.0, ()
+    added, terms = np.zeros((len(motion.strip), 3)), []
+    one = np.broadcast_to(np.eye(3), (len(motion.strip), 3, 3))
+    since = motion.since_middle
+    for family, factor in ((INS_STRIP_BIAS, np.ones_like(since)), (INS_DRIFT, since)):
+        if family in state.system:
+            added += state.system[family][motion.strip] * factor[:, None]
+            terms.append(Term(family, motion.strip, one * factor[:, None, None]))
+    return added, tuple(terms)

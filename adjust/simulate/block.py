@@ -24,6 +24,8 @@ from adjust.parameters import (
     GNSS_DRIFT,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -237,22 +239,21 @@ class SimulatedBlock:
         )
 
     def _ins_attitudes(self, block: Block, correlation_time: float | None) -> InsAttitudes:
-        n = len(self.truth.plan.images)
+        plan = self.truth.plan
+        n = len(plan.images)
         return InsAttitudes(
             np.arange(n, dtype=np.int64),
-            self.truth.plan.camera,
+            plan.camera,
             self.measured.local_from_body,
             block.body_from_camera,
             self._over_time(self.specification.noise.stated_ins, correlation_time),
-            BodyRates(self.truth.plan.flight, self.truth.trajectory.rate),
+            BodyRates(plan.flight, self.truth.trajectory.rate),
+            StripMotion(plan.strip, since_middle(self.truth), self.truth.trajectory.velocity),
         )
 
     def _priors(self, block: Block) -> list[DirectObservations]:
         """Zero as an observation of what was drawn at random about zero, where it is free."""
-        drawn = {
-            GNSS_STRIP_BIAS: self.specification.system.strip_bias,
-            GNSS_DRIFT: self.specification.system.strip_drift,
-        }
+        drawn = self.specification.system.of_strips
         groups = []
         for parameters in block.system:
             sigma = np.array(drawn.get(parameters.family.name, (0.0, 0.0, 0.0)))
@@ -311,8 +312,10 @@ def measure(specification: BlockSpecification, truth: BlockTruth, seed: int) -> 
 
     ins = white_noise(noise, streams, Source.INS_NOISE, np.array(noise.ins), len(truth.plan.images))
     ins += ins_markov_noise(noise, streams, truth.trajectory.time, truth.plan.strip)
-    # log(R_INSᵀ R_b exp(ω Δt)) is the residual, so the observed attitude is the one at the time of the
-    # trajectory turned back by it.
+    plan, system = truth.plan, truth.state.system
+    ins -= system[INS_STRIP_BIAS][plan.strip] + system[INS_DRIFT][plan.strip] * since_middle(truth)[:, None]
+    # log(R_INSᵀ R_b exp(ω Δt)) + γ + e (t − t_k) is the residual, so the observed attitude is the one at the
+    # time of the trajectory turned back by it.
     offset = truth.state.system[TIME_OFFSET][truth.plan.flight, 0]
     offset = offset + wrong.time_error * np.isin(truth.plan.strip, wrong.strips)
     later = rotation.exp(truth.trajectory.rate * offset[:, None])

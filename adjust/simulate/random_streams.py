@@ -31,6 +31,8 @@ class Source(IntEnum):
     GROSS_CONTROL = 13
     GROSS_TIME = 14
     INS_MARKOV = 15
+    INS_STRIP_BIAS = 16
+    INS_STRIP_DRIFT = 17
 
 
 @dataclass(frozen=True)

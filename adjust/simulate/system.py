@@ -19,6 +19,8 @@ from adjust.parameters import (
     GNSS_DRIFT,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -43,6 +45,7 @@ class SystemSpecification:
     gnss_shift_of_flight : of single flights, instead.
     strip_bias : standard deviations of the random shifts of the strips.
     strip_drift : standard deviations of the drifts of the strips, m/s.
+    ins_strip_bias, ins_drift : the same of the attitudes, roll, pitch, yaw, radians and rad/s.
     time_offset : that the positions are taken after the exposures.
     refraction : whether rays are refracted.
     """
@@ -54,8 +57,20 @@ class SystemSpecification:
     gnss_shift_of_flight: Mapping[str, Triple] = field(default_factory=dict)
     strip_bias: Triple = _ZERO
     strip_drift: Triple = _ZERO
+    ins_strip_bias: Triple = _ZERO
+    ins_drift: Triple = _ZERO
     time_offset: float = 0.0
     refraction: bool = False
+
+    @property
+    def of_strips(self) -> Mapping[str, Triple]:
+        """Standard deviations of what is random in every strip, by family."""
+        return {
+            GNSS_STRIP_BIAS: self.strip_bias,
+            GNSS_DRIFT: self.strip_drift,
+            INS_STRIP_BIAS: self.ins_strip_bias,
+            INS_DRIFT: self.ins_drift,
+        }
 
 
 def true_system(
@@ -92,10 +107,16 @@ def strip_errors(
     specification: SystemSpecification, strips: int, streams: RandomStreams
 ) -> Mapping[str, Floats]:
     """The random biases and drifts of the strips: name of the family → (strips, 3)."""
-    bias, drift = (
-        streams.of(source).standard_normal((strips, 3)) for source in (Source.STRIP_BIAS, Source.STRIP_DRIFT)
-    )
-    return {GNSS_STRIP_BIAS: bias * specification.strip_bias, GNSS_DRIFT: drift * specification.strip_drift}
+    sources = {
+        GNSS_STRIP_BIAS: Source.STRIP_BIAS,
+        GNSS_DRIFT: Source.STRIP_DRIFT,
+        INS_STRIP_BIAS: Source.INS_STRIP_BIAS,
+        INS_DRIFT: Source.INS_STRIP_DRIFT,
+    }
+    return {
+        family: streams.of(sources[family]).standard_normal((strips, 3)) * sigma
+        for family, sigma in specification.of_strips.items()
+    }
 
 
 def certified_interior(cameras: tuple[FrameCamera, ...]) -> Floats:

@@ -23,6 +23,8 @@ from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     SystemParameters,
@@ -200,10 +202,10 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
             free[name][~is_reference] = False
     if INTERIOR_ORIENTATION in free:  # a platform that stands for its heads takes no image
         free[INTERIOR_ORIENTATION][np.setdiff1d(np.arange(len(mountings.names)), given.camera)] = False
-    # A flight or strip all of whose images were oriented without GNSS has nothing to shift.
-    seen = given.position_observed
+    # A flight or strip all of whose images were oriented without GNSS or INS has nothing to shift.
     for kind, index in (("flight", given.flight_of_image), ("strip", given.strip_of_image)):
         for name in free:
+            seen = given.attitude_observed if name in (INS_STRIP_BIAS, INS_DRIFT) else given.position_observed
             if FAMILIES[name].entity_kind == kind and seen.any():
                 free[name][np.setdiff1d(index, index[seen])] = False
     return tuple(
@@ -294,6 +296,7 @@ def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> Ins
         given.body_from_camera[observed],
         over_time(model, given, observed, settings.ins_correlation_s),
         _body_rates(given, observed),
+        strip_motion(given).of(observed),
     )
 
 

@@ -16,6 +16,8 @@ from tasks.settings.adjustment import AdjustmentSettings
 _OR_TRAJECTORY = {
     "gnss_strip_bias": "",
     "gnss_drift": "",
+    "ins_strip_bias": "",
+    "ins_drift": "",
     "time_offset": ", or deliver a trajectory",
     "synchronisation_offset": ", or deliver a trajectory",
 }
@@ -70,14 +72,16 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     ------
     InputError
         If a strip bias, drift, time offset or synchronisation offset is free without strips, or one of the
-        last three without times; if a correlation time is given without either, or with two exposures of a
+        others without times; if a correlation time is given without either, or with two exposures of a
         strip at the same time. Offsets in time need neither where velocities were delivered.
     """
     given = given.only(given.position_observed) if given.position_observed.any() else given
     require_successive_times(given, settings)
     still = given.only(~_moves(given))
     in_time = tuple((parameter, still) for parameter in ("time_offset", "synchronisation_offset"))
-    for parameter, needs in (("gnss_strip_bias", given), ("gnss_drift", given), *in_time):
+    drifts = tuple((parameter, given) for parameter in ("gnss_drift", "ins_drift"))
+    biases = tuple((parameter, given) for parameter in ("gnss_strip_bias", "ins_strip_bias"))
+    for parameter, needs in (*biases, *drifts, *in_time):
         if parameter in settings.free and not all(needs.strip):
             raise InputError(
                 "The exposures contain no strips.",
@@ -85,7 +89,7 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
                 "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
             )
-    for parameter, needs in (("gnss_drift", given), *in_time):
+    for parameter, needs in (*drifts, *in_time):
         if parameter in settings.free and not np.isfinite(needs.time_s).all():
             raise InputError(
                 "The exposures have no times.",

@@ -68,6 +68,7 @@ def adjustment_figures(
             "check": len(check),
         },
         "rmse_control_m": _rmse(control),
+        "max_control_m": _largest(control),
         "rmse_check_m": _rmse(check),
         "max_check_m": _largest(check),
         "leave_one_out": left_out_figures(result.left_out_singly, result, adjusted.sigma0),

@@ -35,6 +35,9 @@ _PAIRS: tuple[tuple[tuple[str, ...], tuple[str, ...], str], ...] = (
     (("gnss_shift_x",), ("gnss_strip_bias_x", "gnss_drift_x"), PRIOR),
     (("gnss_shift_y",), ("gnss_strip_bias_y", "gnss_drift_y"), PRIOR),
     (("gnss_shift_z",), ("gnss_strip_bias_z", "gnss_drift_z"), PRIOR),
+    (("boresight_roll",), ("ins_strip_bias_roll",), PRIOR),
+    (("boresight_pitch",), ("ins_strip_bias_pitch",), PRIOR),
+    (("boresight_yaw",), ("ins_strip_bias_yaw",), PRIOR),
 )
 # What a parameter needs whatever else is free.
 _ALONE: tuple[tuple[tuple[str, ...], str], ...] = (

@@ -25,6 +25,8 @@ WEAK_PRIORS = Priors(
     lever_arm_m=(1.0, 1.0, 1.0),
     gnss_shift_m=(10.0, 10.0, 10.0),
     gnss_drift_m_s=(1.0, 1.0, 1.0),
+    ins_strip_bias_deg=(5.7, 5.7, 5.7),
+    ins_drift_deg_s=(1.0, 1.0, 1.0),
     time_offset_s=1.0,
 )
 #: The same for additional parameters: their largest effect in the image, µm.

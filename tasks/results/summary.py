@@ -138,6 +138,7 @@ class Summary(BaseModel):
     iterations: int | None = None
     counts: Counts = Counts()
     rmse_control_m: tuple[float | None, ...] | None = None
+    max_control_m: tuple[float | None, ...] | None = None
     rmse_check_m: tuple[float | None, ...] | None = None
     max_check_m: tuple[float | None, ...] | None = None
     check_point_test: CheckPointTest | None = None

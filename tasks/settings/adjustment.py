@@ -83,6 +83,13 @@ class Priors(Settings):
     gnss_drift_m_s: PositiveTriple | None = Field(
         default=None, description="GNSS drift of a strip about zero, m/s; one number or three."
     )
+    ins_strip_bias_deg: PositiveTriple | None = Field(
+        default=None,
+        description="INS bias of a strip (roll, pitch, yaw) about zero, degrees; one number or three.",
+    )
+    ins_drift_deg_s: PositiveTriple | None = Field(
+        default=None, description="INS drift of a strip about zero, degrees per second; one number or three."
+    )
     time_offset_s: Positive | None = Field(
         default=None, description="Time offset between exposures and trajectory about zero, s."
     )

@@ -64,6 +64,9 @@ class Gates(Settings):
         description="σ0 a posteriori / a priori, e.g. `{ max = 1.2 }`; small values are suspicious too.",
     )
     rmse_control_m: AxisGate | None = Field(default=None, description="RMS of the control residuals.")
+    max_control_m: AxisGate | None = Field(
+        default=None, description="Largest control residual, x, y and z separately."
+    )
     rmse_check_m: AxisGate | None = Field(default=None, description="RMS of the check points.")
     max_check_m: AxisGate | None = Field(default=None, description="Largest difference at a check point.")
     check_over_limit: Gate | None = Field(

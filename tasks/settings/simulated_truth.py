@@ -145,6 +145,14 @@ class SimulatedTruth(Settings):
     strip_drift_m_s: NotNegativeTriple = Field(
         default=(0.0, 0.0, 0.0), description="σ of the random GNSS drift of a strip, m/s."
     )
+    ins_strip_bias_deg: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="σ of the random INS bias of a strip, roll, pitch, yaw, degrees.",
+    )
+    ins_drift_deg_s: NotNegativeTriple = Field(
+        default=(0.0, 0.0, 0.0),
+        description="σ of the random INS drift of a strip, roll, pitch, yaw, degrees per second.",
+    )
     time_offset_s: Finite = Field(
         default=0.0, description="Positions refer to times later than the exposures by this, s."
     )

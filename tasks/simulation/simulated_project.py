@@ -154,10 +154,13 @@ def _adjustment(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, T
     if min(noise.ins_markov_deg) > 0.0 and not any(noise.ins_deg):
         adjustment["ins_correlation_s"] = noise.ins_correlation_s
     priors: dict[str, TomlValue] = {}
-    if "gnss_strip_bias" in free and min(truth.strip_bias_m) > 0.0:
-        priors["gnss_strip_bias_m"] = truth.strip_bias_m
-    if "gnss_drift" in free and min(truth.strip_drift_m_s) > 0.0:
-        priors["gnss_drift_m_s"] = truth.strip_drift_m_s
+    drawn: dict[FreeParameter, tuple[str, tuple[float, float, float]]] = {
+        "gnss_strip_bias": ("gnss_strip_bias_m", truth.strip_bias_m),
+        "gnss_drift": ("gnss_drift_m_s", truth.strip_drift_m_s),
+        "ins_strip_bias": ("ins_strip_bias_deg", truth.ins_strip_bias_deg),
+        "ins_drift": ("ins_drift_deg_s", truth.ins_drift_deg_s),
+    }
+    priors |= {key: sigma for name, (key, sigma) in drawn.items() if name in free and min(sigma) > 0.0}
     return {**adjustment, "priors": priors} if priors else adjustment
 
 
@@ -170,6 +173,8 @@ def free_parameters(simulation: Simulation) -> tuple[FreeParameter, ...]:
         "gnss_shift": any(truth.gnss_shift_m) or any(map(any, truth.gnss_shift_of_flight_m.values())),
         "gnss_strip_bias": any(truth.strip_bias_m),
         "gnss_drift": any(truth.strip_drift_m_s),
+        "ins_strip_bias": any(truth.ins_strip_bias_deg),
+        "ins_drift": any(truth.ins_drift_deg_s),
         "time_offset": truth.time_offset_s != 0.0,
         "focal_length": truth.focal_length_change_mm != 0.0,
         "principal_point": any(truth.principal_point_change_mm),

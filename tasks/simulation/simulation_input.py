@@ -200,6 +200,8 @@ def _system(truth: SimulatedTruth) -> SystemSpecification:
         gnss_shift_of_flight=truth.gnss_shift_of_flight_m,
         strip_bias=truth.strip_bias_m,
         strip_drift=truth.strip_drift_m_s,
+        ins_strip_bias=_radians(truth.ins_strip_bias_deg),
+        ins_drift=_radians(truth.ins_drift_deg_s),
         time_offset=truth.time_offset_s,
         refraction=truth.refraction,
     )

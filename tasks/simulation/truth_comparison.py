@@ -232,7 +232,9 @@ def _of_strips(found: tuple[RecoveredParameter, ...]) -> tuple[RecoveredKind, ..
         sigma: Floats = np.array([item.sigma for item in own])
         numbers = (_root_mean_square(error), _root_mean_square(sigma), _root_mean_square(error / sigma))
         kinds.append(
-            RecoveredKind("strips' biases" if unit == "m" else "strips' drifts", unit, len(own), *numbers)
+            RecoveredKind(
+                "strips' drifts" if unit.endswith("/s") else "strips' biases", unit, len(own), *numbers
+            )
         )
     return tuple(kinds)
 

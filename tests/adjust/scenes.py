@@ -37,6 +37,8 @@ from adjust.parameters import (
     GNSS_DRIFT,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -188,9 +190,13 @@ def two_strips(**switches: object) -> Scene:
         rates = rates if plan.turning else np.zeros((n, 3))
         # log(R_INSᵀ R_b exp(ω Δt)) = v for the true R_b: R_INS = R_b exp(ω Δt) exp(−v).
         later = rotation.exp(rates * system[TIME_OFFSET][flight_of_event])
+        drawn = drawn - system[INS_STRIP_BIAS][motion.strip]
+        drawn -= system[INS_DRIFT][motion.strip] * motion.since_middle[:, None]
         observed = attitude @ later @ rotation.exp(-drawn)
         turning = BodyRates(flight_of_event, rates) if plan.turning else None
-        others.append(InsAttitudes(np.arange(n), camera_of_event, observed, mounting, weights, turning))
+        others.append(
+            InsAttitudes(np.arange(n), camera_of_event, observed, mounting, weights, turning, motion)
+        )
     if plan.distances:
         others.append(_distances(plan, truth.object_point, noise))
     for family, sigma in plan.priors.items():
@@ -289,10 +295,20 @@ def _true_system(plan: Plan) -> dict[str, Floats]:
             GNSS_SHIFT: np.array([[0.0, 0.0, 0.0], [0.15, -0.25, 0.2]])[: plan.flights],
             GNSS_STRIP_BIAS: np.resize([[0.04, -0.03, 0.05], [-0.02, 0.06, 0.01]], (plan.strips, 3)),
             GNSS_DRIFT: np.resize([[0.004, 0.002, -0.003], [-0.005, 0.001, 0.006]], (plan.strips, 3)),
+            **_of_attitudes(plan),
             TIME_OFFSET: np.array([[0.004], [-0.002]])[: plan.flights],
         }
         | ({ADDITIONAL_PARAMETERS: _additional(plan)} if plan.additional else {})
     )
+
+
+def _of_attitudes(plan: Plan) -> dict[str, Floats]:
+    """INS biases and drifts of the strips; zero where they are not among the unknowns."""
+    values = {
+        INS_STRIP_BIAS: np.array([[0.02, -0.01, 0.03], [-0.01, 0.03, 0.01]]) * DEGREE,
+        INS_DRIFT: np.array([[1e-3, -2e-3, 2e-3], [-1e-3, 1e-3, 3e-3]]) * DEGREE,
+    }
+    return {name: np.resize(own, (plan.strips, 3)) * (name in plan.free) for name, own in values.items()}
 
 
 def _of_heads(plan: Plan) -> dict[str, Floats]:
@@ -663,6 +679,11 @@ def variants() -> dict[str, Scene]:
         "strip_families_and_time_free": two_strips(
             free={GNSS_STRIP_BIAS: True, GNSS_DRIFT: True, TIME_OFFSET: True, BORESIGHT: True},
             priors={GNSS_STRIP_BIAS: 0.05, GNSS_DRIFT: 0.005},
+            **seeds,
+        ),
+        "attitudes_of_strips_free": two_strips(
+            free={GNSS_STRIP_BIAS: True, INS_STRIP_BIAS: True, INS_DRIFT: True},
+            priors={GNSS_STRIP_BIAS: 0.05},
             **seeds,
         ),
         "heads_held": two_strips(heads=2, synchronised=False, **seeds),

@@ -76,6 +76,7 @@ def statistics_table(results: Material) -> Table:
         _row("rms_control_m", "RMS control", "m", _rms(ground), 3),
         _limit("rms_control_limit_m", gates.rmse_control_m, _rms(ground)),
         _row("largest_ground_residual_m", "largest ground residual", "m", _largest(ground), 3),
+        _limit("largest_ground_residual_limit_m", gates.max_control_m, _largest(ground)),
         *(of_check if any(len(values) for values in check) else ()),
         _row(
             "mean_sigma_object_points_m",

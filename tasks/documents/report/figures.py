@@ -5,6 +5,7 @@ from __future__ import annotations
 _GATE_WORDS = {
     "sigma0": "σ0",
     "rmse_control_m": "RMS at control points",
+    "max_control_m": "largest residual at control points",
     "rmse_check_m": "RMS at check points",
     "check_over_limit": "check points beyond their limits",
     "max_check_m": "largest difference at check points",

@@ -26,13 +26,15 @@ from tests.adjust.scenes import ALL_FREE, DEGREE, Scene, two_strips
 # Steps of the central differences for each unit. Truncation is of the order of the squared ratio of
 # the step to the scale over which the model bends (1000 m flying height, 1 rad), below 1e-7; rounding
 # stays below 1e-8.
-STEP = {"m": 0.05, "rad": 2e-5, "s": 1e-3, "m/s": 1e-2, "interior": 1e-5, "1": 0.1}
+STEP = {"m": 0.05, "rad": 2e-5, "s": 1e-3, "m/s": 1e-2, "rad/s": 2e-6, "interior": 1e-5, "1": 0.1}
 
 
 def scene() -> Scene:
     """Everything free, two rigs and flights, the state far from where the observations agree."""
     priors = dict.fromkeys(FAMILIES, 0.01)
-    strips = {"gnss_strip_bias": True, "gnss_drift": True, "time_offset": True}
+    strips = dict.fromkeys(
+        ("gnss_strip_bias", "gnss_drift", "ins_strip_bias", "ins_drift", "time_offset"), True
+    )
     free = {**ALL_FREE, **strips, ADDITIONAL_PARAMETERS: True}
     return two_strips(
         cameras=2,
@@ -250,7 +252,7 @@ def test_shapes_and_units_are_what_the_protocol_says(name: str) -> None:
     assert equations.misclosure.shape == (n, m)
     assert group.stochastic.whitener.shape == (n, m, m)
     assert group.stochastic.present.shape == group.stochastic.sigma.shape == (n, m)
-    assert group.unit in ("m", "rad", "s", "m/s")
+    assert group.unit in ("m", "rad", "s", "m/s", "rad/s")
     for term in equations.terms:
         assert term.index.shape == (n,)
         assert term.jacobian.shape[:2] == (n, m)
@@ -305,7 +307,7 @@ def test_the_order_of_observations_does_not_matter(name: str) -> None:
     for field in ("local_from_enu", "body_from_camera"):
         if field in group.__dataclass_fields__:
             changed[field] = getattr(group, field)[order]
-    if name == "gnss_positions":
+    if name in ("gnss_positions", "ins_attitudes"):
         changed["motion"] = replace(
             group.motion,
             strip=group.motion.strip[order],

@@ -14,6 +14,8 @@ from adjust.parameters import (
     GNSS_DRIFT,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_DRIFT,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -38,6 +40,8 @@ EVERYTHING = SystemSpecification(
     gnss_shift_of_flight={"2": (0.1, 0.2, 0.3)},
     strip_bias=(0.03, 0.03, 0.05),
     strip_drift=(1e-3, 1e-3, 2e-3),
+    ins_strip_bias=(3e-4, 3e-4, 5e-4),
+    ins_drift=(2e-6, 2e-6, 5e-6),
     time_offset=0.004,
 )
 
@@ -80,7 +84,13 @@ def test_observations_without_noise_contradict_the_truth_nowhere(place: str, mou
 
 def test_an_adjustment_without_noise_gives_the_truth_back() -> None:
     free = (BORESIGHT, GNSS_SHIFT, INTERIOR_ORIENTATION, TIME_OFFSET, LEVER_ARM)
-    system = replace(EVERYTHING, strip_bias=(0.0,) * 3, strip_drift=(0.0,) * 3)
+    system = replace(
+        EVERYTHING,
+        strip_bias=(0.0,) * 3,
+        strip_drift=(0.0,) * 3,
+        ins_strip_bias=(0.0,) * 3,
+        ins_drift=(0.0,) * 3,
+    )
     # s_z and l_z differ only by tilts, which are made large here.
     specification = _calibration_flight(system=system)
     variation = replace(specification.variation, attitude=(0.15, 0.15, 0.15))
@@ -106,6 +116,21 @@ def test_strip_biases_and_drifts_come_with_the_priors_they_were_drawn_from() -> 
     np.testing.assert_allclose(sigma[0], EVERYTHING.strip_bias)
     assert "prior:gnss_drift" in priors
     assert "prior:gnss_shift" not in priors
+
+
+def test_ins_biases_and_drifts_of_strips_are_found_within_their_standard_deviations() -> None:
+    system = SystemSpecification(ins_strip_bias=(3e-4, 3e-4, 6e-4), ins_drift=(3e-5, 3e-5, 6e-5))
+    simulated = simulate_block(small_specification(system=system))
+    block = simulated.block((INS_STRIP_BIAS, INS_DRIFT))
+    result = adjust_block(block, simulated.observations(block))
+    table = result.to_dataframe("parameters")
+    for family in (INS_STRIP_BIAS, INS_DRIFT):
+        own = table[table["parameter"].str.startswith(family)]
+        true = simulated.true_state().system[family].ravel()
+        assert np.abs((own["value"] - true) / own["sigma"]).max() < 4.0
+        assert np.abs(true / own["sigma"]).max() > 10.0
+    held = simulated.block()
+    assert adjust_block(held, simulated.observations(held)).test.sigma0 > 1.2 * result.test.sigma0
 
 
 def test_groups_can_be_left_out() -> None:

@@ -22,6 +22,7 @@ FIELDS = {
     "iterations",
     "counts",
     "rmse_control_m",
+    "max_control_m",
     "rmse_check_m",
     "max_check_m",
     "check_point_test",
@@ -43,6 +44,7 @@ ADJUSTMENT = Notes(
         "redundancy": 16888,
         "counts": {"object_points": 3000, "rejected": 0},
         "rmse_control_m": [0.01, 0.02, float("nan")],
+        "max_control_m": [0.03, 0.05, 0.21],
         "parameters": [{"parameter": "boresight_roll", "entity": "UCE", "value": 0.1, "sigma": None}],
         "datum": "GNSS positions",
     },
@@ -111,6 +113,18 @@ def test_a_gate_with_three_components_tests_each_axis(tmp_path: Path) -> None:
         ("rmse_control_m_y", False, "m"),
         ("rmse_control_m_z", False, "m"),
     ]
+
+
+def test_the_largest_control_residual_has_a_gate_of_its_own(tmp_path: Path) -> None:
+    content = written(tmp_path, Gates(max_control_m=AxisGate(max=(0.2, 0.2, 0.2))))
+    gates = content["gates"]
+    assert isinstance(gates, list)
+    assert [(entry["name"], entry["value"], entry["passed"]) for entry in gates] == [
+        ("max_control_m_x", 0.03, True),
+        ("max_control_m_y", 0.05, True),
+        ("max_control_m_z", 0.21, False),
+    ]
+    assert content["status"] == "gate_failed"
 
 
 def test_a_gate_whose_figure_does_not_exist_has_not_been_passed(tmp_path: Path) -> None:
