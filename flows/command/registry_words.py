@@ -15,17 +15,17 @@ from tasks.registry.compatibility import Compatibility
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 
-_WRAPPED = ("note", "verdict")
 _STYLES = {"draft": "yellow", "approved": "green", "superseded": "dim"}
 
 
 def empty_table(*columns: str, right: Iterable[str] = ()) -> Table:
-    """A table with a rule under its head and no frame; columns of numbers stand at the right."""
+    """A table with a rule under its head and no frame; words are wrapped, columns of numbers are not."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for column in columns:
         numeric = column in set(right)
         # As Text, for a unit in brackets would be taken for a style.
-        table.add_column(Text(column), justify="right" if numeric else "left", no_wrap=column not in _WRAPPED)
+        side = "right" if numeric else "left"
+        table.add_column(Text(column), justify=side, no_wrap=numeric, overflow="fold")
     return table
 
 

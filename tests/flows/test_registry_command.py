@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sqlite3
 import subprocess
 import sys
@@ -124,6 +125,19 @@ def test_list_and_show_say_what_there_is(filled: Console) -> None:
     assert "Parameters from one calibration to the next" in camera
     assert "+0.1 " in camera
     assert len(json.loads(filled("show", "UCE", "--json").stdout)) == 3
+
+
+@pytest.mark.parametrize("what", [("list",), ("show", "2"), ("show", "3"), ("show", "UCE")])
+def test_nothing_is_cut_in_80_characters(filled: Console, what: tuple[str, ...]) -> None:
+    wide, narrow = (filled(*what, COLUMNS=str(width)).stdout for width in (200, 80))
+    assert max(map(len, narrow.splitlines())) <= 96  # a verification code is one word
+    # Words that were wrapped are still there, every number still in one piece.
+    assert "…" not in narrow
+    assert sorted(_numbers(narrow)) == sorted(_numbers(wide))
+
+
+def _numbers(text: str) -> list[str]:
+    return re.findall(r"(?<!\S)[+−-]?\d+\.\d+(?!\S)", text)
 
 
 def test_the_plot_has_every_value_of_every_calibration(filled: Console, tmp_path: Path) -> None:

@@ -420,6 +420,14 @@ def test_problems_stand_first_and_the_verdict_is_one_sentence(block: Path) -> No
     assert all(headings[0] < text.index(sentence) < headings[1] for sentence in problems)
 
 
+def test_no_table_repeats_the_heading_of_its_section(warm_block: Path) -> None:
+    html = run(warm_block).html
+    headings, captions = (set(re.findall(rf"<{tag}[^>]*>(.*?)</{tag}>", html)) for tag in ("h2", "caption"))
+    assert "Key figures" in headings
+    assert len(captions) > 20
+    assert not headings & captions
+
+
 def test_the_page_needs_nothing_from_outside_and_allows_its_own_script_only(warm_block: Path) -> None:
     reported = run(warm_block)
     page = reported.page

@@ -45,7 +45,7 @@ def datum_table(material: Material) -> Table:
         shares = [None if name not in figure.held_by else 100.0 * figure.held_by[name] for name in groups]
         cells: tuple[Cell, ...] = (figure.direction, *numbers((sigma,), decimals), unit, *numbers(shares, 1))
         rows.append(Row(figure.direction, cells))
-    return Table("datum", "What fixes the datum", columns, tuple(rows))
+    return Table("datum", "Share of each group in the datum", columns, tuple(rows))
 
 
 def datum_plot(material: Material) -> Markup | None:

@@ -130,7 +130,7 @@ def key_table(material: Material) -> Table:
         text_column("unit", "unit"),
         *(Column(f"value_{index}", heading) for index, heading in enumerate(("value, or x", "y", "z"))),
     )
-    return Table("key-figures", "Key figures", columns, tuple(rows))
+    return Table("key-figures", "Figures of the whole block", columns, tuple(rows))
 
 
 def _relative_um(material: Material) -> float | None:
