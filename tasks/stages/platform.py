@@ -85,7 +85,9 @@ def _grid(platform: AdjustedPlatform) -> Mapping[str, Sequence[Any] | Floats]:
     sigma = np.full(place.shape, np.nan)
     there = np.flatnonzero(head >= 0)
     own = head[there]
-    found = composed(platform.adjusted, own, in_heads(platform.adjusted, own, place[there], z), z)
+    in_head = np.full(place.shape, np.nan)
+    in_head[there] = in_heads(platform.adjusted, own, place[there], z)
+    found = composed(platform.adjusted, own, in_head[there], z)
     blocks = platform.covariance.reshape(len(platform.head), 3, len(platform.head), 3)[own, :, own]
     spread = found.of_rotation @ blocks @ np.swapaxes(found.of_rotation, 1, 2)
     sigma[there] = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
@@ -97,6 +99,7 @@ def _grid(platform: AdjustedPlatform) -> Mapping[str, Sequence[Any] | Floats]:
     }
     for axis in range(2):
         columns |= {
+            f"head_{'xy'[axis]}_mm": in_head[:, axis] * 1e3,
             f"d{'xy'[axis]}_um": error[:, axis] * 1e6,
             f"sigma_{'xy'[axis]}_um": sigma[:, axis] * 1e6,
             f"seam_{'xy'[axis]}_um": seam[:, axis] * 1e6,

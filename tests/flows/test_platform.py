@@ -13,7 +13,7 @@ import scipy.stats
 
 from adjust.arrays import Floats
 from adjust.calibration.platform import joint_test, with_mean_rotation
-from adjust.camera.virtual_image import PlatformHeads
+from adjust.camera.virtual_image import PlatformHeads, composed
 from adjust.geometry import rotation
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
@@ -22,6 +22,7 @@ from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.adjust.platform_scenes import PUBLISHED, dmc_heads
+from tests.tasks.documents.report.page_reader import Page
 from tests.tasks.formats.printed_certificates import PAN, PRINTED, certificate
 
 _NAMES = ("omega", "phi", "kappa")
@@ -93,6 +94,43 @@ def test_the_map_of_the_virtual_image_says_what_the_given_attitudes_leave(calibr
     np.testing.assert_allclose(grid["seam_y_um"].abs(), 0.120e6 * 0.079 * (1 / 1800 - 1 / 2000), rtol=0.01)
     problems = json.loads((calibrated / "summary.json").read_text())["problems"]
     assert any("The attitudes of the 4 heads of platform are determined" in sentence for sentence in problems)
+
+
+def test_the_map_leads_from_the_virtual_image_to_the_pictures_of_the_heads(calibrated: Path) -> None:
+    grid, platform = pd.read_parquet(calibrated / "virtual_image.parquet"), platform_of(calibrated)
+    head = np.array([platform.head.index(name) for name in grid["head"]])
+    picture = grid[["head_x_mm", "head_y_mm"]].to_numpy() * 1e-3
+    found = composed(platform.adjusted, head, picture, platform.distance).xy
+    np.testing.assert_allclose(found, grid[["x_mm", "y_mm"]].to_numpy() * 1e-3, atol=1e-9)
+    assert np.all(np.abs(picture) <= platform.adjusted.half_format[head] * 1.01)
+
+
+def test_report_and_certificate_show_heads_platform_and_map(calibrated: Path) -> None:
+    page = Page((calibrated / "report.html").read_text())
+    parameters = pd.read_parquet(calibrated / "parameters.parquet").set_index(["parameter", "entity"])
+    heads, platform = page.tables["heads-relative_rotation"], page.tables["platform"]
+    of_image = page.tables["virtual-image"]
+    table = pd.read_parquet(calibrated / "platform.parquet").set_index("head")
+    grid = pd.read_parquet(calibrated / "virtual_image.parquet")
+    assert heads.keys == ["PAN1", "PAN2", "PAN3", "PAN4"]
+    for head in heads.keys:
+        for axis in ("roll", "pitch", "yaw"):
+            known = parameters.loc[f"relative_rotation_{axis}", head]
+            assert float(heads.numbers[head, axis].data) == known["value"]
+            assert float(heads.numbers[head, f"sigma_{axis}"].data) == pytest.approx(known["sigma"])
+        # All of them contain the errors of the boresight.
+        assert 0.98 < float(heads.numbers[head, "correlation"].data) < 1.0
+        row = f"{head}@platform"
+        assert float(platform.numbers[row, "sigma_kappa_deg"].data) == table.loc[head, "sigma_kappa_deg"]
+        own = grid[grid["head"] == head]
+        assert float(of_image.numbers[row, "rms_x_um"].data) == pytest.approx(
+            np.sqrt(np.mean(own["dx_um"] ** 2))
+        )
+    assert ("figure", "id", "figure-virtual-image-1") in page.attributes
+    content = json.loads(next(calibrated.glob("certificate*.json")).read_text())
+    (rig,) = (section for section in content["sections"] if section["name"] == "rig")
+    names = [block.get("name") for block in rig["blocks"]]
+    assert {"heads-relative_rotation", "platform", "virtual-image", "virtual-image-1"} <= set(names)
 
 
 def test_the_flight_is_accepted(calibrated: Path) -> None:

@@ -16,6 +16,7 @@ from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.tasks.documents.report.page_reader import Page
 
 _NAMES = ("omega", "phi", "kappa")
 
@@ -83,6 +84,24 @@ def test_each_event_is_observed_once_and_each_picture_has_an_orientation(flight:
     assert np.abs(ratio).min(axis=0).max() < 2.0
     notes = json.loads((results / "summary.json").read_text())["problems"]
     assert any("60 images of 5 heads were exposed at 12 events" in sentence for sentence in notes)
+
+
+def test_the_report_has_a_section_of_the_rig(results: Path) -> None:
+    page = Page((results / "report.html").read_text())
+    late, turned = page.tables["heads-synchronisation_offset"], page.tables["heads-relative_rotation"]
+    known = pd.read_parquet(results / "parameters.parquet").set_index(["parameter", "entity"])
+    assert sorted(late.keys) == sorted(turned.keys) == ["backward", "forward", "left", "right"]
+    for head in late.keys:
+        own = known.loc["synchronisation_offset", head]
+        assert float(late.numbers[head, "offset"].data) == pytest.approx(own["value"] * 1e3)
+        chance = float(late.numbers[head, "probability"].data)
+        # Two of the heads are 2 ms late, declared as 0 ms.
+        assert (chance < 1e-6) == (abs(own["value"]) > 1e-3)
+        assert abs(float(turned.numbers[head, "correlation"].data)) < 1.0
+    # Positions are held: there is nothing to be tested.
+    held = page.tables["heads-relative_position"]
+    assert not any(column == "probability" for _, column in held.numbers)
+    assert all(held.numbers[head, "sigma_forward"].data == "" for head in held.keys)
 
 
 def test_names_of_images_decide_nothing(flight: Path, results: Path, tmp_path: Path) -> None:

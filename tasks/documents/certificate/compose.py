@@ -15,6 +15,7 @@ from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.certificate.model_section import model_section
 from tasks.documents.certificate.origin_section import origin_section, verification_section
 from tasks.documents.certificate.parameter_section import parameter_section
+from tasks.documents.certificate.rig_section import rig_section
 from tasks.documents.certificate.settings_section import settings_section
 from tasks.documents.certificate.statistics_section import statistics_section
 from tasks.documents.certificate.use_section import use_section
@@ -29,7 +30,7 @@ from tasks.documents.certificate.verdict_section import (
 def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> CertificateContent:
     """Everything the certificate says; `software` made the documents."""
     record = material.record
-    reasons = reasons_section(material)
+    reasons, rig = reasons_section(material), rig_section(material)
     sections = [
         *([] if reasons is None else [reasons]),
         laboratory_section(material),
@@ -38,6 +39,7 @@ def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> Ce
         axes_section(material),
         flight_section(material),
         parameter_section(material),
+        *([] if rig is None else [rig]),
         correlation_section(material),
         effect_section(material),
         check_section(material),

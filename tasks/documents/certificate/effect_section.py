@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from markupsafe import Markup
 
-from adjust.camera.interior import FrameCamera
 from tasks.document_kit import axes
 from tasks.document_kit.format_plot import FormatPlot
 from tasks.documents.certificate.content import Block, Figure, Listing, Section, Words, beside
@@ -53,7 +52,7 @@ def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
         )
         words = f"Systematic image errors of {own.entity}, root mean square {own.all.rms_um:.2f} µm"
         figure = Figure(name_of_figure, caption, words, image_errors_plot.errors_plot(own))
-        figures.append(_cut(figure, own.camera))
+        figures.append(cut_to_format(figure, own.camera.half_format))
     return [Listing(image_errors.errors_table(acting))], figures
 
 
@@ -72,7 +71,7 @@ def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]
                 f"Corrections of the image coordinates of camera {field.camera.name}",
                 residual_field.field_plot(field, field.correction, "Corrections"),
             )
-            figures.append(_cut(figure, field.camera))
+            figures.append(cut_to_format(figure, field.camera.half_format))
     if not fields:
         return [Words("No sub-area of the image has enough residuals to compute a mean.")], []
     return [Listing(residual_field.field_table(fields, confidence))], figures
@@ -90,12 +89,12 @@ def _residual_map(field: ResidualField, confidence: float) -> Figure:
         f"Mean residuals of camera {field.camera.name} in sub-areas of the image",
         residual_field.field_plot(field, field.mean, "Mean residuals"),
     )
-    return _cut(figure, field.camera)
+    return cut_to_format(figure, field.camera.half_format)
 
 
-def _cut(figure: Figure, camera: FrameCamera) -> Figure:
+def cut_to_format(figure: Figure, half_format: tuple[float, float]) -> Figure:
     """The figure without the empty ground to the right of a format that is taller than wide."""
-    plot = FormatPlot.within(camera.half_format, *_ROOM)
+    plot = FormatPlot.within(half_format, *_ROOM)
     # The legend under the format needs some room of its own.
     right = round(min(max(plot.x.end + 30.0, _LEAST_WIDTH), axes.WIDTH))
     whole, cut = f'viewBox="0 0 {axes.WIDTH:g} ', f'viewBox="0 0 {right:g} '

@@ -47,6 +47,7 @@ class Material:
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
     exposures, trajectories : the tables of these names; empty if no exposures come from a trajectory.
     neighbours : neighbouring_images; empty if there are none.
+    platform, virtual_image : the tables of these names; empty without a calibrated platform.
     suspicions : those of the problems that say the delivery itself is wrong.
     """
 
@@ -73,6 +74,8 @@ class Material:
     trajectories: pd.DataFrame = field(default_factory=pd.DataFrame)
     trust_map: pd.DataFrame = field(default_factory=pd.DataFrame)
     neighbours: pd.DataFrame = field(default_factory=pd.DataFrame)
+    platform: pd.DataFrame = field(default_factory=pd.DataFrame)
+    virtual_image: pd.DataFrame = field(default_factory=pd.DataFrame)
     suspicions: tuple[str, ...] = ()
 
     @cached_property
@@ -196,10 +199,16 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     }
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
-    optional = ("self_calibration", "orientation_difference_means", "trust_map_cells", "neighbouring_images")
-    offered, means, trusted, neighbours = (
-        pd.DataFrame() if (table := tables.get(name)) is None else read_table(table) for name in optional
-    )
+    optional = {
+        "self_calibration": "self_calibration",
+        "strip_means": "orientation_difference_means",
+        "trust_map": "trust_map_cells",
+        "neighbours": "neighbouring_images",
+        "platform": "platform",
+        "virtual_image": "virtual_image",
+    }
+    read |= {"self_calibration": pd.DataFrame()}
+    read |= {field: read_table(tables[name]) for field, name in optional.items() if name in tables}
     camera_table = read_table(tables["cameras"])
     notes = [read_notes(outputs["notes"]) for outputs in stages]
     return Material(
@@ -207,10 +216,6 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         summary=summary_of(notes, project.gates, {}),
         cameras=frame_cameras(camera_table),
         camera_table=camera_table,
-        self_calibration=offered,
-        strip_means=means,
-        trust_map=trusted,
-        neighbours=neighbours,
         exposures=read_table(tables["exposures"]) if "trajectories" in tables else pd.DataFrame(),
         trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
         suspicions=tuple(dict.fromkeys(sentence for note in notes for sentence in note.suspicions)),

@@ -30,6 +30,7 @@ from tasks.documents.report import (
     provenance,
     residual_correlation,
     residual_field,
+    rig_heads,
     self_calibration,
     statements,
     strip_differences,
@@ -39,6 +40,7 @@ from tasks.documents.report import (
     trajectories,
     trust_map,
     two_step,
+    virtual_image,
     worst_residuals,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
@@ -77,8 +79,12 @@ def render(
     fields = residual_field.residual_fields(material)
     errors = image_errors.image_errors(material)
     pairs = image_errors_plot.before_and_after(material)
+    composed = virtual_image.virtual_images(material)
     of_errors = (image_errors.errors_table(errors), image_errors_plot.comparison_table(pairs))
-    tables |= {table.name: table for table in (*of_errors, *_residual_tables(material, fields))}
+    of_rigs = (*rig_heads.head_tables(material), rig_heads.platform_table(material))
+    of_rigs = (*of_rigs, virtual_image.virtual_image_table(composed))
+    added = (*of_errors, *of_rigs, *_residual_tables(material, fields))
+    tables |= {table.name: table for table in added}
     named, tables = first_screen.places(material, found, tables, plots["block"])
     page: str = (
         templates(TEMPLATES)
@@ -104,6 +110,10 @@ def render(
                 (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
             ],
             comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
+            has_heads=rig_heads.has_heads(material),
+            head_tables=rig_heads.HEAD_TABLES,
+            heads_note=rig_heads.HEADS_NOTE,
+            virtual_images=[(image.name, virtual_image.virtual_image_plot(image)) for image in composed],
             script=Markup(_SCRIPT),
             script_digest=b64encode(sha256(_SCRIPT.encode()).digest()).decode(),
             arrows_of_images='<g class="positions"' in plots["block"],

@@ -41,6 +41,15 @@ VIRTUAL_IMAGE = TableSchema(
         number("x_mm", "mm", "place in the virtual image, along the columns"),
         number("y_mm", "mm", "place in the virtual image, against the rows"),
         text("head", "head that fills it; null: none", nullable=True),
+        *(
+            number(
+                f"head_{axis}_mm",
+                "mm",
+                f"ideal image coordinate of the point in this head, {axis}, with the calibrated attitudes",
+                nullable=True,
+            )
+            for axis in "xy"
+        ),
         *_of_axes("d{}_um", "image error with the given attitudes"),
         *_of_axes("sigma_{}_um", "standard deviation from the calibrated attitudes"),
         *_of_axes("seam_{}_um", "displacement of ground that is a tenth nearer"),
