@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings
+from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles, HeadSettings
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
@@ -92,6 +93,7 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     ("[calibration.mounting]", MountingSettings, ""),
     ("[calibration.held]", HeldSigmas, ""),
     ("[calibration.limits]", AcceptanceLimits, ""),
+    ("[burn_in]", BurnInSettings, "Explained in [rigs](rigs.md#burn-in-protocol)."),
     ("[direct_georeferencing]", DirectGeoreferencingSettings, ""),
     (
         "direct_georeferencing.calibration",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from flows.runs.stage import stage
 from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of, statements_of
 from flows.stories.block_preparation import PreparedBlock, prepare_block
+from flows.stories.burn_in import burn_in_protocol_of
 from flows.stories.direct_georeferencing_check import checked_block, page_of_check
 from flows.stories.two_step_calibration import (
     delivered_orientations,
@@ -81,8 +82,11 @@ def system_calibration(project: Project, store: Store) -> Summary:
     checked = is_georeferenced(project) and not project.has_heads
     if checked:
         stages = (*stages, checked_block(one.project, store, stages))
+    protocol: tuple[Outputs, ...] = ()
     if one.project.has_heads:
-        stages = (*stages, described_platform(one, store, block))
+        heads = described_platform(one, store, block)
+        stages = (*stages, heads)
+        protocol = burn_in_protocol_of(project, store, block, one.adjusted, heads)
     described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
     stages = (*stages, described, *statements_of(one.project, store, stages))
     pages = (page_of_check(one.project, store, stages),) if checked else ()
@@ -103,7 +107,10 @@ def system_calibration(project: Project, store: Store) -> Summary:
     )
     own = {name for outputs in (described, *certificates) for name in outputs} - {"notes"}
     summary = publish(
-        store, project, (*stages, *pages, *certificates), (*publishing.OF_CALIBRATIONS, *sorted(own))
+        store,
+        project,
+        (*stages, *pages, *certificates, *protocol),
+        (*publishing.OF_CALIBRATIONS, *sorted(own)),
     )
     return deliver(store, project, summary)
 

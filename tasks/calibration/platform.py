@@ -17,6 +17,7 @@ from tasks.deliveries.cameras import frame_cameras
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 _ROTATION = tuple(f"relative_rotation_{name}" for name in ("roll", "pitch", "yaw"))
+_INTERIOR = ("focal_length", "principal_point_x", "principal_point_y")
 _BODY = ("roll", "pitch", "yaw")
 
 
@@ -91,14 +92,24 @@ def adjusted_platforms(
         height = images.loc[images["camera"].isin(heads["camera"]), "height_above_ground_m"].mean()
         yield _platform(
             cameras[cameras["camera"] == name], heads, np.deg2rad(known), found,
+            np.array([[values[name, head] for name in _INTERIOR] for head in heads["camera"]]) * 1e-3,
             np.deg2rad(np.deg2rad(covariance_of(keys, sigmas, pairs))), float(height),
         )  # fmt: skip
 
 
 def _platform(
-    own: pd.DataFrame, heads: pd.DataFrame, known: Floats, found: Floats, covariance: Floats, distance: float
+    own: pd.DataFrame,
+    heads: pd.DataFrame,
+    known: Floats,
+    found: Floats,
+    interior: Floats,
+    covariance: Floats,
+    distance: float,
 ) -> AdjustedPlatform:
-    """From roll, pitch, yaw (h, 3) as known and as found, radians, with the covariance of the latter."""
+    """From roll, pitch, yaw (h, 3) as known and as found, radians, with the covariance of the latter.
+
+    `interior` (h, 3): c, x0, y0 as found, metres.
+    """
     (platform,) = frame_cameras(own).values()
     cameras = tuple(frame_cameras(heads).values())
     axes = platform.body_from_camera.T
@@ -109,17 +120,17 @@ def _platform(
     of_small = axes @ rotation.roll_pitch_yaw_jacobian(found)
     count = len(cameras)
     joint = np.einsum("aij,ajbk,blk->aibl", of_small, covariance.reshape(count, 3, count, 3), of_small)
-    interior = np.array([[camera.focal_length, *camera.principal_point] for camera in cameras])
+    certified = np.array([[camera.focal_length, *camera.principal_point] for camera in cameras])
     half_format = np.array([camera.half_format for camera in cameras])
 
-    def with_attitudes(turn: Floats) -> PlatformHeads:
+    def with_attitudes(turn: Floats, interior: Floats) -> PlatformHeads:
         return PlatformHeads(turn, position, interior, half_format, platform.focal_length)
 
     return AdjustedPlatform(
         platform.name,
         tuple(camera.name for camera in cameras),
-        with_attitudes(given),
-        with_attitudes(adjusted),
+        with_attitudes(given, certified),
+        with_attitudes(adjusted, interior),
         np.array(platform.half_format),
         covariance_with_mean_rotation(joint.reshape(3 * count, 3 * count)),
         distance,

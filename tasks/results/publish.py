@@ -108,6 +108,9 @@ OF_CALIBRATIONS = (
     "orientation_difference_means",
     "platform",
     "virtual_image",
+    "burn_in_protocol.html",
+    "burn_in_protocol.json",
+    "burn_in_protocol.pdf",
 )
 
 

@@ -77,9 +77,12 @@ def _is_path(source: str) -> bool:
 
 
 def _of_preset(name: str) -> SettingsFile:
+    """A preset; one that names another contains only its changes."""
     text = preset_text(name)
-    content = {"preset": name, **tomllib.loads(text)}
-    return SettingsFile(SIMULATION_FILE, Path(f"{name}.toml"), text, content)
+    own: Table = tomllib.loads(text)
+    other = own.get("preset")
+    content = own if other is None else _merged(_of_preset(str(other)).content, own)
+    return SettingsFile(SIMULATION_FILE, Path(f"{name}.toml"), text, {**content, "preset": name})
 
 
 def _with_preset(path: Path) -> SettingsFile:

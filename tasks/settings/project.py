@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.base import Settings, trouble
+from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.certificate import CertificateSettings
@@ -75,6 +76,10 @@ class Project(Settings):
     )
     calibration: CalibrationSettings = Field(
         default_factory=CalibrationSettings, description="The system calibration."
+    )
+    burn_in: BurnInSettings | None = Field(
+        default=None,
+        description="The burn-in protocol of a camera with composed images; default: none.",
     )
     direct_georeferencing: DirectGeoreferencingSettings = Field(
         default_factory=DirectGeoreferencingSettings, description="The direct-georeferencing check."
@@ -145,6 +150,16 @@ class Project(Settings):
                     f"{'not a camera' if reference is None else 'not a reference head'}.",
                     "Name the one camera of the body that has no `head` itself.",
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _burn_in_of_one_platform(self) -> Project:
+        platforms = {camera.head.reference for camera in self.cameras.values() if camera.head is not None}
+        if self.burn_in is not None and len(platforms) != 1:
+            raise trouble(
+                f"A burn-in protocol is of one platform with heads; the project has {len(platforms)}.",
+                "Declare the virtual image as the reference head of the cameras, or remove [burn_in].",
+            )
         return self
 
     @model_validator(mode="after")

@@ -63,6 +63,8 @@ class PublishedTable(BaseModel):
     title, source : what it is, and where it was printed.
     remarks : what has to be known to read it.
     parts : the printed tables.
+    facts, statistics : of a burn-in protocol: single figures, and rows of three by the keys of our tables.
+    heads : omega, phi, kappa of each head of its platform, degrees.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -72,6 +74,9 @@ class PublishedTable(BaseModel):
     source: str
     remarks: tuple[str, ...] = ()
     parts: tuple[PublishedPart, ...]
+    facts: dict[str, float] = {}
+    statistics: dict[str, tuple[float, float, float]] = {}
+    heads: dict[str, tuple[float, float, float]] = {}
 
     @cached_property
     def figures(self) -> Mapping[Scenario, Mapping[str, float]]:

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from tasks.settings.adjustment import FreeParameter, ObservedGroup
 from tasks.settings.base import Settings, trouble
+from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.cameras import Pixels
 from tasks.settings.coordinates import (
@@ -21,6 +22,7 @@ from tasks.settings.coordinates import (
     Whole,
     one_table_or_several,
 )
+from tasks.settings.quality import Gates
 from tasks.settings.simulated_truth import (
     MOST_EXPOSURES,
     MOST_SURVEYED,
@@ -329,6 +331,12 @@ class Simulation(Settings):
     truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
     calibration: CalibrationSettings | None = Field(
         default=None, description="The `[calibration]` of the project, as in docs/project-file.md."
+    )
+    burn_in: BurnInSettings | None = Field(
+        default=None, description="The `[burn_in]` of the project, as in docs/project-file.md."
+    )
+    gates: Gates | None = Field(
+        default=None, description="The `[gates]` of the project, as in docs/project-file.md."
     )
     sweep: SweepSettings | None = Field(
         default=None, description="The `[sweep]` of the project, as in docs/project-file.md."

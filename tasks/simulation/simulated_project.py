@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from adjust.simulate.block import SimulatedBlock
 from tasks.files.toml_text import TomlValue, toml_text
 from tasks.settings.adjustment import FreeParameter
+from tasks.settings.base import Settings
 from tasks.settings.simulation import SimulatedCamera, SimulatedHead, Simulation
 from tasks.simulation.simulated_sbet import trajectory_files
 from tasks.simulation.simulation_input import simulated_map_frame
@@ -30,10 +31,10 @@ def project_text(simulation: Simulation, block: SimulatedBlock) -> str:
         "inputs": _inputs(simulation, block),
         "adjustment": _adjustment(simulation, block),
     }
-    if simulation.calibration is not None:
-        content["calibration"] = simulation.calibration.model_dump(mode="json", exclude_unset=True)
-    if simulation.sweep is not None:
-        content["sweep"] = simulation.sweep.model_dump(mode="json", exclude_unset=True)
+    for name in ("calibration", "burn_in", "gates", "sweep"):
+        declared: Settings | None = getattr(simulation, name)
+        if declared is not None:
+            content[name] = declared.model_dump(mode="json", exclude_unset=True)
     return opening + toml_text(content)
 
 

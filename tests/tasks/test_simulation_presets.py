@@ -51,7 +51,7 @@ VAIHINGEN = {
 }
 
 #: Flights with several heads.
-RIGS = ("dmc-heads", "penta")
+RIGS = ("dmc-heads", "dmc-protocol", "penta")
 
 
 def test_every_preset_but_the_combined_ones_is_in_the_table() -> None:

@@ -44,7 +44,7 @@ def content_of(material: CertificateMaterial, software: Mapping[str, str]) -> Ce
         effect_section(material),
         check_section(material),
         settings_section(material),
-        statistics_section(material),
+        statistics_section(material.results),
         model_section(material),
         verdict_section(material),
         use_section(material),

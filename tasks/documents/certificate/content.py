@@ -178,15 +178,29 @@ class Section:
         )
 
 
+#: What is certified.
+Kind: TypeAlias = Literal["geometric", "radiometric", "burn_in"]
 _TITLES: Mapping[Verdict, str] = {
     "accepted": "Calibration certificate",
     "restricted": "Calibration certificate with restrictions",
     "refused": "Calibration not accepted",
 }
+_BURN_IN_TITLES: Mapping[Verdict, str] = {
+    "accepted": "Burn-in protocol",
+    "restricted": "Burn-in protocol with restrictions",
+    "refused": "Burn-in protocol: limits not met",
+}
 _RADIOMETRIC_TITLES: Mapping[Verdict, str] = {
     "accepted": "Radiometric certificate",
     "restricted": "Radiometric certificate with restrictions",
     "refused": "Radiometric limits not met",
+}
+
+
+_OF_KIND: Mapping[Kind, Mapping[Verdict, str]] = {
+    "geometric": _TITLES,
+    "radiometric": _RADIOMETRIC_TITLES,
+    "burn_in": _BURN_IN_TITLES,
 }
 
 
@@ -212,19 +226,21 @@ class CertificateContent:
     sentence: str
     code: str
     sections: tuple[Section, ...]
-    kind: Literal["geometric", "radiometric"] = "geometric"
+    kind: Kind = "geometric"
     file: str = "certificate"
 
     @property
     def title(self) -> str:
         """What the document is: nobody may take a refused calibration for a certificate."""
-        return (_TITLES if self.kind == "geometric" else _RADIOMETRIC_TITLES)[self.verdict]
+        return _OF_KIND[self.kind][self.verdict]
 
     @property
     def subject(self) -> str:
         """What it is about, under the camera."""
         if self.kind == "geometric":
             return f"System calibration of an aerial camera · flight {self.project}"
+        if self.kind == "burn_in":
+            return f"Platform calibration and triangulation of the burn-in flight {self.project}"
         return f"Radiometric examination of an aerial camera · {self.project}"
 
     @property

@@ -14,7 +14,7 @@ import pandas as pd
 from adjust.parameters import GNSS_STRIP_BIAS
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.documents.certificate.content import Block, Fact, Facts, Listing, Section
-from tasks.documents.certificate.material import CertificateMaterial
+from tasks.documents.report.key_figures import relative_um
 from tasks.documents.report.material import TOOK_PART, Material
 from tasks.quantities import group_words, unit_words
 from tasks.settings.quality import AxisGate
@@ -26,20 +26,27 @@ _DECIMALS = {"um": 2, "m": 3, "deg": 4}
 _BODY = ("roll", "pitch", "yaw")
 
 
-def statistics_section(material: CertificateMaterial) -> Section:
+def statistics_section(results: Material) -> Section:
     """σ0, degrees of freedom, and the table of RMS and mean σ."""
-    results = material.results
-    blocks: list[Block] = [Facts("adjustment", "", _facts(results)), Listing(statistics_table(results))]
+    blocks: list[Block] = [Facts("adjustment", "", facts_of(results)), Listing(statistics_table(results))]
     blocks.append(Listing(group_table(results), ("group",)))
     return Section("statistics", "Statistics of the adjustment", tuple(blocks))
 
 
-def _facts(results: Material) -> tuple[Fact, ...]:
+def facts_of(results: Material) -> tuple[Fact, ...]:
+    """σ0, degrees of freedom and counts of an adjustment."""
     summary, counts, test = results.summary, results.summary.counts, results.figures.global_test
     rms = results.figures.image_rms_px or (None, None)
     facts = [
         Fact("sigma0", "σ0, a posteriori / a priori", (Number(summary.sigma0, 3),)),
         Fact("sigma0_um", "σ0 of an image coordinate", (Number(summary.sigma0_um, 3),), "µm"),
+        Fact(
+            "sigma_relative_um",
+            "σ relative: of the image points only",
+            (Number(relative_um(results), 3),),
+            "µm",
+        ),
+        Fact("sigma_absolute_um", "σ absolute: of all observations", (Number(summary.sigma0_um, 3),), "µm"),
         Fact("sigma0_px", "in pixels", (Number(summary.sigma0_px, 3),), "px"),
         Fact("image_rms_px", "RMS of the image residuals x, y", numbers(rms, 3), "px"),
         Fact("redundancy", "degrees of freedom", (Number(summary.redundancy),)),

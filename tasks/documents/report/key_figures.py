@@ -93,7 +93,7 @@ def key_table(material: Material) -> Table:
         _row("sigma0", "σ0 a posteriori / a priori", "", (summary.sigma0,), 3),
         _row("sigma0_um", "σ0 of an image coordinate", "µm", (summary.sigma0_um,), 2),
         _row("sigma0_px", "σ0 of an image coordinate", "px", (summary.sigma0_px,), 3),
-        _row("sigma_relative_um", "σ relative: of the image points only", "µm", (_relative_um(material),), 3),
+        _row("sigma_relative_um", "σ relative: of the image points only", "µm", (relative_um(material),), 3),
         _row("sigma_absolute_um", "σ absolute: of all observations", "µm", (summary.sigma0_um,), 3),
         _row("image_rms_px", "RMS of the image residuals x, y", "px", rms, 3),
         _row("redundancy", redundancy, "", (summary.redundancy,), 0),
@@ -133,7 +133,7 @@ def key_table(material: Material) -> Table:
     return Table("key-figures", "Figures of the whole block", columns, tuple(rows))
 
 
-def _relative_um(material: Material) -> float | None:
+def relative_um(material: Material) -> float | None:
     """σ of an image coordinate from the residuals and the redundancy of the image points alone."""
     sigma0, um = material.summary.sigma0, material.summary.sigma0_um
     own = next((group.sigma0 for group in material.figures.groups if group.group == IMAGE_POINTS), None)

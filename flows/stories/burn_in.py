@@ -1,0 +1,79 @@
+"""The triangulation with virtual images that ends a burn-in flight, and its protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from flows.runs.stage import stage
+from flows.stories.aerial_triangulation import adjusted_block
+from flows.stories.block_preparation import PreparedBlock, approximate_block
+from tasks.settings.project import Project
+from tasks.settings.published_sweep import published_table
+from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.stages import burn_in_protocol, virtual_images
+from tasks.store.artifact import Artifact
+from tasks.store.store import Outputs, Store
+
+compose_virtual_images = stage(virtual_images.compose_virtual_images)
+write_burn_in_protocol = stage(burn_in_protocol.write_burn_in_protocol)
+
+
+def burn_in_protocol_of(
+    project: Project, store: Store, block: PreparedBlock, calibrated: Outputs, platform: Outputs
+) -> tuple[Outputs, ...]:
+    """Compose the virtual images, triangulate them, write the protocol; nothing where none is wanted.
+
+    Parameters
+    ----------
+    block : the flight of the heads.
+    calibrated : outputs of its last adjustment.
+    platform : the heads as calibrated.
+    """
+    if project.burn_in is None or "platform" not in platform:
+        return ()
+    composed = compose_virtual_images(
+        store,
+        parameters=calibrated["parameters"],
+        correlations=calibrated["correlations"],
+        cameras=block.exposures["cameras"],
+        images=block.approximate["images"],
+        exposures=block.exposures["exposures"],
+        image_points=block.image_points["image_points"],
+        project=project.project,
+    )
+    own = triangulation_of(project)
+    approximate = approximate_block(
+        store,
+        exposures=composed["exposures"],
+        cameras=composed["cameras"],
+        image_points=composed["image_points"],
+        control_points=block.control["control_points"],
+        distances=block.control["distances"],
+        project=own.project,
+        checks=own.checks,
+        misaligned=False,
+    )
+    virtual = PreparedBlock(composed, block.control, composed, approximate)
+    adjusted = adjusted_block(own, store, virtual)
+    stages: tuple[Mapping[str, Artifact], ...] = (composed, block.control, approximate, adjusted)
+    comparison = project.burn_in.compare_with
+    protocol = write_burn_in_protocol(
+        store,
+        stages=stages,
+        platform=platform["platform"],
+        project=own,
+        published=None if comparison is None else published_table(comparison),
+    )
+    return ({"notes": composed["notes"]}, protocol)
+
+
+def triangulation_of(project: Project) -> Project:
+    """The same project with the virtual image as its only camera, and without self-calibration."""
+    assert project.burn_in is not None  # a story of projects that want a protocol
+    (platform,) = {camera.head.reference for camera in project.cameras.values() if camera.head is not None}
+    adjustment = project.adjustment.model_copy(
+        update={"free": project.burn_in.free, "self_calibration": SelfCalibrationSettings()}
+    )
+    return project.model_copy(
+        update={"cameras": {platform: project.cameras[platform]}, "adjustment": adjustment}
+    )
