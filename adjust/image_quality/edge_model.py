@@ -59,15 +59,21 @@ def edge_values(distance: Floats, variance: float, angle: float) -> EdgeValues:
     """
     sigma = float(np.sqrt(variance))
     p, q = sorted((abs(float(np.cos(angle))), abs(float(np.sin(angle)))), reverse=True)
-    if q < _THIN:
+    thin = q < _THIN
+    if thin:
         places, weights = np.array([0.5 * p, -0.5 * p]), np.array([1.0, -1.0]) / p
-        orders = (1, 2, 3)
     else:
         places = 0.5 * np.array([p + q, p - q, q - p, -p - q])
         weights = np.array([1.0, -1.0, -1.0, 1.0]) / (p * q)
-        orders = (0, 1, 2)
-    at = distance[:, None] + places
-    value, slope, curvature = (_integrated(at, sigma, order) @ weights for order in orders)
+    u = (distance[:, None] + places) / sigma
+    # Φ and φ once for all derivatives of H.
+    below, bell = ndtr(u), density(u)
+    if thin:
+        parts = (sigma * (u * below + bell), below, bell / sigma)
+    else:
+        twice = 0.5 * ((u * u + 1.0) * below + u * bell)
+        parts = (sigma * sigma * twice, sigma * (u * below + bell), below)
+    value, slope, curvature = (part @ weights for part in parts)
     return EdgeValues(value, slope, 0.5 * curvature)
 
 
@@ -84,16 +90,6 @@ def once_integrated(u: Floats) -> Floats:
 def twice_integrated(u: Floats) -> Floats:
     """H for σ = 1."""
     return np.asarray(0.5 * ((u * u + 1.0) * ndtr(u) + u * density(u)))
-
-
-def _integrated(x: Floats, sigma: float, order: int) -> Floats:
-    """The derivative of this order of H."""
-    u = x / sigma
-    if order == 0:
-        return sigma * sigma * twice_integrated(u)
-    if order == 1:
-        return sigma * once_integrated(u)
-    return np.asarray(ndtr(u) if order == 2 else density(u) / sigma)
 
 
 def line_spread(distance: Floats, sigma: Floats) -> Floats:

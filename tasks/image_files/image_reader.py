@@ -151,6 +151,12 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
             yield ImageReader(_description(path, dataset), dataset)
 
 
+def described(path: Path) -> ImageDescription:
+    """What an image file says about itself; errors as of `opened_image`."""
+    with opened_image(path) as image:
+        return image.description
+
+
 def _description(path: Path, dataset: Any) -> ImageDescription:
     import rasterio
 

@@ -13,6 +13,7 @@ from adjust.image_quality.edge_search import GivenEdges
 from adjust.image_quality.edge_statistics import ENOUGH
 from tasks.errors import InputError
 from tasks.files.json_text import JSON
+from tasks.image_files.image_reader import ImageDescription, described
 from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table, smear_table
 from tasks.image_quality.progress import Progress
 from tasks.image_quality.scenes import SceneQuality, examined_scene
@@ -31,11 +32,12 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
         If an image cannot be read, or the images are not alike.
     """
     given = _given(settings)
+    # Before the first is examined, which takes minutes where images are large.
+    _require_alike([described(path) for path in settings.images])
     scenes = []
     for number, path in enumerate(settings.images):
         progress = Progress(path.name, number / len(settings.images), 1.0 / len(settings.images))
         scenes.append(examined_scene(path, given, progress.tell, chosen=settings.bands))
-    _require_alike(scenes, settings.images)
     means, responses = mean_tables(scenes, settings.gsd_m)
     smears = smear_table(scenes)
     tables = (
@@ -69,10 +71,9 @@ def _write(folder: Path, schema: TableSchema, table: pd.DataFrame) -> None:
     write_table(folder / f"{schema.name}.parquet", schema, columns)
 
 
-def _require_alike(scenes: Sequence[SceneQuality], paths: Sequence[Path]) -> None:
-    first = scenes[0].description
-    for scene, path in zip(scenes[1:], paths[1:], strict=True):
-        about = scene.description
+def _require_alike(images: Sequence[ImageDescription]) -> None:
+    first = images[0]
+    for about in images[1:]:
         if (about.columns, about.rows, about.bands, about.dtype) != (
             first.columns,
             first.rows,
@@ -81,9 +82,9 @@ def _require_alike(scenes: Sequence[SceneQuality], paths: Sequence[Path]) -> Non
         ):
             raise InputError(
                 f"The image has {about.columns} × {about.rows} pixels, {about.bands} bands of {about.dtype}; "
-                f"{scenes[0].image} has {first.columns} × {first.rows}, {first.bands} of {first.dtype}.",
+                f"{first.path.name} has {first.columns} × {first.rows}, {first.bands} of {first.dtype}.",
                 "Examine the images of each camera separately.",
-                file=path,
+                file=about.path,
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.image_quality.edge_model import edge_values
 from tasks.image_files.library import raster_environment
+from tests.adjust.image_quality.synthetic_edges import unit_edge
 from tests.command_line import aerocal
 
 SIZE, FOCAL, TIME, BLUR = 640, 16_000.0, 0.002, 0.45
@@ -47,7 +49,9 @@ def exposed(rate_deg: tuple[float, ...], seed: int) -> Floats:
                     angle = turn + quarter * 0.5 * np.pi
                     across, down = column - middle[0] - shift[0], row - middle[1] - shift[1]
                     distance = 30.0 - across * np.cos(angle) - down * np.sin(angle)
-                    one *= edge_values(distance.ravel(), BLUR**2, angle).value.reshape(row.shape)
+                    one *= unit_edge(
+                        distance, BLUR, lambda near, at=angle: edge_values(near, BLUR**2, at).value
+                    )
                 square += one / len(times)
             image[top : top + 160, left : left + 160] += 100.0 * square
     return image + rng.normal(0.0, 1.0, image.shape)
@@ -103,10 +107,22 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "project.toml"
 
 
-def test_edges_and_rates_agree(project: Path) -> None:
+@pytest.fixture(scope="module")
+def examined(project: Path) -> Path:
+    """Results of the project."""
     outcome = aerocal("image-quality", project)
     assert outcome.returncode == 0, outcome.stderr
-    out = project.parent / "image-quality"
+    return project.parent / "image-quality"
+
+
+@pytest.fixture
+def copied(examined: Path, tmp_path: Path) -> Path:
+    """The project file of a copy with its results: edges are not measured again."""
+    return Path(shutil.copytree(examined.parent, tmp_path / "copy")) / "project.toml"
+
+
+def test_edges_and_rates_agree(examined: Path) -> None:
+    out = examined
     table = pd.read_parquet(out / "smear_motion.parquet").set_index("image")
     assert list(table.index) == ["A.tif", "B.tif", "C.tif"]
     assert not table["contradicts"].any()
@@ -121,32 +137,28 @@ def test_edges_and_rates_agree(project: Path) -> None:
     assert "from the trajectory" in (out / "image_quality.html").read_text()
 
 
-def test_an_exposure_time_that_is_wrong_contradicts_the_edges(project: Path, tmp_path: Path) -> None:
-    longer = "image_quality.motion.exposure_ms=4.0"
-    outcome = aerocal("image-quality", project, "--out", tmp_path, "--set", longer)
+def test_an_exposure_time_that_is_wrong_contradicts_the_edges(copied: Path) -> None:
+    outcome = aerocal("image-quality", copied, "--set", "image_quality.motion.exposure_ms=4.0")
     assert outcome.returncode == 0
-    table = pd.read_parquet(tmp_path / "smear_motion.parquet").set_index("image")
+    table = pd.read_parquet(copied.parent / "image-quality" / "smear_motion.parquet").set_index("image")
     assert table["contradicts"].tolist() == [True, True, False]
     assert "the trajectory one of" in outcome.stdout
 
 
-def test_images_of_no_exposure_and_exposures_without_rates_are_refused(project: Path, tmp_path: Path) -> None:
-    text = project.read_text()
-    exposures = project.parent / "exposures.csv"
-    for change, words in (
-        (lambda: project.write_text(text.replace('"C.tif"', '"exposures.csv"')), "This image cannot be read"),
-        (lambda: exposures.write_text(exposures.read_text().replace("B,C", "D,C")), "B.tif is no exposure"),
-    ):
-        before = exposures.read_text()
-        change()
-        outcome = aerocal("image-quality", project, "--out", tmp_path)
-        assert outcome.returncode == 2
-        assert words in outcome.stderr
-        project.write_text(text)
-        exposures.write_text(before)
+def test_images_of_no_exposure_and_exposures_without_rates_are_refused(copied: Path, tmp_path: Path) -> None:
+    text, exposures = copied.read_text(), copied.parent / "exposures.csv"
+    copied.write_text(text.replace('"C.tif"', '"exposures.csv"'))
+    outcome = aerocal("image-quality", copied)
+    assert outcome.returncode == 2
+    assert "This image cannot be read" in outcome.stderr
+    copied.write_text(text)
+    exposures.write_text(exposures.read_text().replace("B,C", "D,C"))
+    outcome = aerocal("image-quality", copied)
+    assert outcome.returncode == 2
+    assert "B.tif is no exposure" in outcome.stderr
     alone = tmp_path / "alone.toml"
     alone.write_text(
-        f'version = 1\n[image_quality]\nimages = "{project.parent / "A.tif"}"\n'
+        f'version = 1\n[image_quality]\nimages = "{copied.parent / "A.tif"}"\n'
         "[image_quality.motion]\nexposure_ms = 2.0\nforward_motion = false\n"
     )
     outcome = aerocal("image-quality", alone)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,14 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project.write_text(f'version = 1\n[image_quality]\nname = "Two"\nimages = [{listed}]\ngsd_m = 0.1\n')
     assert aerocal("image-quality", project, "--out", folder / "out").returncode == 0
     return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def alone(results: Path) -> Path:
+    """Results of the first image by itself."""
+    out = results.parent / "alone"
+    assert aerocal("image-quality", results.parent / "0.tif", "--out", out).returncode == 0
+    return out
 
 
 def test_the_factors_of_the_bands_are_those_of_their_blur(results: Path) -> None:
@@ -237,11 +246,11 @@ def test_a_float_image_with_holes_gives_the_same_factor(results: Path, tmp_path:
         assert edges.loc[edges["band"] == band, "factor"].median() == pytest.approx(factor, abs=0.03)
 
 
-def test_limits_of_the_settings_end_with_their_exit_code(results: Path, tmp_path: Path) -> None:
-    image = results.parent / "0.tif"
+def test_limits_of_the_settings_end_with_their_exit_code(alone: Path, tmp_path: Path) -> None:
+    image, out = alone.parent / "0.tif", shutil.copytree(alone, tmp_path / "out")
     for limit, code in ((1.3, 4), (1.7, 0)):
         given = f"image_quality.factor_max={limit}"
-        outcome = aerocal("image-quality", image, "--out", tmp_path / str(limit), "--set", given)
+        outcome = aerocal("image-quality", image, "--out", out, "--set", given)
         assert outcome.returncode == code
     drift = aerocal("image-quality", image, "--set", 'image_quality.fail_on=["drift"]')
     assert drift.returncode == 2

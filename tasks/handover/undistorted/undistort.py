@@ -17,7 +17,7 @@ from tasks.handover.results import CalibratedCamera, read_cameras
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.statement import STATEMENT, UndistortedImage, undistorted_statement
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
-from tasks.image_files.image_reader import ImageDescription, opened_image
+from tasks.image_files.image_reader import ImageDescription, described, opened_image
 from tasks.image_files.image_writer import left_out_of
 from tasks.nearest_name import did_you_mean
 
@@ -129,8 +129,7 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
         raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
     jobs: dict[str, _Job] = {}
     for path in images:
-        with opened_image(path) as source:
-            about = source.description
+        about = described(path)
         taken_by = cameras[_camera_of(path, of_image) if camera is None else camera]
         _require_size(about, taken_by)
         file = path.name if path.suffix.lower() in _TIFF else f"{path.stem}.tif"

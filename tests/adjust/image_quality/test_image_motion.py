@@ -11,6 +11,7 @@ from adjust.image_quality.edge_fit import fit_edge
 from adjust.image_quality.edge_model import edge_values
 from adjust.image_quality.edge_samples import EdgeLine, samples_of
 from adjust.image_quality.image_motion import CameraMotion, MotionComparison, compared_with_motion
+from tests.adjust.image_quality.synthetic_edges import unit_edge
 
 FOCAL, TIME, BLUR, NOISE = 15_000.0, 0.002, 0.45, 1.0
 RATES = np.deg2rad([[2.0, 1.0, 5.0], [-1.5, 2.0, 0.0], [0.0, -2.5, -8.0]])
@@ -49,8 +50,14 @@ def exposed(rate: Floats, seed: int, edges: int = 60) -> tuple[Floats, Floats, F
     for index, angle in enumerate(angles):
         distance = column * np.cos(angle) + row * np.sin(angle)
         shifts = way[:, index, 0] * np.cos(angle) - way[:, index, 1] * np.sin(angle)
-        seen = [edge_values((distance - s).ravel(), BLUR**2, angle).value for s in shifts]
-        image = 80.0 + 120.0 * np.mean(seen, axis=0).reshape(distance.shape)
+        image = 80.0 + 120.0 * unit_edge(
+            distance,
+            BLUR,
+            lambda near, shifts=shifts, angle=angle: np.mean(
+                [edge_values(near - s, BLUR**2, angle).value for s in shifts], axis=0
+            ),
+            spread=2.0 * float(np.abs(shifts).max()),
+        )
         image = image + rng.normal(0.0, NOISE, distance.shape)
         fits.append(fit_edge(samples_of(image, EdgeLine(24.0, 24.0, float(angle), 32.0))))
     return np.array([fit.angle for fit in fits]), np.array([fit.blur for fit in fits]), places
