@@ -16,7 +16,7 @@ AUDIT_STAMP := $(AUDIT_VENV)/.installed
 # Everything is compiled once for all the processes that a target starts, whatever the machine's default is.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint docs spelling audit demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint docs docs-lint spelling audit demo bench bench-large clean
 
 venv: $(STAMP)
 
@@ -80,6 +80,10 @@ $(DOCS_STAMP): requirements-docs.lock
 docs: $(DOCS_STAMP) spelling
 	$(DOCS_VENV)/bin/sphinx-build -q -W --keep-going -E -a -b html -c docs . build/site
 	@echo "The documentation is in build/site/docs/index.html."
+
+# The same without writing pages, for CI: links, anchors, pictures and docstrings are resolved as for the site.
+docs-lint: $(DOCS_STAMP) spelling
+	$(DOCS_VENV)/bin/sphinx-build -q -W --keep-going -E -a -b dummy -c docs . build/docs-lint
 
 # Pages against a dictionary and the words of the field in docs/words.txt; sources against common misspellings.
 spelling: $(DOCS_STAMP)

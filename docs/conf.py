@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -10,6 +11,16 @@ from sphinx.application import Sphinx
 
 _ROOT = Path(__file__).resolve().parents[1]
 _PROJECT = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def _commit() -> str:
+    """Commit and day of the pages, as git has them; empty outside a checkout."""
+    command = ["git", "log", "-1", "--format=%h, %cs"]
+    try:
+        return subprocess.run(command, cwd=_ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
 
 project = _PROJECT["name"]
 version = release = _PROJECT["version"]
@@ -41,8 +52,12 @@ napoleon_use_ivar = True
 
 html_theme = "furo"
 html_static_path = []
+# Which version and commit a site describes is on every page, below the title.
+templates_path = ["templates"]
+html_context = {"commit": _commit()}
 html_show_sourcelink = False
 html_show_sphinx = False
+html_show_copyright = False
 # The theme takes the fonts of the system; nothing is loaded from anywhere else.
 html_theme_options = {"navigation_with_keys": True}
 pygments_style = "friendly"

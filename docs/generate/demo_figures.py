@@ -116,7 +116,7 @@ def main() -> int:
         done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
     printed = excerpt(done.stdout)
     readme = README.read_text(encoding="utf-8")
-    README.write_text(readme.replace(shown(readme), printed), encoding="utf-8")
+    README.write_text(_SHOWN.sub(lambda match: match[1] + printed + match[3], readme), encoding="utf-8")
     figures = figures_of(printed)
     for page, sentence in SENTENCES:
         path = ROOT / page

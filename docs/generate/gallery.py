@@ -1,11 +1,12 @@
-"""Make the pictures of docs/gallery.md: ``python -m docs.generate.gallery [RESULTS]``.
+"""Make the pictures and the output in docs/gallery.md: ``python -m docs.generate.gallery``.
 
-Carries out the commands that stand on the page and keeps the figures it shows. Seeds are fixed: one version
-draws the same pictures. RESULTS: a folder in which the commands have been carried out before.
+Carries out the commands on the page, writes what the adjustment prints below them, and keeps the figures that
+the page shows. Seeds are fixed: one version draws the same figures, and a test holds the page to them.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -15,8 +16,10 @@ from pathlib import Path
 
 _DOCS = Path(__file__).resolve().parents[1]
 PAGE = _DOCS / "gallery.md"
+KEPT = _DOCS / "images" / "gallery"
 _COMMAND = re.compile(r"^aerocal (.+)$", re.MULTILINE)
 _PICTURE = re.compile(r"!\[[^\]]*\]\(images/gallery/([\w-]+\.svg)\)")
+_PRINTED = re.compile(r"(prints:\n\n```\n)(.*?)(^```$)", re.DOTALL | re.MULTILINE)
 
 
 def commands() -> list[str]:
@@ -29,18 +32,36 @@ def pictures() -> list[str]:
     return _PICTURE.findall(PAGE.read_text(encoding="utf-8"))
 
 
+def printed(page: str) -> str:
+    """What the page says that the adjustment prints."""
+    (match,) = _PRINTED.finditer(page)
+    return match[2]
+
+
+def carry_out(place: Path) -> tuple[str, Path]:
+    """Carry out the commands in a folder: what ``aerocal run`` prints, and the folder of the figures."""
+    program, shown = Path(sys.executable).with_name("aerocal"), ""
+    for command in commands():
+        arguments = [program, *command.split()]
+        of_80 = {**os.environ, "COLUMNS": "80"}
+        done = subprocess.run(
+            arguments, cwd=place, env=of_80, check=True, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+        )
+        if command.startswith("run "):
+            shown = "\n".join(line.rstrip() for line in done.stdout.strip().splitlines()) + "\n"
+    return shown, place / "block" / "results" / "figures"
+
+
 def main() -> int:
-    """Carry out the commands, and keep the figures."""
-    with tempfile.TemporaryDirectory() as temporary:
-        place = Path(sys.argv[1] if len(sys.argv) > 1 else temporary)
-        program = Path(sys.executable).with_name("aerocal")
-        for command in commands() if len(sys.argv) == 1 else ():
-            subprocess.run([program, *command.split()], cwd=place, check=True)
-        kept = _DOCS / "images" / "gallery"
-        shutil.rmtree(kept, ignore_errors=True)
-        kept.mkdir(parents=True)
+    """Carry out the commands, and keep output and figures."""
+    with tempfile.TemporaryDirectory() as place:
+        shown, figures = carry_out(Path(place))
+        page = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(_PRINTED.sub(lambda match: match[1] + shown + match[3], page), encoding="utf-8")
+        shutil.rmtree(KEPT, ignore_errors=True)
+        KEPT.mkdir(parents=True)
         for name in pictures():
-            shutil.copyfile(place / "block" / "results" / "figures" / name, kept / name)
+            shutil.copyfile(figures / name, KEPT / name)
     return 0
 
 

@@ -20,7 +20,7 @@ def adjust(
 
       aerocal adjust project.toml --set 'adjustment.free=["boresight"]'
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 not computable · 4 gate failed
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 not computable · 4 gate failed
     """
     from flows.command.execution import execute
 

@@ -39,7 +39,7 @@ def batch(
     ] = None,
     dask: Dask = None,
     json: Annotated[
-        bool, typer.Option("--json", help="Print nothing but a JSON list of the projects on standard output.")
+        bool, typer.Option("--json", help="Print only a JSON list of the projects on standard output.")
     ] = False,
 ) -> None:
     """Run many projects: one table of states, σ0 and check points.
@@ -56,7 +56,7 @@ def batch(
       aerocal batch flights/* --dask tcp://HOST:8786 --json
 
     [bold]Exit codes[/bold]  that of the worst project, in this order: 1 error of the machine or of aerocal ·
-    2 input wrong · 3 not computable · 4 gate failed · 0 all done
+    2 wrong input · 3 not computable · 4 gate failed · 0 all done
     """
     from flows.command.batch_execution import execute_batch
 

@@ -18,11 +18,11 @@ def calibrate(
 
     Focal length, principal point, additional parameters, boresight and GNSS shift (or lever arm) are
     estimated together in the adjustment, in stages. Parameters that the flight does not determine are held
-    fixed and reported, with advice on what to fly. For comparison, the two-step calibration is computed
-    (adjustment with control points only, then means of the differences to GNSS and INS), with a test whether
-    both agree, and the direct-georeferencing check with the calibrated values.
+    fixed and reported, with advice on what to fly. For comparison, a two-step calibration follows
+    (adjustment with control points only, then means of the differences to GNSS and INS); a test shows whether
+    both agree. Finally, direct georeferencing is checked with the calibrated values.
 
-    Without image points, but with orientations of another adjustment (calibration.adjusted), only the second
+    With orientations of another adjustment (calibration.adjusted) instead of image points, only the second
     step is computed: boresight and lever arm or shift, without interior orientation and certificate.
 
     The tables calibration and calibration.limits of the project contain the parameters to estimate and the
@@ -37,7 +37,7 @@ def calibrate(
 
       aerocal calibrate project.toml --set 'adjustment.self_calibration.parameters="bluh:1-12"'
 
-    [bold]Exit codes[/bold]  0 accepted · 2 input wrong · 3 not computable · 4 flight refused or gate failed
+    [bold]Exit codes[/bold]  0 accepted · 2 wrong input · 3 not computable · 4 flight refused or gate failed
     """
     from flows.command.execution import execute
 

@@ -31,7 +31,7 @@ def check(
 
       aerocal check project.toml --set 'gates.y_parallax_max_um={ max = 12 }'
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 not computable · 4 gate failed
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 not computable · 4 gate failed
     """
     from flows.command.execution import execute
 

@@ -28,7 +28,7 @@ def clean(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Report what would be removed, and remove nothing.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print only JSON on standard output.")] = False,
 ) -> None:
     """Remove stored results of stages (DIR/.store) that have not been used for a long time.
 

@@ -28,7 +28,7 @@ def convert(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the files; default NAME beside INPUT."),
+        typer.Option("--out", metavar="DIR", help="Folder for the files; default NAME next to INPUT."),
     ] = None,
     world: Annotated[
         str | None,
@@ -60,7 +60,7 @@ def convert(
 
       aerocal convert block.xml --to colmap --pixel-um 4 --out model
 
-    [bold]Exit codes[/bold]  0 written · 2 input wrong
+    [bold]Exit codes[/bold]  0 written · 2 wrong input
     """
     from flows.command.convert_execution import convert_and_show
 

@@ -41,7 +41,7 @@ def convert_distortion(
 
       aerocal convert-distortion project.toml --to brown_mm:K1-K3,P1,P2
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong
+    [bold]Exit codes[/bold]  0 done · 2 wrong input
     """
     from flows.command.distortion_table import show_conversion
 

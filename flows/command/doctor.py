@@ -26,7 +26,7 @@ def doctor(
 
       aerocal doctor project.toml
 
-    [bold]Exit codes[/bold]  0 clean, or suspicions only · 2 input wrong
+    [bold]Exit codes[/bold]  0 clean, or suspicions only · 2 wrong input
     """
     from flows.command.examination import examine
 

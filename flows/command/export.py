@@ -48,8 +48,8 @@ def export(
 
     What a program needs depends on how it handles coordinates, not on the file format.
     HANDOVER.txt of each export states the kind of program, the corrections to be switched on or off, what was
-    fitted, and how far the model of the program differs from ours: from half a pixel this is reported, from
-    one pixel the export is refused.
+    fitted, and how far the model of the program differs from ours: a difference of half a pixel or more is
+    reported; with one pixel or more, the export is refused.
 
     [bold]Examples[/bold]
 
@@ -61,7 +61,7 @@ def export(
 
       aerocal export results --to eo-csv --angles phi-omega-kappa --unit gon
 
-    [bold]Exit codes[/bold]  0 written · 2 input wrong, or the misfit is too large
+    [bold]Exit codes[/bold]  0 written · 2 wrong input, or the misfit is too large
     """
     from flows.command.export_execution import list_formats, write_export
 

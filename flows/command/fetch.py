@@ -28,7 +28,7 @@ def fetch(
 
       aerocal fetch s3://surveys/2026/block-42 --to block-42
 
-    [bold]Exit codes[/bold]  0 done · 2 no results there · 1 the storage does not answer or refuses
+    [bold]Exit codes[/bold]  0 done · 2 no results found · 1 the storage does not answer or refuses
     """
     end_with(lambda: _fetch(address, to))
 

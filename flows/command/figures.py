@@ -27,7 +27,7 @@ def figures(
 
       aerocal figures results --out paper/figures
 
-    [bold]Exit codes[/bold]  0 done · 2 no report there
+    [bold]Exit codes[/bold]  0 done · 2 no report found
     """
     from flows.command.figure_export import write_figures
 

@@ -31,7 +31,7 @@ def flight_check(
 ) -> None:
     """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with its true value.
 
-    On a sound installation, the errors agree with the stated standard deviations.
+    If the installation is correct, the errors agree with the stated standard deviations.
 
     [bold]Examples[/bold]
 
@@ -41,7 +41,7 @@ def flight_check(
 
       aerocal flight-check dmc-burn-in --out trial --seed 7
 
-    [bold]Exit codes[/bold]  0 agrees with the true values · 2 specification wrong · 4 contradicts the true
+    [bold]Exit codes[/bold]  0 agrees with the true values · 2 wrong specification · 4 contradicts the true
     values
     """
     from flows.command.truth_table import check_and_show

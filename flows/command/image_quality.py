@@ -44,8 +44,8 @@ def image_quality(
 
     What is measured and how: docs/image-quality.md
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong · 4 done, but limits of the sensor or gates are
-    missed
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 4 done, but a limit of the sensor or a gate
+    is not met
     """
     from flows.command.image_quality_execution import execute_image_quality
 

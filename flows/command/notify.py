@@ -18,7 +18,7 @@ def notify() -> None:
 
       AEROCAL_NOTIFY="jsons://hooks.example.org/aerocal" aerocal notify
 
-    [bold]Exit codes[/bold]  0 all have accepted it · 2 there is no address, or one is wrong · 1 not all have
+    [bold]Exit codes[/bold]  0 accepted by all addresses · 1 not by all · 2 no address, or an invalid one
     """
     end_with(_send)
 

@@ -36,7 +36,7 @@ Data: TypeAlias = Annotated[
         "--data",
         metavar="DIR",
         help="Folder of the delivered files: relative paths that are not found next to the project file "
-        "are looked up here. It replaces ${AEROCAL_TEST_DATA} if that is not set.",
+        "are looked up here. Also the value of ${AEROCAL_TEST_DATA} if that is not set.",
     ),
 ]
 
@@ -62,5 +62,5 @@ Dask: TypeAlias = Annotated[
 ]
 
 Json: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="Print nothing but the JSON summary on standard output.")
+    bool, typer.Option("--json", help="Print only the JSON summary on standard output.")
 ]

@@ -66,16 +66,16 @@ def plan(
         ),
     ] = True,
     json: Annotated[
-        bool, typer.Option("--json", help="Print nothing but the plan as JSON on standard output.")
+        bool, typer.Option("--json", help="Print only the plan as JSON on standard output.")
     ] = False,
 ) -> None:
-    """What can this flight determine? Standard deviations before it is flown.
+    """Plan a calibration flight: what it will determine, with standard deviations.
 
-    They depend only on the geometry and the σ of the observations; nothing is measured or adjusted.
+    These depend only on the geometry and the σ of the observations; nothing is measured or adjusted.
 
     Flight directions and heights are recognised from the exposures. Every quantity is determined, weak or not
     determinable, with the reason. If the flight is refused, additions (lines back, lines across, a second
-    height, more control) are computed by number of images until one meets the limits.
+    height, more control) are tried in order of their number of images until one meets the limits.
 
     [bold]Examples[/bold]
 
@@ -89,7 +89,7 @@ def plan(
 
     What limits a calibration, and a comparison of nine flight patterns: docs/plan.md
 
-    [bold]Exit codes[/bold]  0 accepted · 2 input wrong · 3 not computable · 4 refused
+    [bold]Exit codes[/bold]  0 accepted · 2 wrong input · 3 not computable · 4 refused
     """
     from flows.command.plan_execution import PlanOptions, execute_plan
 

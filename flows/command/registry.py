@@ -15,14 +15,15 @@ registry = typer.Typer(
     "A calibration is added as a draft (add), compared with the one in force and approved (approve), "
     "and later superseded by the next one. Nothing is ever changed or removed; editing the database directly "
     "is detected (verify).\n\n"
-    'A project uses the calibration in force for its cameras on project.flown: calibration = "registry".\n\n'
+    'With calibration = "registry", a project uses the calibrations in force on the day of its flight '
+    "(project.flown).\n\n"
     "[bold]Examples[/bold]\n\n"
     "  aerocal registry add results --note 'after the change of the shutter'\n\n"
     "  aerocal registry approve 3 --from 2026-03-01\n\n"
     "  aerocal registry show UC-Eagle-1-42 --plot camera.html\n\n"
     "  aerocal registry due --within 60\n\n"
     "The registry is a SQLite file of this user, unless AEROCAL_REGISTRY or --registry names another one.",
-    epilog="[bold]Exit codes[/bold]  0 done · 2 input wrong, conflict, or the registry was edited · 1 the "
+    epilog="[bold]Exit codes[/bold]  0 done · 2 wrong input, conflict, or the registry was edited · 1 the "
     "database cannot be reached · 4 due: a camera needs a calibration",
     no_args_is_help=True,
     rich_markup_mode="rich",
@@ -48,7 +49,7 @@ Person: TypeAlias = Annotated[
     ),
 ]
 Note: TypeAlias = Annotated[str, typer.Option("--note", metavar="TEXT", help="A comment.")]
-Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print nothing but JSON on standard output.")]
+Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print only JSON on standard output.")]
 Number: TypeAlias = Annotated[
     str, typer.Argument(metavar="ID", help="Number of the calibration, or 8 digits of its verification code.")
 ]
@@ -156,7 +157,8 @@ def approve(
 
     A difference does not prevent the approval; the decision is yours.
 
-    If two approve calibrations of one camera at the same time, one gets a message; nothing is lost.
+    If two people approve calibrations of one camera at the same time, one of them gets an error message;
+    nothing is lost.
     """
     from flows.command.registry_actions import approve_calibration
 

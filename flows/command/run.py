@@ -16,12 +16,13 @@ def run(
 ) -> None:
     """Run the flow declared in the project file.
 
-    With a table calibration this is the system calibration, with direct_georeferencing the check of direct
-    georeferencing, otherwise the adjustment. aerocal calibrate, check and adjust run one of them regardless
-    of the file. Deliveries are read, tables, figures and report published.
+    A project file with a table [calibration] runs the system calibration, one with a table
+    [direct_georeferencing] the check of direct georeferencing, any other the adjustment. To choose one of
+    them regardless of the file, use aerocal calibrate, check or adjust. Delivered files are only read;
+    tables, figures and a report are written.
 
-    Stages whose inputs, settings and code did not change are reused, so a rerun is cheap. On a terminal, one
-    line shows the current stage and about how long the rest takes.
+    Stages whose inputs, settings and code did not change are reused, so a rerun is fast. On a terminal, one
+    line shows the current stage and the approximate remaining time.
 
     [bold]Examples[/bold]
 
@@ -31,7 +32,7 @@ def run(
 
       aerocal run project.toml --json | jq .sigma0
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 not computable · 4 gate failed
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 not computable · 4 gate failed
     """
     from flows.command.execution import execute
 

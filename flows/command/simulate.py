@@ -67,7 +67,7 @@ def simulate(
 
       aerocal simulate my-flight.toml --out trial --seed 7
 
-    [bold]Exit codes[/bold]  0 done · 2 specification wrong
+    [bold]Exit codes[/bold]  0 done · 2 wrong specification
     """
     from flows.command.simulation import write_simulation
 

@@ -32,7 +32,7 @@ def sweep(
 
       aerocal sweep project.toml --dask tcp://HOST:8786
 
-    [bold]Exit codes[/bold]  0 done · 2 input wrong · 3 no scenario computable
+    [bold]Exit codes[/bold]  0 done · 2 wrong input · 3 no scenario computable
     """
     from flows.command.sweep_execution import execute_sweep
 

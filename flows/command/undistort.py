@@ -50,7 +50,7 @@ def undistort(
 
       aerocal undistort results /data/flight/*.tif --out undistorted --camera "UC Eagle"
 
-    [bold]Exit codes[/bold]  0 written · 2 input wrong · 1 rasterio is not installed, or no space
+    [bold]Exit codes[/bold]  0 written · 2 wrong input · 1 rasterio is not installed, or no space
     """
     from flows.command.undistort_execution import write_undistorted
 

@@ -52,6 +52,29 @@ def test_no_secret_has_a_value() -> None:
     assert {name: given[name] for name in secret} == dict.fromkeys(secret, "")
 
 
+def test_server_and_runner_of_compose_share_projects_records_and_settings() -> None:
+    server, runner = (compose()["services"][name] for name in ("server", "runner"))
+    projects = [[one for one in service["volumes"] if one.endswith((":/data/projects", ":/data/inbox"))]
+                for service in (server, runner)]  # fmt: skip
+    assert projects[0] == projects[1]
+    assert len(projects[0]) == 2
+    of_records = {one for one in server["command"] if one.startswith("--database=")}
+    assert of_records < set(runner["command"])
+    assert server["env_file"] == runner["env_file"]
+    assert server["stop_grace_period"] == runner["stop_grace_period"]
+    declared = {one.split(":")[0] for service in compose()["services"].values() for one in service["volumes"]}
+    assert declared == set(compose()["volumes"])
+
+
+def test_the_secret_of_compose_comes_from_the_file_that_its_command_names() -> None:
+    """Compose takes it from the variables of its own command, never from the env_file of a service."""
+    command = "docker compose --env-file deploy/aerocal.env -f deploy/compose.yaml up -d"
+    assert command in (DEPLOY / "compose.yaml").read_text()
+    assert command in (REPOSITORY / "docs" / "operations.md").read_text()
+    ((_, secret),) = compose()["secrets"].items()
+    assert f"\n{secret['environment']}=" in (DEPLOY / "aerocal.env.example").read_text()
+
+
 @pytest.mark.prefect
 def test_every_deployment_names_a_flow_of_ours() -> None:
     from prefect import Flow

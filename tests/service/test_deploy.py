@@ -124,9 +124,18 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
         check = services["server"]["healthcheck"]["test"][1:]
         check = [sys.executable, *(_with(part, {":4200/": f":{port}/"}) for part in check[1:])]
         assert subprocess.run(check, check=False).returncode == 0
+        replaced["http://server:4200"] = f"http://127.0.0.1:{port}"
+        command = [_with(argument, replaced) for argument in services["runner"]["command"]]
+        assert command[0] == "runner"
+        second = [sys.executable, "-m", "flows.command", *command, "--state", str(tmp_path / "runner_state")]
+        with running(second, tmp_path / "printed-runner", env=variables, cwd=tmp_path) as runner:
+            until(lambda: "Ready." in (tmp_path / "printed-runner").read_text(), 240, runner)
+            runner.send_signal(signal.SIGTERM)
+            assert runner.wait(120) == 0
         process.send_signal(signal.SIGTERM)
         assert process.wait(120) == 0
-    assert PASSWORD not in (tmp_path / "printed").read_text()
+    for name in ("printed", "printed-runner"):
+        assert PASSWORD not in (tmp_path / name).read_text()
 
 
 def _with(text: str, replaced: Mapping[str, str]) -> str:
