@@ -1,4 +1,4 @@
-"""The adjustment of a block: the whole story on one page."""
+"""The adjustment of a block from start to end, on one page."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def adjust_block(
 
 @dataclass(frozen=True, eq=False)
 class AdjustedValues:
-    """The values that ``adjust_block`` finds, and what it would go on from to say how good they are.
+    """The values that ``adjust_block`` finds, and the starting point of its statistics.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class AdjustedValues:
         return Rejection(self.search.rejected, self.search.given_up)
 
     def result(self) -> AdjustmentResult:
-        """Everything that ``adjust_block`` says."""
+        """The complete result of ``adjust_block``."""
         options, search, rule = self.adjuster.options, self.search, _rule(self.adjuster.options)
         with threadpool_limits(limits=1):
             if search.adjusted.solution.stalled:

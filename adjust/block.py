@@ -24,7 +24,7 @@ from adjust.rig import OF_HEADS, SYNCHRONISATION_OFFSET, Rig
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Block:
-    """What is to be adjusted, without its observations.
+    """A block to be adjusted, without its observations.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
 
 
 def is_warm() -> bool:
-    """Whether machine code of these sources is there already; otherwise the first run compiles."""
+    """Whether machine code of these sources exists; otherwise the first run compiles them."""
     return next(CACHE_FOLDER.rglob("*.nbi"), None) is not None
 
 

@@ -21,7 +21,7 @@ from adjust.solve.system import Observations
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search for gross errors stands.
+    """State of the search for gross errors.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Search:
 
     @classmethod
     def start(cls, given: Observations, adjusted: Adjusted, rejected: Rejection | None = None) -> Search:
-        """Nothing rejected yet but what the adjustment has left out already."""
+        """The state at the beginning: only what the adjustment has already excluded is rejected."""
         nothing = tuple(np.zeros(len(group.event), dtype=bool) for group in given.groups)
         no_point = np.zeros(len(adjusted.state.object_point), dtype=bool)
         if rejected is None:
@@ -61,7 +61,7 @@ class Search:
         return int(sum(int(mask.sum()) for mask in stayed))
 
     def less(self, adjuster: Adjuster, found: Rejection) -> Search:
-        """Adjusted without what a pass rejects."""
+        """The state after an adjustment without the observations that a pass rejects."""
         left = replace(
             self,
             rejected=tuple(a | b for a, b in zip(self.rejected, found.rejected, strict=True)),
@@ -71,7 +71,7 @@ class Search:
         return replace(left, adjusted=adjuster.with_other_rejections(self.adjusted, left.remaining()))
 
     def more(self, adjuster: Adjuster, back: Return) -> Search:
-        """Adjusted with what fits again."""
+        """The state after an adjustment with the observations that fit again."""
         of_points = back.points[self.given.image_points.point]
         came = (back.observations[0] | (of_points & self.rejected[0]), *back.observations[1:])
         left = replace(
@@ -85,13 +85,13 @@ class Search:
         return replace(left, adjusted=adjusted)
 
     def fitting_again(self, rule: SnoopingRule) -> Return:
-        """What was rejected, has not come back before, and fits."""
+        """Rejected observations that fit and have not been restored before."""
         once = tuple(a & ~b for a, b in zip(self.rejected, self.returned, strict=True))
         points = self.given_up & ~self.returned_points
         return fitting_again(self.adjusted, self.given, once, points, rule)
 
     def remaining(self) -> Observations:
-        """The observations that are left."""
+        """The remaining observations."""
         return without_rejected(self.given, Rejection(self.rejected, self.given_up))
 
 
@@ -105,7 +105,7 @@ def without_rejected(given: Observations, gone: Rejection) -> Observations:
 
 
 def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool = True) -> Search:
-    """Reject until no controlled observation exceeds the critical value, then take back what fits.
+    """Reject until no controlled observation exceeds the critical value, then restore those that fit.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 
 class AdjustmentError(Exception):
-    """Base of everything the mathematics refuses to compute."""
+    """Base class of all errors of this package."""
 
 
 @dataclass
@@ -113,7 +113,7 @@ class UnknownNameError(AdjustmentError, KeyError):
 
 @dataclass
 class MissingExtraError(AdjustmentError, ImportError):
-    """A library is needed that comes with an extra of the package, and is not installed.
+    """A library that belongs to an extra of the package is required but not installed.
 
     Attributes
     ----------

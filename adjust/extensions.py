@@ -1,4 +1,4 @@
-"""What other installed packages add: observation types, sets of additional parameters, file formats.
+"""Extensions by other installed packages: observation types, sets of additional parameters, file formats.
 
 A package offers them as entry points of the groups ``aerocal.KIND``
 (https://packaging.python.org/specifications/entry-points/). They are loaded when they are used.
@@ -141,5 +141,5 @@ class Extended(Mapping[str, _Value]):
 
 
 def trouble_of_function(_name: str, value: object) -> str | None:
-    """What is wrong with something that must be a function."""
+    """Why an object that must be a function is not valid."""
     return None if callable(value) else f"is a {type(value).__name__}, not a function."

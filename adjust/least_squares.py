@@ -62,7 +62,7 @@ class Adjusted:
 
 @dataclass(frozen=True, eq=False)
 class Adjuster:
-    """Carries out one adjustment after the other on the same block, each from the last one's values.
+    """Carries out successive adjustments of one block, each from the values of the previous one.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Adjuster:
         return _with_quality(system, solution, ())
 
     def again(self, before: Adjusted, observations: Observations, state: State | None = None) -> Adjusted:
-        """Adjust other observations of the same block, from the values before or from a given state."""
+        """Adjust other observations of the same block, from the previous values or from a given state."""
         system = before.system.remaining(observations)
         found = self.adjust(system, before.state if state is None else state)
         return replace(found, history=before.history + found.history)
@@ -104,7 +104,7 @@ class Adjuster:
     def with_other_rejections(
         self, before: Adjusted, observations: Observations, state: State | None = None
     ) -> Adjusted:
-        """Adjust after a few observations were rejected or came back, well enough to continue from there.
+        """Adjust after a few observations were rejected or restored, accurately enough to continue.
 
         One linear step does where it can, with new cofactors for the object points that have lost or gained
         something only. The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere, and where

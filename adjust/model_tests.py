@@ -1,4 +1,4 @@
-"""Whether the model of an adjusted block lacks something: its alternatives, tested on what was delivered.
+"""Whether the model of an adjusted block is incomplete: tests of its alternatives.
 
 An error of the model first looks like gross errors: of a camera that was remounted all attitudes of a day are
 rejected, and what is left shows nothing. Where much of a group was rejected, all of it comes back before
@@ -31,7 +31,7 @@ _LEAST_PART = 0.5
 
 @dataclass(frozen=True)
 class RestoredGroup:
-    """A group of which so much was rejected that all of it was used in the tests.
+    """A group with so many rejected observations that all of them were used in the tests.
 
     Attributes
     ----------

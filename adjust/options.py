@@ -1,4 +1,4 @@
-"""How an adjustment is to be carried out."""
+"""Options of an adjustment."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ class ParameterPlace(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ConsideredParameters:
-    """System parameters that are held at values which are known with a covariance matrix only.
+    """System parameters held fixed at values with a known covariance matrix.
 
     They are not unknowns, and their errors are part of what is said about everything else (Schmidt 1966).
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class ObservationStatus(IntEnum):
-    """What became of one component of an observation.
+    """Outcome for one component of an observation.
 
     NOT_USED: never observed, or a ray whose point was given up when another ray was rejected.
     """
@@ -90,7 +90,7 @@ class GroupResult:
 
     @property
     def external(self) -> Floats:
-        """External reliability δ̄ (n, m): what an undetected error of the detectable size does to the results.
+        """External reliability δ̄ (n, m): effect on the results of an undetected error of detectable size.
 
         δ̄² = ∇₀² P_ii − δ0², for uncorrelated components δ0² (1 − r)/r: no function of the unknowns moves by
         more than δ̄ of its own standard deviation (Baarda 1968). NaN where ∇₀ is.

@@ -38,7 +38,7 @@ OF_HEADS = (RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET)
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """Poses of pictures, and how they hang on the events.
+    """Poses of pictures, and their dependence on the events.
 
     Attributes
     ----------

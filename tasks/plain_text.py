@@ -40,7 +40,7 @@ def trouble_in(text: str, longest: int = LONGEST_NAME) -> str | None:
 
 
 def is_blank(text: str) -> bool:
-    """Whether a name or a reason says nothing: it has no character that can be seen."""
+    """Whether a name or a reason is blank, without visible characters."""
     return not any(character.isprintable() and not character.isspace() for character in text)
 
 
@@ -67,6 +67,6 @@ def quoted(text: str) -> str:
 
 
 def visible(text: str, longest: int = 2_000) -> str:
-    """A text with every character nobody sees written as its number, cut after so many characters."""
+    """A text with invisible characters written as their numbers, cut after a number of characters."""
     cut = text if len(text) <= longest else f"{text[:longest]}…"
     return _UNSEEN.sub(lambda found: f"\\u{ord(found.group()):04x}", cut)

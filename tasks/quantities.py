@@ -57,7 +57,7 @@ _NAMES = {"1": "", "um": "µm", "deg": "°"}
 
 
 def shown(unit: str, use: Use = "plain") -> Shown:
-    """How people read numbers in a unit of the tables; one without customary size as it is."""
+    """The customary unit for numbers in a unit of the tables; otherwise that unit itself."""
     known = _SHOWN.get(unit, {})
     return known.get(use) or known.get("plain") or Shown(unit)
 
@@ -68,7 +68,7 @@ def unit_words(unit: str) -> str:
 
 
 def with_unit(number: object, unit: str) -> str:
-    """A number with a unit as people write it: degrees without a gap."""
+    """A number with its unit; degrees without a space."""
     return f"{number}{'' if unit in ('', '°') else ' '}{unit}"
 
 
@@ -288,7 +288,7 @@ def reported(parameter: str, si: str) -> tuple[str, float]:
 
 
 def quantity_words(name: object) -> str:
-    """A kind, parameter or other quantity as people write it: ``GNSS shift x``; ``bluh:7`` as it is."""
+    """A kind, parameter or other quantity in words: ``GNSS shift x``; ``bluh:7`` as it is."""
     text = str(name)
     return text if ":" in text else text.replace("_", " ").replace("gnss", "GNSS").replace("ins ", "INS ")
 
@@ -315,6 +315,6 @@ _GROUPS = {
 
 
 def group_words(name: str) -> str:
-    """The name of an observation group for people."""
+    """The name of an observation group in words."""
     plain = _GROUPS.get(name) or name.replace("_", " ").replace("gnss", "GNSS").replace("ins ", "INS ")
     return plain.replace("prior:", "priors: ")

@@ -78,7 +78,7 @@ def model_of(measured: MeasuredImages, oriented: Bools, centre: Floats, rotation
 def image_model(
     measured: MeasuredImages, allowed: Bools, progress: Progress | None = None
 ) -> ImageModel | None:
-    """A model of as many of the allowed images (n,) as hang together; None if no two of them do."""
+    """A model of as many connected ones of the allowed images (n,) as possible; None if no two are."""
     measured = measured.only(allowed)
     best: ImageModel | None = None
     best_px = np.inf

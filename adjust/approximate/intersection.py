@@ -18,7 +18,7 @@ _SETTLED = 1e-8  # metres
 
 
 class IntersectionStatus(IntEnum):
-    """What became of the intersection of one object point."""
+    """Outcome of the intersection of one object point."""
 
     INTERSECTED = 0
     FEWER_THAN_TWO_RAYS = 1

@@ -1,4 +1,4 @@
-"""Image points of images without orientation, as the solvers of relative orientation and resection want them.
+"""Image points of images without orientation, in the form that relative orientation and resection need.
 
 Those solvers (of PoseLib: five points, or three, inside RANSAC) count y down and look along +z: their camera
 frame is diag(1, −1, −1) times ours.
@@ -74,7 +74,7 @@ class MeasuredImages:
         return float(self.interior[self.rays.camera_of_image[image], 0] / self.pixel_size[image])
 
     def camera(self, image: int) -> dict[str, Any]:
-        """The camera of an image in the words of the solvers."""
+        """The camera of an image in the conventions of the solvers."""
         focal = self.focal_px(image)
         return {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [focal, 0.0, 0.0]}
 

@@ -1,4 +1,4 @@
-"""Absolute orientation: a model of images is brought into the system of what is known of it.
+"""Absolute orientation: transforms a model of images into the system of the known positions.
 
 Control points and given positions of images place it; where they lie on one line, given attitudes say how it
 is turned about it, or else that the images look down. Approximate: antennas are taken for
@@ -25,7 +25,7 @@ from adjust.arrays import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class KnownPlaces:
-    """What is known in the system that the model is to be brought into; NaN for what is not.
+    """Known values in the target system; NaN for unknown ones.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Placement:
 
 
 def placement(model: ImageModel, known: KnownPlaces) -> Placement:
-    """The similarity from a model to what is known, as far as that goes."""
+    """The similarity transformation from a model to the known values, as far as they determine it."""
     source, target = _places(model, known)
     if not on_a_line(source) and not on_a_line(target):
         similarity, agreeing = robustly_fitted(source, target)

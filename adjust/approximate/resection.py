@@ -1,4 +1,4 @@
-"""Resection of an image in object points: three of them at a time, and what most of the others agree to."""
+"""Resection of an image from three object points at a time; the solution on which most others agree."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Resection:
 
     @property
     def part(self) -> float:
-        """Part of the points that agree."""
+        """Fraction of the points that agree."""
         return float(self.agreeing.mean())
 
 

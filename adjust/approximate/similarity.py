@@ -1,4 +1,4 @@
-"""Similarities between two systems of coordinates, also where some of the points are wrong."""
+"""Similarity transformations between two coordinate systems, also with some wrong points."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Similarity:
 
 
 def on_a_line(x: Floats) -> bool:
-    """Whether points (k, 3) lie so close to one line that they do not tell a rotation about it."""
+    """Whether points (k, 3) are so close to one line that they do not determine a rotation about it."""
     if len(x) < 3:
         return True
     sizes = np.linalg.svd(x - x.mean(axis=0), compute_uv=False)
@@ -52,7 +52,7 @@ def on_a_line(x: Floats) -> bool:
 
 
 def fitted(source: Floats, target: Floats) -> Similarity:
-    """The similarity of least squares between points (k, 3), k ≥ 3 not on a line (Umeyama 1991)."""
+    """The least-squares similarity between points (k, 3), k ≥ 3 not on a line (Umeyama 1991)."""
     middle, goal = source.mean(axis=0), target.mean(axis=0)
     centred = source - middle
     u, sizes, v = np.linalg.svd((target - goal).T @ centred)
@@ -62,7 +62,7 @@ def fitted(source: Floats, target: Floats) -> Similarity:
 
 
 def robustly_fitted(source: Floats, target: Floats) -> tuple[Similarity, Bools]:
-    """The similarity that most points (k, 3) agree to, k ≥ 3 not on a line, and which of them agree.
+    """The similarity on which most points (k, 3) agree, k ≥ 3 not on a line, and which of them agree.
 
     Of all triples (or some hundreds, if there are more) the one that leaves the least median distance.
     """

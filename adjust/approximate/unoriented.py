@@ -1,4 +1,4 @@
-"""Approximate orientations of images that were given none, or half of one."""
+"""Approximate orientations of images that were given none, or only a part of one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FoundOrientations:
 def find_orientations(
     measured: MeasuredImages, known: KnownPlaces, progress: Progress | None = None
 ) -> FoundOrientations:
-    """Orient all images that the image points join to known places, or to each other.
+    """Orient all images that image points connect to known positions, or to each other.
 
     From images with position and attitude the others are resected one after the other. What these do not
     reach is joined to models, which control points and positions place. If nothing places

@@ -1,4 +1,4 @@
-"""Errors of adjusted orientations that a strip has as a whole, and that strips have in common.
+"""Errors of adjusted orientations that are common to a strip, or to several strips.
 
 The mean over the images of strip k of what the adjusted orientations contribute to the differences of
 `orientation_differences` has the error e_k = F_k dEO, with the joint covariance of all strips
@@ -44,7 +44,7 @@ class StripErrors:
     covariance: Floats
 
     def only(self, strips: Bools | Ints) -> StripErrors:
-        """Of some of the strips."""
+        """The errors of some of the strips."""
         return StripErrors(self.covariance[strips][:, :, strips])
 
     def of_components(self, heading: Floats) -> Floats:

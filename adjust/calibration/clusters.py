@@ -1,4 +1,4 @@
-"""Whether values fall apart into two clusters, whichever of them belong together.
+"""Whether values form two clusters, without knowing which of them belong together.
 
 Among all divisions of n normally distributed values into two groups, that with the largest t between their
 means cuts the sorted values once. There are 2^(n−1) − 1 divisions, so the probability of a t as large in any

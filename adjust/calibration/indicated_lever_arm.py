@@ -1,4 +1,4 @@
-"""What the positions say about lever arms that the adjustment has held, or taken as a start.
+"""Lever arms indicated by the positions, where the adjustment held them fixed or used approximate ones.
 
 A lever arm with wrong signs is a residual of −2 l in body axes that turns with the aircraft, but it cannot
 be read from the residuals: the block gives way to the positions by as much as they weigh, and rejects them
@@ -37,7 +37,7 @@ _MOST_REJECTED = 0.10
 
 @dataclass(frozen=True, eq=False)
 class IndicatedLeverArms:
-    """Lever arms of c cameras as the positions have them.
+    """Lever arms of c cameras as indicated by the positions.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ _HALVINGS = 60
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanSigma:
-    """Of one component of the mean of k strips.
+    """σ and degrees of freedom of one component of the mean of k strips.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def mean_sigma(strips: Floats, covariance: Floats, count: Ints) -> MeanSigma:
 
 
 def widening(freedom: Floats | float, level: float = _OUTER) -> Floats:
-    """Student's quantile over the normal one: what a σ with so many degrees of freedom counts for.
+    """Student's quantile divided by the normal one, for a σ with this number of degrees of freedom.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _SEARCHES = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountingRule:
-    """What counts as another mounting.
+    """When strips are assigned to different mountings.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class MountingRule:
     strip_sigma: Floats
 
     def beyond_chance(self, strips: int) -> Floats:
-        """What none of so many strips (4,) exceeds by its stated errors, but with the error probability."""
+        """Limits (4,) that none of this number of strips exceeds, except with the error probability."""
         largest = special.ndtri(1.0 - self.error_probability / (2.0 * 5.0 * strips))
         return np.asarray(largest * self.strip_sigma)
 
@@ -77,7 +77,7 @@ class Mountings:
 
 
 def found_mountings(strips: StripMeans, rule: MountingRule) -> Mountings:
-    """Tell the mountings of strips apart."""
+    """Find the mountings of the strips."""
     axes = tested_axes(strips)
     count = len(strips.strip)
     single = np.zeros(count, dtype=bool)

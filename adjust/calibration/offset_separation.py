@@ -1,4 +1,4 @@
-"""Which of lever arm, GNSS shift and boresight the strips call for, by flight and by mounting: nested tests.
+"""Whether the strips require a lever arm, GNSS shift or boresight, by flight and mounting: nested tests.
 
 The offsets are those that the given lever arm leaves: a lever arm here is a correction of the given one.
 """

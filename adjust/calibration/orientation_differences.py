@@ -1,4 +1,4 @@
-"""Adjusted minus observed orientations: what the second step of a two-step calibration works with.
+"""Adjusted minus observed orientations, the input of the second step of a two-step calibration.
 
     θ_i = Log(R_INS,iᵀ R_AT,i Tᵀ)            roll, pitch, yaw of the misalignment that image i shows
     o_i = A_i − X0_i                          observed minus adjusted position
@@ -49,7 +49,7 @@ class OrientationPairs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrientationDifferences:
-    """What n images say about boresight and offset.
+    """Boresight and offset indicated by each of n images.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class OrientationDifferences:
         return np.hstack([self.misalignment, self.lever_arm, self.shift])
 
     def only(self, kept: Bools) -> OrientationDifferences:
-        """The images (n,) that are kept; strips and flights keep their numbers."""
+        """Only the selected images (n,); strips and flights keep their numbers."""
         return replace(
             self,
             misalignment=self.misalignment[kept],

@@ -91,7 +91,7 @@ class PlatformCalibration:
         return np.asarray(self.covariance / np.outer(own, own))
 
     def probability(self, head: int) -> float:
-        """How likely as large a change of a head is by chance: χ² with three degrees of freedom."""
+        """Probability of so large a change of a head by chance: χ² with three degrees of freedom."""
         own = slice(3 * head, 3 * head + 3)
         size = self.change[head] @ np.linalg.solve(self.covariance[own, own], self.change[head])
         return float(scipy.stats.chi2.sf(size, 3))

@@ -1,4 +1,4 @@
-"""Weighted mean of vectors that gross errors do not carry away, with an honest standard deviation.
+"""Weighted mean of vectors that is robust against gross errors, with a realistic standard deviation.
 
 Minimised is Σ ρ(v_ij / s_j) with Huber's ρ, k = 1.5 (Huber 1964): residuals up to k robust standard
 deviations count in full, larger ones linearly. Each observation has the weight matrix C_i⁻¹; the factors of

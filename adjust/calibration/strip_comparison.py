@@ -50,7 +50,7 @@ class StripComparison:
 
     @classmethod
     def of(cls, strips: StripMeans, group: Ints, kept: Bools | None = None) -> Self:
-        """Of the strips that are kept."""
+        """The comparison for the selected strips."""
         rows = np.arange(len(group)) if kept is None else np.flatnonzero(kept)
         order = rows[np.lexsort((strips.place[rows], strips.flight[rows]))]
         own, flight = group[order], strips.flight[order]

@@ -27,7 +27,7 @@ _ROUNDING = 1e-18
 
 @dataclass(frozen=True, slots=True)
 class NestedTest:
-    """A model against the smaller one that it contains.
+    """Test of a model against a smaller model that it contains.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class NestedTest:
 
     @property
     def testable(self) -> bool:
-        """Whether the strips say anything about it."""
+        """Whether the strips allow this test."""
         return bool(np.isfinite(self.probability))
 
 

@@ -113,7 +113,7 @@ class TwoStep:
 def two_step_calibration(
     differences: OrientationDifferences, rule: MountingRule, errors: StripErrors | None = None
 ) -> TwoStep:
-    """Misalignment, lever arm and shift, with what contradicts one value for all.
+    """Misalignment, lever arm and shift, and the strips and flights that contradict a common value.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class LocalFrame(Protocol):
 
 @dataclass(frozen=True)
 class CartesianFrame:
-    """A project that is metric Cartesian by declaration (crs = "local"): up is z everywhere."""
+    """The frame of a project declared as metric Cartesian (crs = "local"): up is z everywhere."""
 
     def height(self, x_in_local: Floats) -> Floats:
         """Height (n,) in metres: the third coordinate."""

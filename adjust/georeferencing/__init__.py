@@ -1,1 +1,1 @@
-"""Direct georeferencing: what GNSS, INS and a calibration give without any control, and how well."""
+"""Direct georeferencing: points from GNSS, INS and a calibration alone, and their accuracy."""

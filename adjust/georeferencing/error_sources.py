@@ -1,4 +1,4 @@
-"""Sources of error of direct georeferencing, and how any quantity answers to them.
+"""Sources of error of direct georeferencing, and the sensitivity of any quantity to them.
 
 Three kinds, independent of each other and all scaled to unit variance:
 

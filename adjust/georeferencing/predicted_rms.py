@@ -1,4 +1,4 @@
-"""What root mean square, mean and largest value correlated errors of known covariance should show.
+"""Expected root mean square, mean and largest value of correlated errors of known covariance.
 
 The mean square of q errors e ~ N(0, Σ) has the expectation tr Σ/q and the variance 2 tr Σ²/q². It is nearly
 distributed as tr Σ/q · χ²_ν/ν with the degrees of freedom
@@ -40,7 +40,7 @@ class PredictedRms:
     sigma_of_mean: float
 
     def limits(self, confidence: float) -> tuple[float, float]:
-        """Between which the found root mean square lies with this probability."""
+        """Limits that contain the actual root mean square with this probability."""
         tail = 0.5 * (1.0 - confidence)
         quantiles = special.chdtri(self.degrees_of_freedom, np.array([1.0 - tail, tail]))
         low, high = self.rms * np.sqrt(quantiles / self.degrees_of_freedom)

@@ -1,4 +1,4 @@
-"""Gross errors among y-parallaxes, told from errors of the orientation.
+"""Gross errors among y-parallaxes, distinguished from errors of the orientation.
 
 Wrong orientations give the parallaxes of a model a smooth form, that of the five elements of the relative
 orientation; a point that was mismatched does not follow it. So the elements are estimated in every model,

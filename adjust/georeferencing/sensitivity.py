@@ -1,4 +1,4 @@
-"""How any quantity answers to the sources of error of direct georeferencing.
+"""Sensitivity of any quantity to the sources of error of direct georeferencing.
 
 A quantity y (coordinates of intersected points, y-parallaxes) has the first-order error S ε with the matrix S
 of its sensitivities. Because strips and calibration are common to many images, errors at different places are

@@ -25,7 +25,7 @@ from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 
 @dataclass(frozen=True, eq=False)
 class PointErrors:
-    """What makes m intersected points wrong, along given axes at each.
+    """Errors of m intersected points, along given axes at each point.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Stereo models: pairs of images that follow each other in a strip, and the points they share."""
+"""Stereo models: pairs of successive images of a strip, and the points they share."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class CommonPoints:
 
 
 def consecutive_images(strip: Ints, order: Floats) -> StereoModels:
-    """Models of images that follow each other.
+    """Models of successive images.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def consecutive_images(strip: Ints, order: Floats) -> StereoModels:
 
 
 def common_points(rays: ImagePoints, models: StereoModels) -> CommonPoints:
-    """The points that both images of each model show.
+    """The points that were measured in both images of each model.
 
     An image is the left one of at most one model, so every image point has at most one partner.
     """

@@ -1,1 +1,1 @@
-"""Orientations for programs that understand the world in another way, and how far they are from ours."""
+"""Orientations for programs with another model of the world, and their differences from ours."""

@@ -1,4 +1,4 @@
-"""A program that takes map coordinates (E, N, H) as if they were Cartesian.
+"""A program that treats map coordinates (E, N, H) as Cartesian.
 
 Its collinearity equations hold in the map: p = Rᵀ(X − X0), q = (p_x, p_y)/p_z, and the ideal image point is
 

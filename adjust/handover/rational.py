@@ -1,4 +1,4 @@
-"""Rational polynomials (RPC00B) in the place of a camera: row and column as ratios of cubics of the ground.
+"""Rational polynomials (RPC00B) instead of a camera: row and column as ratios of cubic polynomials.
 
     row_n = Σ a_i m_i(P, L, H) / Σ b_i m_i(P, L, H),   b_1 = 1,
 

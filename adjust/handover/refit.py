@@ -1,4 +1,4 @@
-"""Orientations refitted to a program that takes the map as Cartesian.
+"""Orientations refitted for a program that treats map coordinates as Cartesian.
 
 Every image has a grid of ideal image points and, for each, where it really sees the ground, in map
 coordinates. The six elements of its orientation, and where the program takes our camera one focal length and

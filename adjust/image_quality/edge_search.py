@@ -30,7 +30,7 @@ NEAR = 40.0
 
 @dataclass(frozen=True, eq=False)
 class GivenEdges:
-    """Where edges are, as somebody has seen it.
+    """Positions of edges, as given by a user.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What many edges say together: the mean factor with its σ, the profile and the response of all of them.
+"""Combined result of many edges: the mean factor with its σ, the profile and the response of all.
 
 Edges of a scene can be softer than the camera (shadows, worn paint), never sharper. Values that lie outside
 the others by more than 3.5 robust standard deviations are left out of the mean, and counted. The σ of the

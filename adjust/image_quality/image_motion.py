@@ -63,7 +63,7 @@ class CameraMotion:
 
 @dataclass(frozen=True, eq=False)
 class MotionComparison:
-    """Smear that the movement of the camera explains, beside that of the edges.
+    """Smear explained by the movement of the camera, compared with that of the edges.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How a sensor answers to light: linearity and sensitivity from exposure times, fall-off from flat images."""
+"""Response of a sensor to light: linearity and sensitivity from exposure times, fall-off from flat images."""
 
 from __future__ import annotations
 

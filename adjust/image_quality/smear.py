@@ -48,7 +48,7 @@ class Smear:
 
     @property
     def significant(self) -> bool:
-        """Whether chance does not explain it."""
+        """Whether it is significant."""
         return self.probability < PROBABILITY
 
 

@@ -1,1 +1,1 @@
-"""An adjustment result for people at a keyboard: one line, a page, a table, a picture."""
+"""An adjustment result in a notebook: one line, a page, a table, a picture."""

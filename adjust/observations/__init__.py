@@ -1,1 +1,1 @@
-"""Observation types: one file each, saying what is zero when the observation is satisfied."""
+"""Observation types: one file each, with the condition that is zero when the observation is satisfied."""

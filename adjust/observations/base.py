@@ -1,4 +1,4 @@
-"""What every observation group is: a functional model and, apart from it, a stochastic model."""
+"""Parts of every observation group: a functional model and a separate stochastic model."""
 
 from __future__ import annotations
 
@@ -155,12 +155,12 @@ class StochasticModel:
 
     @cached_property
     def neighbours(self) -> Neighbours | None:
-        """Who follows whom among the observations that are used; None without correlation over time."""
+        """Order of the observations that are used in each strip; None without correlation over time."""
         return None if self.over_time is None else self.over_time.neighbours(self.taking_part)
 
     @property
     def taking_part(self) -> Bools:
-        """(n,) observations of which any component is used."""
+        """(n,) whether any component of an observation is used."""
         return np.asarray(self.present.any(axis=1))
 
     def standardized(self, vectors: Floats) -> Floats:

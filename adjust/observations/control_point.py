@@ -51,7 +51,7 @@ class ControlPoints:
         return np.full(len(self.point), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:
-        """Observation equations at a state; derivatives exact but for the curvature of h (1/R)."""
+        """Observation equations at a state; derivatives exact except for the curvature of h (1/R)."""
         x_in_local = state.object_point[self.point]
         anchor = np.where(np.isfinite(self.given), self.given, x_in_local)
         local_from_enu = self.frame.local_from_enu(anchor)

@@ -1,4 +1,4 @@
-"""Parameters of several families, observed together: what an earlier calibration says of them."""
+"""Parameters of several families, observed together, as known from an earlier calibration."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class JointPrior:
         return replace(self, stochastic=self.stochastic.without(rejected))
 
     def without_family(self, family: str) -> Self:
-        """What is known of the parameters of the other families alone."""
+        """The prior of the parameters of the other families only."""
         kept = [k for k, place in enumerate(self.places) if place.family != family]
         root = self.stochastic.unwhitener[:, kept]
         model = StochasticModel.from_covariance(

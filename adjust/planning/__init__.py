@@ -1,1 +1,1 @@
-"""What a flight will determine, before it is flown."""
+"""Planning: what a flight will determine."""

@@ -56,7 +56,7 @@ class PlannedAdditional:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationModel:
-    """What is estimated, and what is known of it beforehand.
+    """The estimated parameters, and their prior knowledge.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class APriori:
 
 
 def a_priori_covariance(network: PlannedNetwork, model: CalibrationModel, threads: int = 1) -> APriori:
-    """Covariances of the system parameters that a network will give.
+    """Expected covariances of the system parameters of a network.
 
     Raises
     ------

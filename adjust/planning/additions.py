@@ -1,4 +1,4 @@
-"""What could be flown in addition: the same lines back or again, lines across, a second height, more control.
+"""Possible additions to a flight: lines back or again, lines across, a second height, more control.
 
 Proposals cover the area of the lines that are there, with their overlaps. Which of them is worth its images
 only a computation tells.

@@ -1,1 +1,1 @@
-"""How good the result is: covariance, redundancy, gross errors, the global test."""
+"""Quality of the result: covariance, redundancy, gross errors, the global test."""

@@ -25,7 +25,7 @@ _AT_ONCE = 8_192
 
 
 class ModelAlternative(Protocol):
-    """Something that the model may lack, with one unknown size b."""
+    """A possible deficiency of the model, with one unknown size b."""
 
     def column(self, group: ObservationGroup, equations: Linearization, rows: slice, /) -> Floats | None:
         """Derivatives (n, m) of the computed observations with respect to b; None: all zero.

@@ -160,7 +160,7 @@ class AlternativeTests:
         return self.normal / spread[:, None] / spread
 
     def together(self, members: Sequence[int]) -> tuple[float, int]:
-        """T of some alternatives together, and its degrees of freedom: what can be told of them at all."""
+        """T of some alternatives together, and its degrees of freedom, as far as they can be separated."""
         chosen = [k for k in members if self.distinguishable[k]]
         scale = 1.0 / np.sqrt(self._own[chosen])
         values, vectors = np.linalg.eigh(self.normal[np.ix_(chosen, chosen)] * scale[:, None] * scale)

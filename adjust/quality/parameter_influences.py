@@ -1,4 +1,4 @@
-"""How the estimated system parameters answer to the observations they were estimated from.
+"""Influence of the observations on the system parameters estimated from them.
 
 An estimate is a linear function of the observations, to first order: with the design matrix A, the weight
 matrix P and Q = (AᵀPA)⁻¹,

@@ -1,4 +1,4 @@
-"""Which rejected observations fit after all, once the gross errors around them are gone.
+"""Rejected observations that fit once the gross errors around them have been removed.
 
 The residual of an observation that is not used is a prediction error with the cofactor Σ + A Q Aᵀ, so
 its statistic has I + H in place of I − H; where errors are correlated over time, the prediction comes from

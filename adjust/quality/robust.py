@@ -82,7 +82,7 @@ WEIGHT_FUNCTIONS: Mapping[RobustFunction, Callable[[Floats, int], Floats]] = {
 def robust_rejection(
     adjuster: Adjuster, adjusted: Adjusted, function: RobustFunction, rule: SnoopingRule
 ) -> Rejection:
-    """What stands out of a robust adjustment: the largest observation of every object point and image."""
+    """Outliers of a robust adjustment: the largest of every object point and image."""
     state, observations = adjusted.state, adjusted.observations
     studentized = _studentized(observations, state, adjusted.residuals)
     factors = tuple(np.ones(len(w)) for w in studentized)

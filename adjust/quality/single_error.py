@@ -1,4 +1,4 @@
-"""What an error of one observation alone does, and what can be seen of it.
+"""Effect of an error of a single observation, and its detectability.
 
 With e_i the standardized errors of observation i (m components) and T the inverse of their correlations over
 time (the unit matrix without any), an error of observation i alone shows in
@@ -26,7 +26,7 @@ from adjust.solve.whitening import add_border_columns, standardize
 
 @dataclass(frozen=True, eq=False)
 class SingleErrors:
-    """How every observation of a group answers to an error of its own.
+    """Effect of an error of each observation of a group on itself.
 
     Attributes
     ----------

@@ -161,7 +161,7 @@ def variance_components(
     frozen: Bools,
     confidence: float,
 ) -> tuple[tuple[VarianceComponent, ...], tuple[CorrelationTime, ...]]:
-    """State the components and the correlation times that the iteration has found.
+    """The components and correlation times that the iteration has found.
 
     Parameters
     ----------

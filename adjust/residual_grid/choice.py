@@ -1,4 +1,4 @@
-"""How many sub-areas, and how much smoothing? Every choice tried, and judged by what was not used in it.
+"""Number of sub-areas and amount of smoothing: every choice is judged by data not used in it.
 
 Many cells follow the errors closely and their own noise as well; few or smoothed ones miss what changes
 quickly, such as steps at seams. The residuals of the adjustment itself always prefer more cells. Two
@@ -48,7 +48,7 @@ class GridCandidate:
 
 @dataclass(frozen=True)
 class GridOutcome:
-    """What a candidate leads to.
+    """Result of a candidate.
 
     Attributes
     ----------

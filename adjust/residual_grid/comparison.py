@@ -1,4 +1,4 @@
-"""Mean residuals of two flights: whether they show the same errors, and what they say together."""
+"""Mean residuals of two flights: whether they show the same errors, and their combination."""
 
 from __future__ import annotations
 

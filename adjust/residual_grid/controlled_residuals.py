@@ -1,4 +1,4 @@
-"""Which residuals of an adjustment show errors of the measurements."""
+"""Which residuals of an adjustment reveal errors of the measurements."""
 
 from __future__ import annotations
 

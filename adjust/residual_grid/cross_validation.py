@@ -52,7 +52,7 @@ class ImageHalves:
 
     @classmethod
     def of(cls, whole: ImageSets, fields: Fields, now: Readjusted) -> ImageHalves | None:
-        """Both halves as they stand; None where no cell has enough image points of both."""
+        """Both halves in their present state; None where no cell has enough image points of both."""
         half = np.zeros_like(whole.grid_of_image)
         for number in range(len(whole.cells)):
             own = np.flatnonzero(whole.grid_of_image == number)
@@ -79,7 +79,7 @@ class ImageHalves:
         return fields, self.sets.adjusted(of_halves, self.now[half].state)
 
     def step(self, number: int) -> CrossStep:
-        """What the images say that were not used, each half in the adjustment of the other."""
+        """Residuals of the images that were not used, each half in the adjustment of the other."""
         total = weight = squares = residuals = 0.0
         sets, rays = self.sets, self.sets.readjustment.image_points
         for half in (0, 1):

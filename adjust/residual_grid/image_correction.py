@@ -32,7 +32,7 @@ class CorrectionField:
 
     @classmethod
     def zero(cls, cells: FormatCells) -> CorrectionField:
-        """Nothing known anywhere."""
+        """A field without corrections."""
         return cls(cells, np.full((cells.count, 2), np.nan))
 
     def plus(self, more: Floats) -> CorrectionField:

@@ -41,7 +41,7 @@ Reason = Literal["nothing_to_model", "cross_validation", "settled", "limit"]
 
 @dataclass(frozen=True)
 class GridStep:
-    """What stands after a number of steps; lengths in metres.
+    """State after a number of steps; lengths in metres.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ def undetermined(estimate: LinearEstimate) -> Bools:
 
 
 def entangled_with(estimate: LinearEstimate, d: int) -> Ints:
-    """The free parameters from which parameter d is hardest to tell, strongest first, three at most.
+    """The free parameters from which parameter d is hardest to separate, strongest first, three at most.
 
     They are those that take over its effect when it is held: with the coefficients N_dF Q of the others
     without d, in units of the standard deviation each would have if all others were known.

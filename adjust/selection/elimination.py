@@ -1,4 +1,4 @@
-"""The selection of additional parameters: one goes at a time, every decision with its reason.
+"""The selection of additional parameters: one is eliminated at a time, every decision with its reason.
 
 All steps are exact updates of one linearised solution, so that hundreds of them cost less than a single
 adjustment. The update runs over all system parameters: what stays in any case (focal length, principal point,
@@ -93,7 +93,7 @@ class Elimination:
         return self.candidates & ~self.estimate.free
 
     def verdict(self, parameter: int) -> str:
-        """The last word about a candidate, in the wording of calibration certificates."""
+        """The final decision on a candidate, in the wording of calibration certificates."""
         return "is significant" if self.estimate.free[parameter] else "is eliminated"
 
 

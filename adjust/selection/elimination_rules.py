@@ -1,4 +1,4 @@
-"""Which additional parameters stay: the rules, as data."""
+"""Rules for keeping additional parameters, as data."""
 
 from __future__ import annotations
 

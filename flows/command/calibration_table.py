@@ -25,7 +25,7 @@ def calibration_table(summary: Summary, found: CalibrationFigures) -> Renderable
 
 
 def calibration_verdict(found: CalibrationFigures) -> RenderableType:
-    """Whether the flight is accepted, how it was flown, and what the second step says."""
+    """Whether the flight is accepted, how it was flown, and the result of the second step."""
     words, colour = _VERDICTS[found.verdict]
     verdict = Text(f"The flight is {words}.", style=f"bold {colour}")
     flown = Text(f"Flight pattern: {found.directions}; {found.heights}.")

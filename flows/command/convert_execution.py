@@ -1,4 +1,4 @@
-"""Carry out ``aerocal convert`` and say what was written."""
+"""Carry out ``aerocal convert`` and report what was written."""
 
 from __future__ import annotations
 

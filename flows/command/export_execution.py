@@ -1,4 +1,4 @@
-"""Carry out ``aerocal export`` and say what was written."""
+"""Carry out ``aerocal export`` and report what was written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carry out ``aerocal figures`` and say what was written."""
+"""Carry out ``aerocal figures`` and report what was written."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _SETS = (
 
 
 def georeferencing_table(found: DirectGeoreferencing, *, in_brief: bool = False) -> RenderableType:
-    """Differences east, north, up next to their prediction, y-parallaxes, and what standards let say.
+    """Differences east, north, up next to their prediction, y-parallaxes, and statements by standards.
 
     Parameters
     ----------

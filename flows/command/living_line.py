@@ -38,7 +38,7 @@ _TIMES_PER_SECOND = 2
 
 
 class LivingLine(logging.Handler):
-    """Follows the stages by their messages; shown, it says how far they are.
+    """Follows the stages by their messages, and shows their progress.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class LivingLine(logging.Handler):
         self._done = self._took = 0.0
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note where a stage begins or ends, and how far it says it is."""
+        """Record the start, progress and end of a stage."""
         began, ended = (getattr(record, name, None) for name in ("stage_began", "stage_ended"))
         fraction: float | None = getattr(record, "stage_fraction", None)
         if began is not None:

@@ -20,7 +20,7 @@ from tasks.settings.load import is_project_file
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What the command line says.
+    """The options of the command line.
 
     Attributes
     ----------

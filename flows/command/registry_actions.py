@@ -33,7 +33,7 @@ def opened(address: str | None) -> Registry:
 def add_calibrations(
     source: Path, person: str | None, note: str, codes: Sequence[str], address: str | None
 ) -> int:
-    """Add the records of a file or folder and say what each became."""
+    """Add the records of a file or folder and report the outcome of each."""
     radiometric, signature = read_radiometric(source), Signature(_person(person), note)
     records = (
         () if radiometric is not None and not has_calibration(source) else read_calibrations(source, codes)

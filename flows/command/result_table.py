@@ -31,7 +31,7 @@ _SHOWN_PARAMETERS = 30
 
 
 def show_result(outcome: RunOutcome, *, as_json: bool) -> None:
-    """Print the outcome on standard output: the JSON summary alone, or tables for people."""
+    """Print the outcome on standard output: only the JSON summary, or tables."""
     if as_json:
         # Plain print: no styling, no wrapping of long lines.
         print(json_text(outcome.summary.to_json(), indent=2))

@@ -1,4 +1,4 @@
-"""What ``aerocal serve`` and ``aerocal runner`` say: with date and time, or as JSON for programs."""
+"""Output of ``aerocal serve`` and ``aerocal runner``: with date and time, or as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carry out ``aerocal simulate`` and say what was written."""
+"""Carry out ``aerocal simulate`` and report what was written."""
 
 from __future__ import annotations
 

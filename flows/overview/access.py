@@ -61,7 +61,7 @@ DOCUMENT_POLICY = "; ".join(
 
 
 def guard(server: Flask, door: Door, policy: str) -> None:
-    """Let in who may come in, and send the headers that protect a browser.
+    """Check access, and send the headers that protect a browser.
 
     Parameters
     ----------

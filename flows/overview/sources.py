@@ -80,7 +80,7 @@ _MOST = 200
 
 @dataclass(frozen=True)
 class ServerView:
-    """What the server says.
+    """The state of the server.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Lasting(Generic[T]):
 
 @dataclass(frozen=True)
 class Calibrations:
-    """What the registry says.
+    """The calibrations of the registry.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ class Sources:
         return self._server.get()
 
     def calibrations(self) -> Calibrations:
-        """What the registry says."""
+        """The calibrations of the registry."""
         return self._calibrations.get()
 
     def _ask_server(self) -> ServerView:

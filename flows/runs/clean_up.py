@@ -1,4 +1,4 @@
-"""Clean up output folders: what nobody has used for long goes, what a manifest names stays."""
+"""Clean up output folders: outputs unused for long are removed, those named by a manifest are kept."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def clean_up_below(tops: Sequence[Path], keep_days: int, act: Act) -> CleanedFol
 
 
 def megabytes(size: int) -> str:
-    """Bytes as people read them."""
+    """A number of bytes in megabytes."""
     return f"{size / 1e6:,.1f} MB"
 
 

@@ -106,7 +106,7 @@ def _other_environment(environment: tuple[tuple[str, str | None], ...]) -> Troub
 
 
 def examine(expected: Expected, dask_worker: Any) -> tuple[Trouble | None, str]:
-    """What a worker says before a run: why it cannot be used, and which kind of processor it has.
+    """Examine a worker before a run: why it cannot be used, and its kind of processor.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def state_name(outcome: RunOutcome) -> State:
 
 
 def state_message(outcome: RunOutcome) -> str:
-    """What is to be said about it, a sentence."""
+    """A sentence about the state."""
     status = outcome.summary.status
     if status == "done":
         return f"Results are in {outcome.place}."

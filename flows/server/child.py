@@ -1,4 +1,4 @@
-"""A child process of ``aerocal serve``: started again when it ends, ended when nobody holds it.
+"""A child process of ``aerocal serve``: restarted when it ends, and ended with its parent.
 
 It fills the gap that one command on one machine leaves where neither systemd nor a container engine looks
 after each process. Run as a program (``python -m flows.server.child HANDLE MODULE ARGUMENT …``) it carries
@@ -194,7 +194,7 @@ def requests_to_end() -> Iterator[Requests]:
 
 
 class Supervised:
-    """A child that is started again, after growing pauses, whenever it has ended by itself.
+    """A child that is restarted, after increasing pauses, whenever it has ended on its own.
 
     Parameters
     ----------

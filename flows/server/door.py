@@ -1,4 +1,4 @@
-"""What is let in at a port of ours: which host was requested, which page asks, what is sent, and by whom.
+"""Access to the ports: checks of the requested host, the origin, the content and the user.
 
 A browser carries out what any page tells it to, so knowing the port must not be enough, not even on loopback.
 Whoever asks knows the password (``user:password``), or is a browser that a link of ours has given a cookie.
@@ -73,7 +73,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Door:
-    """Who is let in.
+    """The rules of access.
 
     Attributes
     ----------

@@ -246,7 +246,7 @@ class Scheduled:
     refused: tuple[str, ...]
 
     def sentences(self) -> tuple[str, ...]:
-        """What people should read about it."""
+        """Sentences for the log and the page."""
         parts = (("Started", self.begun), ("Not complete yet", self.waiting))
         told = [f"{what}: {', '.join(names)}." for what, names in parts if names]
         told.append(f"Deliveries with a run already: {len(self.known)}.")

@@ -1,4 +1,4 @@
-"""What may be said about accuracy, from differences at independent check points, in the words of a template.
+"""Accuracy statements from differences at independent check points, in the wording of a template.
 
 ASPRS, from edition 2 on: with the radial RMSE of the differences RMSE_H1 = √(RMSE_X² + RMSE_Y²) and that of
 the survey RMSE_H2,
@@ -40,7 +40,7 @@ class AccuracyClass:
 
 @dataclass(frozen=True)
 class PartFound:
-    """A part of a statement: its points, what became of it, its figures in metres, what is beyond."""
+    """A part of a statement: its points, its outcome, its figures in metres, and those beyond their limit."""
 
     points: str
     number: int
@@ -53,7 +53,7 @@ class PartFound:
 
 @dataclass(frozen=True)
 class Statement:
-    """What may be said according to one template.
+    """The statement according to one template.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ class _Data(BaseModel):
 
 
 class Texts(_Data):
-    """What is said in each case; an empty text says nothing.
+    """The wording of each case; with an empty text there is no sentence.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Texts(_Data):
 
 
 class Part(_Data):
-    """What is said about some points.
+    """The statement about some of the points.
 
     Attributes
     ----------

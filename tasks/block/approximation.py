@@ -32,7 +32,7 @@ _NOT_ORIENTED = "not_oriented"
 
 @dataclass(frozen=True, eq=False)
 class Approximation:
-    """A block with its object points intersected, and what became of every point.
+    """A block with its object points intersected, and the outcome for every point.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ Fields = tuple[CorrectionField | None, ...]
 
 @dataclass(frozen=True, eq=False)
 class BlockGrids:
-    """What the residuals of a block say about its cameras; one entry for each camera, None without images.
+    """Mean residuals of the cameras of a block; one entry for each camera, None without images.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigma
 
 @dataclass(frozen=True)
 class Origin:
-    """What every record says about where it comes from.
+    """Origin of every record.
 
     Attributes
     ----------

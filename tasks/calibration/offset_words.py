@@ -9,7 +9,7 @@ from adjust.calibration.two_step import TwoStep
 
 
 def offset_sentence(camera: str, result: TwoStep) -> str:
-    """Whether the strips call for a lever arm, a shift or both, with the tests that say so."""
+    """Whether the strips require a lever arm, a shift or both, with the tests that show it."""
     offset = result.offset
     lever_arm, shift = (test_words(offset.tests[name]) for name in ("lever_arm", "shift"))
     rms = f"RMS in plan {result.rms_body:.3f} m in body axes, {result.rms_map:.3f} m in the map"

@@ -1,4 +1,4 @@
-"""calibration.json: what one calibration says about one camera and its mounting, complete in itself.
+"""calibration.json: the complete record of one calibration of one camera and its mounting.
 
 It holds everything a later project, the registry, a certificate or another program needs: which camera,
 which parameters with their full covariance matrix, from which flight, inputs and software.

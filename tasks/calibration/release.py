@@ -69,7 +69,7 @@ class Release:
         return project.model_copy(update={"adjustment": adjustment, "direct_georeferencing": direct})
 
     def told(self, held: Held) -> JSON:
-        """What was free, and what is held after it, for summary.json."""
+        """What was free, and what is held fixed afterwards, for summary.json."""
         return {"free": list(self.free), "additional": self.additional, HELD: dict(held)}
 
     def without(self, held: Held) -> Release:

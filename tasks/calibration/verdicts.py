@@ -64,7 +64,7 @@ class Correlated:
 
 @dataclass(frozen=True)
 class ParameterVerdict:
-    """What a flight says about one parameter.
+    """The result of a flight for one parameter.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class FlightVerdict:
         return "refused" if self.reasons else "restricted" if self.restrictions else "accepted"
 
     def beside(self, reasons: tuple[str, ...], restrictions: tuple[str, ...]) -> FlightVerdict:
-        """The verdict with more that speaks against the flight; that comes first."""
+        """The verdict with further reasons against the flight, which come first."""
         return FlightVerdict((*reasons, *self.reasons), (*restrictions, *self.restrictions), self.remarks)
 
 

@@ -64,7 +64,7 @@ class Transfer:
 
     @property
     def keeps_datum(self) -> bool:
-        """Whether both frames stand on the same datum, so that east, north and up are the same."""
+        """Whether both frames have the same datum, so that east, north and up are the same."""
         return self.is_identity or self.source.is_local or self._same_datum
 
     @cached_property

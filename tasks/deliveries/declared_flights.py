@@ -1,4 +1,4 @@
-"""What the project file says of delivered flights: parts of one flight, and cameras that were remounted."""
+"""Declarations on delivered flights: parts of one flight, and cameras that were remounted."""
 
 from __future__ import annotations
 

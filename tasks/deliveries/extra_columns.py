@@ -1,4 +1,4 @@
-"""Further columns of input files, kept as text next to those of the contract, and said to be."""
+"""Further columns of input files, which are kept as text and reported."""
 
 from __future__ import annotations
 

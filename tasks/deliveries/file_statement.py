@@ -1,4 +1,4 @@
-"""Whether what a file says itself of its numbers is what the project file declares."""
+"""Whether the statements of a file about its numbers agree with the project file."""
 
 from __future__ import annotations
 

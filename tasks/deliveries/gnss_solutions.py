@@ -1,4 +1,4 @@
-"""Positions that are no fixed solutions: weighted or left out as declared, and said in any case."""
+"""Positions without fixed ambiguities: weighted or excluded as declared, and always reported."""
 
 from __future__ import annotations
 

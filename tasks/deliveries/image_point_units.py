@@ -45,7 +45,7 @@ _LINE = re.compile(f'unit = "[a-z-]+"|{re.escape(_EXCHANGED)}')
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InFormat:
-    """What the format says about the image points of a file.
+    """The image points of a file compared with the image format.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ class ArrowScale:
 
 
 def length_words(metres: float) -> str:
-    """A round length for people."""
+    """A round length in words."""
     return f"{metres * 100:g} cm" if metres < 1.0 else f"{metres:g} m"
 
 

@@ -1,4 +1,4 @@
-"""The adjustment in figures for summary.json and in sentences for people."""
+"""The adjustment in figures for summary.json and in sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the errors of neighbouring images hang together: correlations, and σ of their differences."""
+"""Correlation of the errors of neighbouring images, and σ of their differences."""
 
 from __future__ import annotations
 

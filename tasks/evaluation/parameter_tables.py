@@ -1,4 +1,4 @@
-"""System parameters and their correlations as tables, with what can be said about each."""
+"""System parameters and their correlations as tables, with the findings for each."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def correlation_figures(result: AdjustmentResult, stated_s: Mapping[str, float |
 
 
 def correlation_sentences(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> list[str]:
-    """What the residuals say about correlation times: other than stated, none, or not determinable."""
+    """Findings on correlation times: different from the stated ones, none, or not determinable."""
     return [
         sentence
         for item in result.correlation_times
@@ -132,7 +132,7 @@ def variance_sentences(result: AdjustmentResult) -> list[str]:
 
 
 def part_words(part: str) -> str:
-    """A part of the observations as people write it: ``GNSS positions in height of flight 2``."""
+    """A part of the observations in words: ``GNSS positions in height of flight 2``."""
     part, joint, origin = part.partition(" of ")
     group, _, components = part.partition(" ")
     words = group.replace("_", " ").replace("prior:", "the priors of ").replace(":", " ")

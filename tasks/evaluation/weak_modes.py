@@ -1,4 +1,4 @@
-"""Which system parameters a block does not tell apart, in words, and what would."""
+"""Which system parameters a block cannot separate, in words, and what would separate them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of JSON files of others: each knows where it stands, and says so if it is wrong."""
+"""Values of foreign JSON files: each knows its location, which error messages state."""
 
 from __future__ import annotations
 

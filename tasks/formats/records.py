@@ -23,7 +23,7 @@ AngleOrder: TypeAlias = Literal["omega-phi-kappa", "phi-omega-kappa", "heading-p
 
 @dataclass(frozen=True, slots=True)
 class FileStatement:
-    """What a file says itself of its numbers; the project file has to declare the same.
+    """Statements of a file about its numbers; the project file must agree with them.
 
     Attributes
     ----------

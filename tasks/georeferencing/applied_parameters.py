@@ -1,4 +1,4 @@
-"""The values that were applied, for people and programs to see."""
+"""The values that were applied, as a table."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Calibration:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it says nothing: the values of the cameras hold."""
+        """Whether it is empty, so that the values of the cameras apply."""
         return not self.values
 
     def entities(self, parameter: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a direct-georeferencing check has to say in sentences, the most serious first."""
+"""Remarks of a direct-georeferencing check, the most serious first."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def coverage_remarks(
 
 
 def point_remarks(independent: int, control: int) -> Iterator[str]:
-    """Which points say something about the accuracy."""
+    """Remarks on the points that the accuracy is derived from."""
     if control:
         yield (
             f"{control} surveyed point{'s were' if control > 1 else ' was'} control of the calibration. "

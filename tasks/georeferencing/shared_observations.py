@@ -29,7 +29,7 @@ _DEGREE = float(np.rad2deg(1.0))
 
 @dataclass(frozen=True)
 class SharedExposures:
-    """How many of the exposures of a calibration are those of a check; both 0 where nobody knows."""
+    """How many of the exposures of a calibration are also those of a check; both 0 if unknown."""
 
     shared: int = 0
     of_calibration: int = 0

@@ -18,7 +18,7 @@ from tasks.store.store import Store, remove_whole
 
 
 def deliver(store: Store, project: Project, summary: Summary) -> Summary:
-    """Write the deliveries of a project, and say in the summary of its published results what became of them.
+    """Write the deliveries of a project, and record their outcome in the summary of its published results.
 
     A delivery that is refused stops no other; it fails its gate, and an earlier one in its folder is gone.
     """

@@ -30,7 +30,7 @@ _TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "flo
 
 @dataclass(frozen=True)
 class ImageDescription:
-    """What an image file says about itself.
+    """Metadata of an image file.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How far the examination of images is, told in tenths to the log and to the living line of a terminal."""
+"""Progress of an examination of images, in tenths, for the log and the progress line of a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The project file of a folder of deliveries: what the files say, and what a person has to declare."""
+"""The project file of a folder of deliveries: what the files state, and what must be declared."""
 
 from __future__ import annotations
 

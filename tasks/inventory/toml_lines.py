@@ -1,4 +1,4 @@
-"""Single lines of a TOML file that people read: values, and comments behind or before them."""
+"""Single lines of a TOML file: values, and comments after or before them."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ class ObjectWorkspace:
         _log.info("published at %s", self.storage.address)
 
     def tell(self, summary: Mapping[str, JSON]) -> None:
-        """Say how a run ended; the results that the manifest points to stay as they are."""
+        """Record how a run ended; the results that the manifest refers to remain unchanged."""
         self._put_json(SUMMARY, summary)
 
     def _put_json(self, name: str, content: JSON) -> None:

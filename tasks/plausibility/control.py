@@ -70,7 +70,7 @@ def check_control(
     frame: AdjustmentFrame,
     expected: ExpectedIntersections,
 ) -> list[str]:
-    """Refuse control points that cannot be where they are said to be; name what looks suspicious.
+    """Refuse control points with impossible coordinates; report suspicious ones.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _CODE = re.compile(r"EPSG:(\d+)", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Surveyed points and where they stand.
+    """Surveyed points in the frames of the project and of the adjustment.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ _SUSPECTS = 8
 
 @dataclass(frozen=True, eq=False)
 class TieDiagnosis:
-    """What the tie points say.
+    """What the tie points indicate.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ _AS_WELL = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Misalignment:
-    """What the tie points say.
+    """What the tie points indicate.
 
     Attributes
     ----------

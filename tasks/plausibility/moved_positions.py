@@ -24,7 +24,7 @@ _ALONG = 0.9
 
 @dataclass(frozen=True, eq=False)
 class DeclaredPositions:
-    """What the project file says of the positions.
+    """Declarations of the project file on the positions.
 
     Attributes
     ----------

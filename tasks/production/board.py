@@ -156,7 +156,7 @@ class Board:
 
 @dataclass(frozen=True)
 class Tally:
-    """How many projects stand where.
+    """Number of projects in each state.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The pages of a run that people read, handed out only as the run has written them.
+"""The pages of a run, shown only exactly as the run has written them.
 
 A document is named by the run and by a name of the manifest of its output folder; nothing else is a path.
 Its bytes are held against the digest in the manifest before anybody sees them.

@@ -1,4 +1,4 @@
-"""A notice: what is to be told about a run that has ended."""
+"""A notice about a run that has ended."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Links:
 
 @dataclass(frozen=True)
 class Notice:
-    """What is to be told about a run that has ended.
+    """A notice about a run that has ended.
 
     Attributes
     ----------

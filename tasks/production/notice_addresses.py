@@ -40,7 +40,7 @@ _REFUSED = re.compile(r"error=(\d{3})\b")
 
 @dataclass(frozen=True)
 class Sent:
-    """What became of one message: whether the receiver took it, and what is to be said about it."""
+    """Outcome of one message: whether the receiver accepted it, and a sentence about it."""
 
     accepted: bool
     said: str
@@ -155,7 +155,7 @@ def _heard() -> Iterator[list[str]]:
 
 
 def send_test_message(environment: Mapping[str, str] = os.environ) -> dict[NoticeAddress, Sent]:
-    """Send a message to every address; what became of each.
+    """Send a message to every address; returns the outcome of each.
 
     Raises
     ------

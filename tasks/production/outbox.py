@@ -67,7 +67,7 @@ class Outbox:
     def note(
         self, notice: Notice, address: NoticeAddress, sent: Sent, now: datetime, patience: Patience
     ) -> Delivery:
-        """Note what became of an attempt; what is to be done next."""
+        """Record the outcome of an attempt; returns what to do next."""
         before = self.delivery(notice, address)
         attempts = 1 if before is None else before.attempts + 1
         age = (now - datetime.fromisoformat(notice.ended)).total_seconds()

@@ -334,7 +334,7 @@ def configured_records(environment: Mapping[str, str] = os.environ) -> Records |
 
 
 def project_name(project_file: Path) -> str:
-    """What people call a project: its folder, or a file that is not called ``project.toml``."""
+    """Name of a project: its folder, or its file if that is not called ``project.toml``."""
     if project_file.name == "project.toml" and project_file.parent.name:
         return project_file.parent.name
     return project_file.stem

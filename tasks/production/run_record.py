@@ -1,4 +1,4 @@
-"""One run of a story as production remembers it, and when it is started again by itself.
+"""The record of one run of a story, and when it is restarted automatically.
 
 Prefect retries within a run, and forgets runs; how a delivery has ended is remembered here. A run that the
 machine has ended says nothing about its project, so it is started again: at once, because most causes pass
@@ -102,7 +102,7 @@ class RunRecord:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing more happens by itself."""
+        """Whether nothing further happens automatically."""
         return self.state in ENDED and self.again_at is None
 
 

@@ -37,7 +37,7 @@ _HTML = {ord("&"): "&amp;", ord("<"): "&lt;", ord(">"): "&gt;"}
 
 @dataclass(frozen=True)
 class ShortText:
-    """A run that has ended, as the dashboard tells of it.
+    """A run that has ended, as the dashboard shows it.
 
     Attributes
     ----------

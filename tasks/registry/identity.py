@@ -22,7 +22,7 @@ _NUMBERS = ("body", "lens", "imu", "mount")
 
 @dataclass(frozen=True)
 class CameraBody:
-    """A camera and its image as far as a calibration depends on them.
+    """A camera and its image, with everything that a calibration depends on.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class CameraBody:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What people call it: its name, body and lens."""
+        """Its names: name, body and lens."""
         return tuple(name for name in (self.name, self.identity.body, self.identity.lens) if name)
 
     @property

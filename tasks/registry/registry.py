@@ -27,7 +27,7 @@ from tasks.store.stage_record import utc_now
 
 @dataclass(frozen=True)
 class Signature:
-    """Who does something, and what that person has to say about it.
+    """The person responsible for an action, and a comment.
 
     Raises
     ------

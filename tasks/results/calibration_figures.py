@@ -8,7 +8,7 @@ from tasks.results.figure import Figure, Values
 
 
 class CalibrationVerdictFigure(Figure):
-    """What a flight says about one parameter; numbers in the unit of parameters.parquet."""
+    """The result of a flight for one parameter; numbers in the unit of parameters.parquet."""
 
     parameter: str
     entity: str

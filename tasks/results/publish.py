@@ -185,7 +185,7 @@ def _place(artifact: Artifact, target: Path) -> None:
 
 
 def remove_outdated(directory: Path, last: Manifest, manifest: Manifest, own: Sequence[str]) -> None:
-    """Remove files that the last run published and this one did not, unless somebody changed them."""
+    """Remove files that the previous run published and this one did not, unless they were changed."""
     for name in (last.artifacts.keys() - manifest.artifacts.keys()) & set(own):
         entry = last.artifacts[name]
         path = directory / entry.file

@@ -117,7 +117,7 @@ def look_through(directory: Path, unused_since: datetime, roots: Sequence[Path] 
 
 
 def clean_up(directory: Path, unused_since: datetime, roots: Sequence[Path] = ()) -> CleanUp:
-    """Remove from an output folder what nobody needs; parameters as of `look_through`."""
+    """Remove from an output folder what is no longer needed; parameters as of `look_through`."""
     return _with_lock(directory, unused_since, roots, _carry_out)
 
 

@@ -1,4 +1,4 @@
-"""Settings that say what coordinates and angles of an input mean.
+"""Settings that declare the meaning of coordinates and angles of an input.
 
 None of these has a default: a wrong guess here is metres in the result, and nothing else would tell.
 """

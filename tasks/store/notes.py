@@ -1,4 +1,4 @@
-"""What a stage has to say besides its tables: problems for people, figures for summary.json."""
+"""Output of a stage in addition to its tables: problems as sentences, figures for summary.json."""
 
 from __future__ import annotations
 

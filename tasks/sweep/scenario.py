@@ -1,4 +1,4 @@
-"""A scenario of a sweep and what became of it."""
+"""A scenario of a sweep and its outcome."""
 
 from __future__ import annotations
 

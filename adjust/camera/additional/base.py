@@ -63,7 +63,7 @@ class ImageFormat:
 
     @property
     def needed_focal_length(self) -> float:
-        """The focal length c of a set that cannot do without.
+        """The focal length c, for a set that requires it.
 
         Raises
         ------

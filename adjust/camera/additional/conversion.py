@@ -33,7 +33,7 @@ _SETTLED = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """Values of other additional parameters that do the same to the image.
+    """Values of other additional parameters with the same effect on the image.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What additional parameters do to the image: the effect of each, and the systematic image error of all.
+"""Effect of additional parameters on the image: of each one, and the systematic image error of all.
 
 The effect of a parameter is the length of its correction |Δ|. The systematic image error is −Δ: what the
 image shows too much.

@@ -56,7 +56,7 @@ def all_products(degree: int) -> tuple[Products, ...]:
 
 @dataclass(frozen=True)
 class ProductScheme:
-    """What tells one set of products from another.
+    """What distinguishes one set of products from another.
 
     Attributes
     ----------

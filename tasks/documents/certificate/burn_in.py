@@ -43,7 +43,7 @@ def burn_in_content(
     code: str,
     software: Mapping[str, str],
 ) -> CertificateContent:
-    """Everything the protocol says.
+    """The complete protocol.
 
     Parameters
     ----------

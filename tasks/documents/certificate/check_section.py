@@ -1,4 +1,4 @@
-"""Section of the checks: differences at control, at independent check points, and what may be said of them.
+"""Section of the checks: differences at control and at independent check points, and the statements.
 
 Control of the calibration says how well it fits. Only independent check points carry a statement.
 """

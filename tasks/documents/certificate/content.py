@@ -162,7 +162,7 @@ Block: TypeAlias = Words | Sentences | Facts | Listing | CorrelationMatrix | Fig
 
 @dataclass(frozen=True)
 class Section:
-    """A numbered section: name for programs, heading for people."""
+    """A numbered section with its name and its heading."""
 
     name: str
     heading: str
@@ -170,7 +170,7 @@ class Section:
 
     @property
     def single_blocks(self) -> tuple[Block, ...]:
-        """Its blocks, those that stand side by side one after the other."""
+        """Its blocks one after the other, including those shown side by side."""
         return tuple(
             one
             for block in self.blocks
@@ -231,7 +231,7 @@ class CertificateContent:
 
     @property
     def title(self) -> str:
-        """What the document is: nobody may take a refused calibration for a certificate."""
+        """Title of the document; that of a refused calibration is no certificate."""
         return _OF_KIND[self.kind][self.verdict]
 
     @property

@@ -45,7 +45,7 @@ class CertificateMaterial:
 
     @cached_property
     def parameters(self) -> tuple[CalibratedParameter, ...]:
-        """The parameters of the record without those of single strips, which nobody can use again."""
+        """The parameters of the record without those of single strips, which apply to this flight only."""
         return tuple(item for item in self.record.parameters if is_calibrated(item.parameter))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Calibrated quantities in the words and units of a certificate, and what may be said about each."""
+"""Calibrated quantities in the wording and units of a certificate, with the finding for each."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def in_order(parameters: tuple[CalibratedParameter, ...]) -> tuple[CalibratedPar
 
 
 def has_result(parameter: CalibratedParameter) -> bool:
-    """Whether the calibration says something about it: estimated, and determined by this flight."""
+    """Whether it was estimated and determined by this flight."""
     if parameter.sigma is None or parameter.verdict not in ("determined", "weak"):
         return False
     return parameter.status in ("significant", "not_significant")
@@ -88,7 +88,7 @@ def change_over_sigma(parameter: CalibratedParameter) -> float | None:
 
 
 def finding(parameter: CalibratedParameter) -> str:
-    """What may be said about a parameter, in the words of a certificate."""
+    """The finding for a parameter, in the wording of a certificate."""
     if parameter.status == "eliminated":
         return "eliminated"
     if parameter.verdict == "not_determinable" or parameter.status == "not_determinable":

@@ -77,7 +77,7 @@ def _difference_table(name: str, caption: str, figures: DifferenceFigures) -> Ta
 
 
 def source_table(material: CheckMaterial) -> Table:
-    """What each kind of error would give by itself, at the independent points and in their models."""
+    """The effect of each kind of error alone, at the independent points and in their models."""
     columns = (
         text_column("source", "source"),
         *components("{}_m", [f"all rays, {h}" for h in _HEADINGS], "m", _AXES),
@@ -146,7 +146,7 @@ def point_table(material: CheckMaterial) -> Table:
 
 
 def statement_table(material: CheckMaterial) -> Table:
-    """What the standards let say."""
+    """The statements according to the standards."""
     columns = (
         text_column("standard", "standard"),
         text_column("edition", "edition"),

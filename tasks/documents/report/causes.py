@@ -78,7 +78,7 @@ def causes(material: Material) -> tuple[Cause, ...]:
 
 
 def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
-    """The problems of the run without what verdict and causes have said."""
+    """The problems of the run that verdict and causes have not mentioned."""
     said = {cause.sentence for cause in found}
     sigma0, test = material.summary.sigma0, material.figures.global_test
     if sigma0 is not None and test is not None and test.lower is not None:

@@ -22,7 +22,7 @@ _GATE_WORDS = {
 
 
 def gate_words(name: str) -> str:
-    """The name of a limit for people; one of a component ends with its axis."""
+    """The name of a limit in words; that of a component ends with its axis."""
     for known, words in _GATE_WORDS.items():
         if name == known:
             return words

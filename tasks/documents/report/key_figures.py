@@ -190,7 +190,7 @@ def group_table(material: Material) -> Table:
 
 
 def gate_table(gates: Sequence[GateResult]) -> Table:
-    """The limits of the project and what became of them."""
+    """The limits of the project, and whether they are met."""
     columns = (
         text_column("gate", "limit of"),
         Column("value", "value"),

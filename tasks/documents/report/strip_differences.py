@@ -1,4 +1,4 @@
-"""What each strip says about boresight and offset, from the two-step calibration, as a plot."""
+"""Boresight and offset of each strip from the two-step calibration, as a plot."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def uncontrolled_table(material: Material) -> Table:
 
 
 def observation_columns() -> tuple[Column, ...]:
-    """Columns that say which observation a row is of."""
+    """Columns that identify the observation of a row."""
     return (
         text_column("group", "group"),
         text_column("image", "image"),

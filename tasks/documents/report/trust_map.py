@@ -61,7 +61,7 @@ def trust_map_table(material: Material) -> Table:
 
 
 def limits_table(material: Material) -> Table:
-    """The limits that the project sets for its trust map, and what became of them."""
+    """The limits of the project for its trust map, and whether they are met."""
     own = [gate for gate in material.summary.gates if gate.name.startswith("trust_map")]
     return replace(gate_table(own), name="trust-limits", caption="Limits of the trust map")
 
