@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Ints
 from adjust.block import Block
@@ -13,6 +12,7 @@ from adjust.data_snooping import Search, snoop, without_rejected
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
+from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.quality.control_checks import ControlCheck, k_fold, leave_one_out
@@ -63,7 +63,7 @@ def adjust_block(
     """
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
-    with threadpool_limits(limits=1):
+    with one_thread():
         return _result(*_searched(adjuster, block, observations, rejected, start), options)
 
 
@@ -93,7 +93,7 @@ class AdjustedValues:
     ) -> AdjustedValues:
         """Adjust a block; parameters and errors as of :func:`adjust_block`."""
         adjuster = Adjuster(options, progress)
-        with threadpool_limits(limits=1):
+        with one_thread():
             search, weighted = _searched(adjuster, block, observations, complete=False)
             return cls(adjuster, search, weighted, adjuster.values_to_the_end(search.adjusted))
 
@@ -115,7 +115,7 @@ class AdjustedValues:
     def result(self) -> AdjustmentResult:
         """The complete result of ``adjust_block``."""
         options, search, rule = self.adjuster.options, self.search, _rule(self.adjuster.options)
-        with threadpool_limits(limits=1):
+        with one_thread():
             if search.adjusted.solution.stalled:
                 complete = self.adjuster.completed(search.adjusted, self.solution)
                 search = replace(search, adjusted=complete)
@@ -165,7 +165,7 @@ def estimate_block(
     Parameters and errors as there; ``critical_value`` is not used.
     """
     options = options or AdjustmentOptions()
-    with threadpool_limits(limits=1):
+    with one_thread():
         system = System.of(block, observations, options.threads, options.free_network)
         return converge(system, block.approximate_state(), options.most_iterations, progress)
 

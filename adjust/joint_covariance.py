@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.errors import UnknownNameError
+from adjust.one_thread import one_thread
 from adjust.parameters import ParameterLayout
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.joint_cofactor import Chosen, joint_cofactors_of
@@ -93,7 +93,7 @@ def joint_covariance(
     UnknownNameError : a name does not exist, comes twice, or is of something that is not an unknown.
     """
     chosen, unknowns = _chosen(system, *names)
-    with threadpool_limits(limits=1):
+    with one_thread():
         matrix = joint_cofactors_of(system, solution, chosen)
         if solution.movements is not None:
             vectors = solution.movements.vectors

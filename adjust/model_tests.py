@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
+from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.quality.alternative_products import ModelAlternative
@@ -77,7 +77,7 @@ def examined_model(
     """
     others = result.groups[1:]
     system, solution = result.system, result.solution
-    with threadpool_limits(limits=1):
+    with one_thread():
         if any(_is_restored(group) for group in others):
             rays = result.system.observations.image_points
             left = Observations(rays, tuple(_tested(group) for group in others))

@@ -15,12 +15,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.calibration.strip_offsets import body_fixed
 from adjust.georeferencing.error_sources import CalibrationErrors
+from adjust.one_thread import one_thread
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
@@ -83,7 +83,7 @@ def adjusted_strip_errors(
     system, solution = result.system, result.solution
     of_strips = _functionals(block, strip, local_from_enu)
     s = int(strip.max(initial=-1)) + 1
-    with threadpool_limits(limits=1):
+    with one_thread():
         covariance = sigma0**2 * _products(solution, of_strips, strip, s)
         if cameras is not None and len(cameras.covariance):
             moved = _sums(of_strips, _moved_by(system, solution, cameras), strip, s).reshape(6 * s, -1)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Bools, Floats
 from adjust.block import Block
@@ -21,6 +20,7 @@ from adjust.observations.base import ObservationGroup, StochasticModel
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.joint_prior import JointPrior
+from adjust.one_thread import one_thread
 from adjust.parameters import FAMILIES, GNSS_SHIFT, LEVER_ARM
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.linear_estimate import ParameterNormals
@@ -78,7 +78,7 @@ def indicated_lever_arms(
         entities = np.arange(len(shift.entities), dtype=np.int64)
         model = StochasticModel.from_sigma(sigma)
         others.append(DirectObservations(FAMILIES[GNSS_SHIFT], entities, shift.values, model))
-    with threadpool_limits(limits=1):
+    with one_thread():
         try:
             system = System.of(freed, Observations(rays, tuple(others)))  # type: ignore[arg-type]
             normals = normals_at(system, result.state)

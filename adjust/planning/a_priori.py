@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
@@ -22,6 +21,7 @@ from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import BodyRates, InsAttitudes
+from adjust.one_thread import one_thread
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     FAMILIES,
@@ -117,7 +117,7 @@ def a_priori_covariance(network: PlannedNetwork, model: CalibrationModel, thread
     """
     network = network.with_intersecting_rays(_LEAST_ANGLE)
     block = _block(network, model)
-    with threadpool_limits(limits=1):
+    with one_thread():
         system = System.of(block, _observations(network, block, model), threads)
         state = block.approximate_state()
         normals = reduced_normals(system, state)

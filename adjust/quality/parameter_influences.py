@@ -15,10 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup
+from adjust.one_thread import one_thread
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.result import AdjustmentResult
 from adjust.solve.full_vectors import FullVectors, solve_full
@@ -52,7 +52,7 @@ def parameter_influences(result: AdjustmentResult, columns: Ints) -> tuple[Param
     """
     system, solution = result.system, result.solution
     groups = system.observations.others
-    with threadpool_limits(limits=1):
+    with one_thread():
         equations = [group.linearize(solution.state) for group in groups]
         found = [np.zeros((len(columns), *item.misclosure.shape)) for item in equations]
         for start in range(0, len(columns), _AT_ONCE):

@@ -1,8 +1,9 @@
 """The residuals that given misclosures would have: R = I − A Q Aᵀ applied to whitened vectors.
 
-R is never formed. The vector takes the place of the misclosures, one right-hand side is accumulated
-and solved with the factors that are there, and v = A dx − z is read off the moved state. Vectors of
-unit size are taken as a hundredth of a standard deviation, for which the equations are linear.
+R is never formed, and the observations other than image points are linearized once. The vector takes the
+place of the misclosures, one right-hand side is accumulated and solved with the factors that are there, and
+v = A dx − z is read off the moved state. Vectors of unit size are taken as a hundredth of a standard
+deviation, for which the equations are linear.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ from adjust.solve.system import Observations, System
 
 @dataclass(frozen=True, eq=False)
 class _WithMisclosure:
-    """A group of observations with other misclosures (n, m), SI and radians."""
+    """A group of observations with other misclosures (n, m), SI and radians, at one state."""
 
     group: ObservationGroup
+    linearized: Linearization
     misclosure: Floats
 
     @property
@@ -51,8 +53,8 @@ class _WithMisclosure:
     def stochastic(self) -> StochasticModel:
         return self.group.stochastic
 
-    def linearize(self, state: State) -> Linearization:
-        return Linearization(self.misclosure, self.group.linearize(state).terms)
+    def linearize(self, state: State) -> Linearization:  # noqa: ARG002
+        return Linearization(self.misclosure, self.linearized.terms)
 
     def without(self, rejected: Bools) -> Self:
         return replace(self, group=self.group.without(rejected))
@@ -65,27 +67,48 @@ class _WithMisclosure:
 _STEP = 0.01
 
 
-def residuals_of(system: System, solution: Solution, whitened: tuple[Floats, ...]) -> tuple[Floats, ...]:
-    """Whitened residuals (n, m) of every group for whitened misclosures (n, m) of every group."""
-    state, given = solution.state, system.observations
-    steps = tuple(_STEP * vector for vector in whitened)
-    before = [group.linearize(state).misclosure for group in given.others]
-    rays = given.image_points
-    at_solution = rays.misclosure(state)
-    offset = rays.sigma * steps[0] - np.nan_to_num(at_solution)
-    shifted = replace(rays, offset=offset if rays.offset is None else rays.offset + offset)
-    others = tuple(
-        _WithMisclosure(group, group.stochastic.unwhitened(vector))
-        for group, vector in zip(given.others, steps[1:], strict=True)
-    )
-    perturbed = replace(system, observations=Observations(shifted, others))
-    normals = reduced_normals(perturbed, state)
-    exposures, border = replace(solution.factorization, normals=normals).solve()
-    points = substitute_back(perturbed, state, normals, exposures, border)
-    moved = system.layout.update(state, exposures, border, points)
-    change = (at_solution - rays.misclosure(moved)) * rays.inverse_sigma
-    results = [np.where(rays.active[:, None], change / _STEP - whitened[0], 0.0)]
-    for group, old, vector in zip(given.others, before, whitened[1:], strict=True):
-        change = np.where(group.stochastic.present, old - group.linearize(moved).misclosure, 0.0)
-        results.append(group.stochastic.whitened(change) / _STEP - vector)
-    return tuple(results)
+@dataclass(frozen=True, eq=False)
+class ResidualOperator:
+    """R at the solution of a system.
+
+    Attributes
+    ----------
+    misclosure : (n, 2) of the image points at the solution.
+    linearized : the other groups at the solution.
+    """
+
+    system: System
+    solution: Solution
+    misclosure: Floats
+    linearized: tuple[Linearization, ...]
+
+    @classmethod
+    def of(cls, system: System, solution: Solution) -> Self:
+        """The operator of a system at its solution."""
+        state, given = solution.state, system.observations
+        linearized = tuple(group.linearize(state) for group in given.others)
+        return cls(system, solution, given.image_points.misclosure(state), linearized)
+
+    def residuals(self, whitened: tuple[Floats, ...]) -> tuple[Floats, ...]:
+        """Whitened residuals (n, m) of every group for whitened misclosures (n, m) of every group."""
+        state, given = self.solution.state, self.system.observations
+        steps = tuple(_STEP * vector for vector in whitened)
+        rays = given.image_points
+        offset = rays.sigma * steps[0] - np.nan_to_num(self.misclosure)
+        shifted = replace(rays, offset=offset if rays.offset is None else rays.offset + offset)
+        others = tuple(
+            _WithMisclosure(group, linearized, group.stochastic.unwhitened(vector))
+            for group, linearized, vector in zip(given.others, self.linearized, steps[1:], strict=True)
+        )
+        perturbed = replace(self.system, observations=Observations(shifted, others))
+        normals = reduced_normals(perturbed, state)
+        exposures, border = replace(self.solution.factorization, normals=normals).solve()
+        points = substitute_back(perturbed, state, normals, exposures, border)
+        moved = self.system.layout.update(state, exposures, border, points)
+        change = (self.misclosure - rays.misclosure(moved)) * rays.inverse_sigma
+        results = [np.where(rays.active[:, None], change / _STEP - whitened[0], 0.0)]
+        for group, old, vector in zip(given.others, self.linearized, whitened[1:], strict=True):
+            difference = old.misclosure - group.linearize(moved).misclosure
+            change = np.where(group.stochastic.present, difference, 0.0)
+            results.append(group.stochastic.whitened(change) / _STEP - vector)
+        return tuple(results)

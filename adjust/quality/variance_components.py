@@ -33,7 +33,7 @@ from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.observation_parts import Part
 from adjust.quality.redundancy import GroupResiduals
-from adjust.quality.residual_operator import residuals_of
+from adjust.quality.residual_operator import ResidualOperator
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import Observations, System
 
@@ -286,18 +286,19 @@ def trace_matrix(
     probed : redundancy over which the traces of each part are collected.
     """
     groups = system.observations.groups
+    operator = ResidualOperator.of(system, solution)
     random = np.random.default_rng(0)
     traces = np.zeros((len(parts), len(parts)))
     for h, part in enumerate(parts):
         probes = int(np.clip(np.ceil(probed / redundancy[h]), 1, _MOST_PROBES))
         for _ in range(probes):
             signs = _signs(groups, part, random)
-            found = with_signs = residuals_of(system, solution, signs)
+            found = with_signs = operator.residuals(signs)
             if part.is_correlation:
                 signs[part.group][:] = correlation_time.along_derivative(
                     groups[part.group].stochastic, signs[part.group]
                 )
-                found = residuals_of(system, solution, signs)
+                found = operator.residuals(signs)
             for g, other in enumerate(parts):
                 one, its = with_signs[other.group], found[other.group]
                 if other.is_correlation:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.observations.image_point import ImagePoints
+from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.result import AdjustmentResult
@@ -74,7 +74,7 @@ class Readjustment:
         """
         observations = replace(self.system.observations, image_points=rays)
         system = self.system.remaining(observations)
-        with threadpool_limits(limits=1):
+        with one_thread():
             estimate = converge(system, start, self.most_iterations)
         r = system.redundancy + self.defect
         sigma0 = float(np.sqrt(estimate.weighted_squares / r)) if r > 0 else float("nan")

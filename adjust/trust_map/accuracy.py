@@ -13,12 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.observations.image_point import ImagePoints
+from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
@@ -125,7 +125,7 @@ def joint_solution(
     system = given
     if extended is not pattern:
         system = replace(given, blocking=HelmertBlocking.of(extended, block.projection_centre))
-    with threadpool_limits(limits=1):
+    with one_thread():
         factorization = factorize(reduced_normals(system, result.state), options.threads)
     return JointSolution(system, result.state, factorization, len(keys))
 
@@ -141,7 +141,7 @@ def cell_accuracy(
     m = len(cells.x_in_local)
     sigma, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(4))
     found = CellAccuracy(sight.rays, sigma, of_pair, relative, external, np.full(m, -1))
-    with threadpool_limits(limits=1):
+    with one_thread():
         cofactor = solution.cofactor()
 
         def work(part: tuple[int, int]) -> None:
@@ -194,6 +194,7 @@ def _fill(
     chosen = slice(first, last)
     accuracy_kernel.cell_accuracies(
         start,
+        _runs(start, image),
         np.where(neighbour >= 0, neighbour - first, -1),
         cells.local_from_axes[first:last],
         image,
@@ -217,6 +218,16 @@ def _fill(
         found.external[chosen],
         found.uncontrolled[chosen],
     )
+
+
+def _runs(start: Ints, image: Ints) -> Ints:
+    """First and last + 1 of runs of cells with the same images (n, 2), equal images one after another.
+
+    Runs with the same images mostly lie in rows above each other. They are brought together by a hash of
+    their images; two sets of images with the same hash do no harm.
+    """
+    runs, keys = pairs_kernel.runs_of_images(start, image)
+    return np.asarray(runs[np.argsort(keys, kind="stable")])
 
 
 def new_rays(

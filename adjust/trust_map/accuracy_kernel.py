@@ -13,7 +13,7 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.trust_map.joint_kernel import gather, joint_blocks
-from adjust.trust_map.pairs_kernel import invert, runs_of_images, same_images
+from adjust.trust_map.pairs_kernel import invert, same_images
 from adjust.trust_map.relative_kernel import of_common_images, of_unknowns, sigma_of_difference
 
 
@@ -163,12 +163,13 @@ def of_best_pair(cell, first, last, pair, of_point, normals, joint, variance, no
 
 @kernel
 def cell_accuracies(
-    start, neighbour, axes, image, of_exposure, of_point, of_system, of_known, columns, row_start, column,
-    blocks, border, corner, scale, variance, critical, least_control, sigma, sigma_of_pair, sigma_relative,
-    external, uncontrolled,
+    start, runs, neighbour, axes, image, of_exposure, of_point, of_system, of_known, columns, row_start,
+    column, blocks, border, corner, scale, variance, critical, least_control, sigma, sigma_of_pair,
+    sigma_relative, external, uncontrolled,
 ):  # fmt: skip
     """Everything about the m cells whose rays start[j] … start[j + 1] − 1 are, images ascending.
 
+    runs (n, 2): first and last + 1 of cells with the same images; equal images best one after another.
     Derivatives: of_exposure (r, 2, 6), of_point (r, 2, 3) in the frame of the block, turned here into the
     axes (m, 3, 3) of the cells, of_system (r, 2, w) by the columns (n, w) of the border of each image
     (−1: held), of_known (r, 2, q) the effects of considered parameters. variance is s².
@@ -196,7 +197,6 @@ def cell_accuracies(
     normals, inverses, gain = np.zeros((2, most, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 2 * most))
     f, of_errors = np.zeros((2, 3, unknowns)), np.zeros((2, 3, of_known.shape[2]))
     now, begun, gathered, d, pair = 0, -1, -1, 0, -1
-    runs = runs_of_images(start, image)
     run, j = 0, runs[0, 0] - 1 if cells else 0
     for _ in range(cells):
         j += 1

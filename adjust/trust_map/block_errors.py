@@ -18,11 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from adjust.arrays import Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup
 from adjust.observations.distance import Distances
+from adjust.one_thread import one_thread
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.quality.joint_cofactor import MixedParts, mixed_parts
 from adjust.result import AdjustmentResult, ObservationStatus
@@ -87,7 +87,7 @@ def block_errors(
     points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touched]))
     points = points[(points >= 0) & system.active_point[np.maximum(points, 0)]]
     found = BlockErrors(np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3)))
-    with threadpool_limits(limits=1):
+    with one_thread():
         mixed = mixed_parts(system, solved, points)
         around = images_around(sight.only(chosen), system.pattern)
         rays = BlockRays.seen_from(around.image, solution, result.groups[0])

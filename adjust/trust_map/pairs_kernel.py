@@ -18,11 +18,7 @@ def same_images(first, last, other_first, other_last, image):
 
 @kernel
 def runs_of_images(start, image):
-    """Runs of cells with the same images: first and last + 1 cell (n, 2), equal images one after another.
-
-    Runs with the same images mostly lie in rows above each other. They are brought together by a hash of
-    their images; two sets of images with the same hash do no harm.
-    """
+    """Runs of cells with the same images: first and last + 1 cell (n, 2), and a hash of these images (n,)."""
     cells = start.shape[0] - 1
     runs, keys = np.empty((cells, 2), np.int64), np.empty(cells, np.int64)
     count = 0
@@ -36,7 +32,7 @@ def runs_of_images(start, image):
             key = (key * 1_000_003 + image[a] + 1) % 2_147_483_647
         runs[count, 0], runs[count, 1], keys[count] = j, j + 1, key
         count += 1
-    return runs[np.argsort(keys[:count], kind="mergesort")]
+    return runs[:count], keys[:count]
 
 
 @kernel

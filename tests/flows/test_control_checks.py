@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 
 AXES = ("dx", "dy", "dz")
 
@@ -21,8 +22,8 @@ def block(warm_block: Path) -> Path:
     return warm_block
 
 
-def run(project: Path, *settings: str) -> Path:
-    outcome = carry_out(aerial_triangulation, RunRequest(project, overrides=settings))
+def run(project: Path, *settings: str, story: Story = adjustment_alone) -> Path:
+    outcome = carry_out(story, RunRequest(project, overrides=settings))
     assert outcome.error is None
     return outcome.directory
 
@@ -53,7 +54,7 @@ def test_a_point_left_out_in_theory_is_the_check_point_it_would_have_been(block:
 def test_the_summary_states_leave_one_out_always_and_folds_on_request(block: Path) -> None:
     plain = json.loads((run(block) / "summary.json").read_text())
     assert plain["k_fold"] is None
-    out = run(block, "adjustment.control_folds=2")
+    out = run(block, "adjustment.control_folds=2", story=aerial_triangulation)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["leave_one_out"] == plain["leave_one_out"]
     table = pd.read_parquet(out / "control_residuals.parquet")
@@ -71,7 +72,7 @@ def test_the_summary_states_leave_one_out_always_and_folds_on_request(block: Pat
 
 def test_without_control_points_nothing_is_left_out(block: Path) -> None:
     with_role(block, list(pd.read_csv(block.with_name("control.csv"))["point"]), "check")
-    out = run(block, "adjustment.control_folds=5")
+    out = run(block, "adjustment.control_folds=5", story=aerial_triangulation)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["leave_one_out"] is None
     assert summary["k_fold"] is None
@@ -100,10 +101,8 @@ def test_a_rejected_control_point_is_named_and_is_the_check_point_it_has_become(
     html = (outcome.directory / "report.html").read_text()
     assert f"rejected control point {wrong}:" in html
     with_role(block, [wrong], "check")
-    as_check = carry_out(
-        aerial_triangulation, RunRequest(block, overrides=(rejection, "adjustment.sigma0=a_priori"))
-    )
-    checked = pd.read_parquet(as_check.directory / "check_points.parquet").set_index("point").loc[wrong]
+    as_check = run(block, rejection, "adjustment.sigma0=a_priori")
+    checked = pd.read_parquet(as_check / "check_points.parquet").set_index("point").loc[wrong]
     for axis in AXES:
         assert found.loc[wrong, f"{axis}_m"] == pytest.approx(checked[f"{axis}_m"], abs=1e-4)
         assert found.loc[wrong, f"sigma_{axis}_m"] == pytest.approx(checked[f"sigma_{axis}_m"], rel=1e-3)

@@ -11,11 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
+from tests.flows.adjustment_alone import adjustment_alone
 
 CORRELATED = (
     "points.count=250",
@@ -43,7 +43,7 @@ def delivered(flight: Path, tmp_path: Path) -> Path:
 
 
 def run(project: Path, *overrides: str) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(project / "project.toml", overrides=overrides))
+    return carry_out(adjustment_alone, RunRequest(project / "project.toml", overrides=overrides))
 
 
 def change(path: Path, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:

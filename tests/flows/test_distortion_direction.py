@@ -17,10 +17,10 @@ from adjust.camera.additional.effect import effects
 from adjust.camera.additional.evaluation import slope_of
 from adjust.camera.additional.register import additional_parameters
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 
 C = 0.08
 FORMAT = ImageFormat(34.008e-3, 52.026e-3, focal_length=C)
@@ -47,7 +47,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
     def run(*overrides: str) -> Path:
         # One folder for all: only the adjustment is computed again.
-        outcome = carry_out(aerial_triangulation, RunRequest(project, None, overrides))
+        outcome = carry_out(adjustment_alone, RunRequest(project, None, overrides))
         assert outcome.error is None, outcome.error
         return Path(outcome.directory)
 

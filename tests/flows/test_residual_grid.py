@@ -15,6 +15,7 @@ from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 GRID = "adjustment.residual_grid"
 #: 28 images with radial errors and shifted CCD images; no gross errors in the way.
@@ -38,10 +39,21 @@ def run(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[...,
             # What the settings leave as it is was computed by the first run.
             for first in list(outcomes.values())[:1]:
                 shutil.copytree(first.directory / ".store", out / ".store")
-            outcomes[overrides] = carry_out(aerial_triangulation, RunRequest(flight, out, overrides))
+            outcomes[overrides] = carry_out(adjustment_alone, RunRequest(flight, out, overrides))
         return outcomes[overrides]
 
     return carried_out
+
+
+@pytest.fixture(scope="module")
+def report(flight: Path, run: Callable[..., RunOutcome]) -> Callable[..., str]:
+    def reported(*overrides: str) -> str:
+        out = run(*overrides).directory
+        outcome = carry_out(aerial_triangulation, RunRequest(flight, out, overrides))
+        assert outcome.error is None, outcome.error
+        return (out / "report.html").read_text()
+
+    return reported
 
 
 def summary(outcome: RunOutcome) -> dict:
@@ -117,27 +129,25 @@ def test_the_grid_of_another_run_is_applied_before_the_adjustment(run) -> None:
     )
 
 
-def test_the_report_shows_corrections_and_what_is_left(run) -> None:
-    html = (run(f"{GRID}.iterations=4").directory / "report.html").read_text()
+def test_the_report_shows_corrections_and_what_is_left(report) -> None:
+    html = report(f"{GRID}.iterations=4")
     assert "what remains after the corrections" in html
     assert html.count('aria-label="Corrections of camera') == 1
     assert 'id="grid-iteration"' in html
     assert "Correlation of residuals by distance" in html
-    assert "what remains after the corrections" not in (run().directory / "report.html").read_text()
+    assert "what remains after the corrections" not in report()
 
 
-def test_seams_of_the_camera_are_borders_of_the_sub_areas(run) -> None:
+def test_seams_of_the_camera_are_borders_of_the_sub_areas(run, report) -> None:
     name = grid_of(run())["camera"][0]
-    outcome = run(
-        f"cameras.{name}.tiles={{ seams_x_mm = [-10.0, 12.0], seams_y_mm = [3.0] }}", f"{GRID}.cells=9"
-    )
-    table = grid_of(outcome)
+    seams = (f"cameras.{name}.tiles={{ seams_x_mm = [-10.0, 12.0], seams_y_mm = [3.0] }}", f"{GRID}.cells=9")
+    table = grid_of(run(*seams))
     assert len(table) == 81
     borders = (table["x_mm"] - 0.5 * table["width_mm"]).round(6)
     assert {-10.0, 12.0} <= set(borders)
     assert set(table["tile_x"]) == {0, 1, 2}
     assert set(table["tile_y"]) == {0, 1}
-    assert 'class="seams"><line' in (outcome.directory / "report.html").read_text()
+    assert 'class="seams"><line' in report(*seams)
 
 
 def test_seams_in_turned_calibration_axes_are_turned_back(run) -> None:

@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import PIXEL_SIGMA
 
 
 def run(block: Path, name: str, *overrides: str) -> RunOutcome:
-    outcome = carry_out(aerial_triangulation, RunRequest(block, block.parent / name, overrides))
+    outcome = carry_out(adjustment_alone, RunRequest(block, block.parent / name, overrides))
     assert outcome.error is None, outcome.error
     return outcome
 

@@ -20,7 +20,7 @@ from adjust.parameters import BORESIGHT, GNSS_SHIFT
 from adjust.quality.cofactor import cofactor
 from adjust.quality.observation_parts import Division, parts_of
 from adjust.quality.redundancy import group_residuals
-from adjust.quality.residual_operator import residuals_of
+from adjust.quality.residual_operator import ResidualOperator
 from adjust.quality.variance_components import (
     redundancy_of,
     reweighted,
@@ -284,7 +284,9 @@ def test_the_residual_operator_is_that_of_the_full_equations(dense: Callable[...
     random = np.random.default_rng(5)
     present = [group.stochastic.present for group in system.observations.groups]
     vectors = tuple(np.where(mask, random.normal(size=mask.shape), 0.0) for mask in present)
-    found = np.concatenate([part.ravel() for part in residuals_of(system, solution, vectors)])
+    found = np.concatenate(
+        [part.ravel() for part in ResidualOperator.of(system, solution).residuals(vectors)]
+    )
     expected = -remainder @ np.concatenate([vector.ravel() for vector in vectors])
     used = np.concatenate([mask.ravel() for mask in present])
     np.testing.assert_allclose(found[used], expected[used], atol=2e-3)

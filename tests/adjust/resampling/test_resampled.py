@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Literal
 
 import numpy as np
 import pytest
+from _pytest.mark.structures import ParameterSet
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +21,6 @@ from adjust.resampling.resampled import (
     needed_rows,
     resampled,
 )
-from tests.grids import diagonal_daily
 
 TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
 Kind = Literal["cubic", "lanczos"]
@@ -52,7 +53,15 @@ def whole(
     return resampled(SourceRows(pixels, valid, 0, pixels.shape[1]), of, (0, of.rows), values, kind, threads)
 
 
-@pytest.mark.parametrize(("dtype", "kind"), diagonal_daily(TYPES, KINDS))
+def every_type() -> list[ParameterSet]:
+    """All types and weights; daily every kind of number, every width and every weight."""
+    daily = {("uint8", "cubic"), ("int16", "lanczos"), ("uint32", "cubic"), ("float64", "lanczos")}
+    return [
+        pytest.param(*case, marks=() if case in daily else pytest.mark.slow) for case in product(TYPES, KINDS)
+    ]
+
+
+@pytest.mark.parametrize(("dtype", "kind"), every_type())
 def test_the_identity_changes_no_byte(dtype: str, kind: Kind) -> None:
     pixels = noise(dtype)
     made = whole(pixels, shifted(0.0, 0.0), limits(dtype), kind)
