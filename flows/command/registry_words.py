@@ -24,8 +24,9 @@ def empty_table(*columns: str, right: Iterable[str] = ()) -> Table:
     for column in columns:
         numeric = column in set(right)
         # As Text, for a unit in brackets would be taken for a style.
-        side = "right" if numeric else "left"
-        table.add_column(Text(column), justify=side, no_wrap=numeric, overflow="fold")
+        table.add_column(
+            Text(column), justify="right" if numeric else "left", no_wrap=numeric, overflow="fold"
+        )
     return table
 
 
