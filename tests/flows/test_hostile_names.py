@@ -64,7 +64,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for story in (system_calibration, direct_georeferencing_check):
         outcome = carry_out(story, RunRequest(project, folder / story.__name__, overrides=(check,)))
         assert outcome.error is None, outcome.error
-    sweep = f"\n[sweep]\ncontrol = {{ '{PAYLOADS[0]}' = 'all' }}\n[sweep.variants]\n'{PAYLOADS[1]}' = {{}}\n"
+    sweep = f"\n[sweep]\nworkers = 1\ncontrol = {{ '{PAYLOADS[0]}' = 'all' }}\n"
+    sweep += f"[sweep.variants]\n'{PAYLOADS[1]}' = {{}}\n"
     project.write_text(project.read_text(encoding="utf-8") + sweep, encoding="utf-8")
     request = RunRequest(project, folder / "sweep")
     outcome = carry_out(sweep_of(request), request)

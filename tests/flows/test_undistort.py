@@ -53,20 +53,22 @@ def name(results: Path) -> str:
     return read_results(results).images.names[2]
 
 
+#: Seventh pixels: every place of a cell of the resampling, as its size is no multiple of 7.
+EVERY = np.s_[10:-10:7, 10:-10:7]
+
+
 def sources(results: Path) -> Floats:
-    """(rows, columns, 2) where in a taken image the pixels of an undistorted one are."""
+    """(r, c, 2) where in a taken image pixels of an undistorted one are."""
     (camera,) = read_cameras(results)[0].values()
     frame = camera.frame
-    row, column = np.indices((ROWS, COLUMNS))
+    row, column = (index[EVERY] for index in np.indices((ROWS, COLUMNS)))
     away = np.stack([column - (COLUMNS - 1) / 2, (ROWS - 1) / 2 - row], axis=-1).reshape(-1, 2)
     measured = measured_points(camera, away * frame.pixel_size) / frame.pixel_size
     place = measured * [1.0, -1.0] + [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
-    return np.asarray(place.reshape(ROWS, COLUMNS, 2))
+    return np.asarray(place.reshape(*row.shape, 2))
 
 
-def test_every_pixel_shows_what_the_camera_saw_in_its_direction(
-    results: Path, name: str, tmp_path: Path
-) -> None:
+def test_pixels_show_what_the_camera_saw_in_its_direction(results: Path, name: str, tmp_path: Path) -> None:
     row, column = np.indices((ROWS, COLUMNS)).astype(np.float32)
     image = written(tmp_path / f"{name}.tif", np.stack([column, row]))
     done = aerocal("undistort", results, image, "--out", tmp_path / "out")
@@ -74,9 +76,8 @@ def test_every_pixel_shows_what_the_camera_saw_in_its_direction(
     with rasterio.open(tmp_path / "out" / image.name) as file:
         found = np.moveaxis(file.read(), 0, 2)
     expected = sources(results)
-    inside = np.s_[10:-10, 10:-10]
-    assert np.abs(expected - np.stack([column, row], axis=2)).max() > 1.0
-    assert np.abs(found - expected)[inside].max() < 0.01
+    assert np.abs(expected - np.stack([column, row], axis=2)[EVERY]).max() > 1.0
+    assert np.abs(found[EVERY] - expected).max() < 0.01
 
     (camera,) = csv.DictReader((tmp_path / "out" / "cameras.csv").read_text().splitlines())
     (calibrated,) = read_cameras(results)[0].values()
@@ -165,7 +166,7 @@ def test_an_image_that_is_damaged_is_named_and_not_left_half(
 def test_a_killed_process_leaves_no_image_and_the_next_one_no_trace_of_it(
     start: Start, results: Path, name: str, tmp_path: Path
 ) -> None:
-    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (8, 1, 1))
+    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (4, 1, 1))
     path, out = written(tmp_path / f"{name}.tif", data), tmp_path / "out"
     command = (sys.executable, "-m", "flows.command", "undistort", results, path, "--out", out)
     process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
