@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-_ROW = re.compile(r"^\| (\S+\.md) \| (.+) \| (.+) \| (.+) \|$", re.MULTILINE)
+_ROW = re.compile(r"^\| (\S+\.(?:md|ipynb)) \| (.+) \| (.+) \| (.+) \|$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
