@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 from pathlib import Path
 
+import typer.testing
 from typer.testing import CliRunner
 
 from flows.command.main import app
+
+# Otherwise the tree of all commands is made anew each time.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 
 def aerocal(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -38,12 +38,16 @@ def measured_exposures(
 
 def has_position(exposures: pd.DataFrame) -> np.ndarray:
     """(n,) which exposures have a position."""
-    return np.asarray(exposures[XYZ_M].notna().all(axis=1))
+    return _all_known(exposures, XYZ_M)
 
 
 def has_attitude(exposures: pd.DataFrame) -> np.ndarray:
     """(n,) which exposures have three angles."""
-    return np.asarray(exposures[OPK_DEG].notna().all(axis=1) | exposures[HEADING_DEG].notna().all(axis=1))
+    return _all_known(exposures, OPK_DEG) | _all_known(exposures, HEADING_DEG)
+
+
+def _all_known(exposures: pd.DataFrame, columns: list[str]) -> np.ndarray:
+    return ~np.isnan(exposures[columns].to_numpy(np.float64)).any(axis=1)
 
 
 def oriented_images(
@@ -93,6 +97,8 @@ def _completed(own: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
     result = own.reset_index(drop=True)
     row = pd.Index(found["image"]).get_indexer(pd.Index(result["image"]))
     new_place, new_angles = (row >= 0) & ~has_position(result), (row >= 0) & ~has_attitude(result)
+    if not (new_place | new_angles).any():
+        return result
     for chosen, columns, sigmas in (
         (new_place, XYZ_M, _SIGMA_M),
         (new_angles, OPK_DEG, _SIGMA_DEG),

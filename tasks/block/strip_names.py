@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
-
-import pandas as pd
 
 
 def strip_names(flight: Iterable[str], strip: Iterable[str]) -> list[str]:
@@ -16,7 +15,6 @@ def strip_names(flight: Iterable[str], strip: Iterable[str]) -> list[str]:
     ----------
     flight, strip : names (n,) as delivered, empty where not known.
     """
-    table = pd.DataFrame({"flight": list(flight), "strip": list(strip)}, dtype=object)
-    flights = table.drop_duplicates().groupby("strip")["flight"].size()
-    several = table["strip"].map(flights > 1) & (table["flight"] != "") & (table["strip"] != "")
-    return table["strip"].where(~several, table["strip"] + " of flight " + table["flight"]).tolist()
+    named = list(zip(flight, strip, strict=True))
+    flights = Counter(name for _, name in set(named))
+    return [f"{name} of flight {of}" if flights[name] > 1 and name and of else name for of, name in named]
