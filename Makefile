@@ -38,9 +38,10 @@ service-deps:
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium nginx-light postgresql poppler-utils systemd
 
 # A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
-# Two at a time, because most of the time is waiting; no more, because some of them measure how long an end takes.
+# Three at a time on two processors, because half of the time is waiting; no more, because some of them measure
+# how long an end takes.
 service-test: $(STAMP)
-	$(BIN)/python -m pytest -m service -p no:randomly --numprocesses 2 --dist loadfile $(OPTIONS)
+	$(BIN)/python -m pytest -m service -p no:randomly --numprocesses 3 --dist loadfile --no-loadscope-reorder $(OPTIONS)
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow $(OPTIONS)

@@ -38,8 +38,8 @@ _log = logging.getLogger("aerocal")
 StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
 
 
-def story_named(name: StoryName) -> Story:
-    """The story of this name; loaded when it is required."""
+def story_named(name: StoryName | Literal["image_quality"]) -> Story:
+    """The story of this name; loaded when it is required, with all that it computes with."""
     story: Story = getattr(import_module(f"flows.stories.{name}"), name)
     return story
 

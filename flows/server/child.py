@@ -9,6 +9,7 @@ killed, the runner still drains, and the server, which the runner holds as well,
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import runpy
 import shutil
@@ -147,6 +148,8 @@ def main(arguments: list[str]) -> None:
     handle, module, *rest = arguments
     os.set_inheritable(int(handle), False)
     threading.Thread(target=_end_when_released, args=(int(handle),), daemon=True).start()
+    # Prefect makes hundreds of thousands of objects when it is loaded, and all of them stay.
+    gc.set_threshold(50_000)
     sys.argv = [module, *rest]
     runpy.run_module(module, run_name="__main__", alter_sys=True)
 

@@ -13,7 +13,6 @@ door (`flows.server.guard`); whoever has passed it is not asked by the pages aga
 from __future__ import annotations
 
 import os
-import runpy
 from collections.abc import MutableMapping
 from functools import wraps
 from typing import Any, cast
@@ -25,13 +24,32 @@ from flows.server.server_process import SERVER_PASSWORD
 
 
 def main() -> None:
-    """Carry out a command of Prefect's command line, with the arguments of this process."""
+    """Serve Prefect's application where its settings say, until asked to end.
+
+    ``prefect server start`` does the same, after a greeting without dates and with logs of another form; its
+    command line takes as long to load as a tenth of the server.
+    """
     leave_hybrid_values_alone()
     begin_writing_at_once()
     door = door_from(os.environ.get(SERVER_PASSWORD), os.environ.get(DOOR_VARIABLE))
     leave_the_login_to_the_door()
     keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
-    runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+    import uvicorn
+    from prefect.server.api import server
+    from prefect.settings import get_current_settings
+
+    settings = get_current_settings().server.api
+    uvicorn.run(
+        server.create_app(final=True),
+        host=settings.host,
+        port=settings.port,
+        timeout_keep_alive=settings.keepalive_timeout,
+        ws_ping_interval=settings.websocket_ping_interval,
+        ws_ping_timeout=settings.websocket_ping_timeout,
+        # Prefect has set up the logs of both, with dates.
+        log_config=None,
+    )
 
 
 def leave_hybrid_values_alone() -> None:

@@ -153,20 +153,9 @@ def _connection(database: str) -> str:
     return f"postgresql+asyncpg://{found.group(1)}"
 
 
-def start_server(
-    address: ServerAddress, environment: Mapping[str, str], log: Path, lifeline: Lifeline
-) -> Child:
-    """Start the server; it is not well yet."""
-    where = ("--host", address.host, "--port", str(address.port))
-    return Child(
-        "flows.server.prefect_server",
-        "server",
-        "start",
-        *where,
-        environment=environment,
-        log=log,
-        lifeline=lifeline,
-    )
+def start_server(environment: Mapping[str, str], log: Path, lifeline: Lifeline) -> Child:
+    """Start the server; it is not well yet. Where it listens, its environment says (`server_environment`)."""
+    return Child("flows.server.prefect_server", environment=environment, log=log, lifeline=lifeline)
 
 
 def wait_until(
@@ -188,7 +177,7 @@ def wait_until(
             raise InstallationError(
                 f"The {what} {reason}.", f"Its log is {child.log}; the last lines:\n{child.last_lines()}"
             )
-        time.sleep(0.3)
+        time.sleep(0.1)
     return True
 
 

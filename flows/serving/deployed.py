@@ -9,7 +9,7 @@ import logging
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from flows.server.prefect_settings import prepare_prefect
 
@@ -24,7 +24,7 @@ from pydantic import AfterValidator, Field  # noqa: E402
 
 from flows.runs.clean_up import Act, clean_up_below  # noqa: E402
 from flows.runs.examination_request import ExaminationRequest  # noqa: E402
-from flows.runs.project_run import RunRequest, Story  # noqa: E402
+from flows.runs.project_run import RunRequest, StoryName, story_named  # noqa: E402
 from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
 from flows.runs.run_state import STATE_NAMES  # noqa: E402
@@ -43,12 +43,6 @@ from flows.server.roots import (  # noqa: E402
 )
 from flows.server.run_form import RunForm  # noqa: E402
 from flows.serving.registered import identity, show, state_of  # noqa: E402
-from flows.stories.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
-from flows.stories.direct_georeferencing_check import (  # noqa: E402
-    direct_georeferencing_check as direct_georeferencing_story,
-)
-from flows.stories.image_quality import image_quality as image_quality_story  # noqa: E402
-from flows.stories.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.files.installation import InstallationError  # noqa: E402
 from tasks.production.records import configured_records  # noqa: E402
@@ -93,7 +87,11 @@ def name_outcome(flow: "Flow[..., Any]", flow_run: FlowRun, state: State[Any]) -
 
 
 def _confined(
-    story: Story, project: str, settings: RunForm, output: str, requested: type[RunRequest] = RunRequest
+    story: StoryName | Literal["image_quality"],
+    project: str,
+    settings: RunForm,
+    output: str,
+    requested: type[RunRequest] = RunRequest,
 ) -> State[None]:
     """Run a story on a project under the configured folders."""
     try:
@@ -102,7 +100,7 @@ def _confined(
         out = roots.output_folder(file, output)
         address = configured_results(file, output, roots)
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
-        outcome = carry_out_recorded(story, request, identity())
+        outcome = carry_out_recorded(story_named(story), request, identity())
     except InputError as error:
         note_refusal(identity(), project, str(error))
         show(text_of_refusal(project, "InputError", str(error), identity()))
@@ -114,8 +112,11 @@ def _confined(
     return state_of(outcome)
 
 
-def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[None]]":
-    """The flow of a story on a project of this server."""
+def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
+    """The flow of a story on a project of this server.
+
+    The runner makes the flows and never computes; the process of a run loads the one story that it needs.
+    """
 
     def run(
         project: ProjectParameter, settings: RunForm = AS_IN_PROJECT, output: OutputParameter = "results"
@@ -129,9 +130,9 @@ def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[N
         """
         return _confined(story, project, settings, output)
 
-    run.__name__ = name.replace("-", "_")
+    run.__name__ = story
     made: Flow[..., State[None]] = flow(
-        name=name,
+        name=story.replace("_", "-"),
         description=description,
         flow_run_name=run_name,
         timeout_seconds=12 * _HOUR_S,
@@ -143,19 +144,16 @@ def _story_flow(name: str, description: str, story: Story) -> "Flow[..., State[N
 
 
 aerial_triangulation = _story_flow(
-    "aerial-triangulation",
+    "aerial_triangulation",
     "Adjust the block of a project: orientations, object points and their precision, report, gates.",
-    aerial_triangulation_story,
 )
 system_calibration = _story_flow(
-    "system-calibration",
+    "system_calibration",
     "Calibrate camera, mounting and GNSS from a calibration flight, with certificate.",
-    system_calibration_story,
 )
 direct_georeferencing_check = _story_flow(
-    "direct-georeferencing-check",
+    "direct_georeferencing_check",
     "Check the accuracy of GNSS, INS and a calibration without control points.",
-    direct_georeferencing_story,
 )
 
 
@@ -175,7 +173,7 @@ def image_quality(project: ProjectParameter, output: OutputParameter = "image-qu
         project: The file or its folder; absolute, or as seen from a folder of this server.
         output: Name of the folder of the results, beside the file.
     """
-    return _confined(image_quality_story, project, AS_IN_PROJECT, output, ExaminationRequest)
+    return _confined("image_quality", project, AS_IN_PROJECT, output, ExaminationRequest)
 
 
 @flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)

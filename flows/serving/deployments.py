@@ -8,6 +8,7 @@ import asyncio
 import logging
 import shlex
 import sys
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from functools import wraps
 from typing import Any
@@ -16,6 +17,7 @@ import httpx
 
 from flows.server.inbox import MANUAL, ON_DELIVERY
 from flows.server.prefect_settings import HEARTBEAT_S
+from flows.server.server_process import is_well
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 
@@ -169,7 +171,11 @@ def main() -> None:
     logging.getLogger("prefect.runner").addFilter(lambda said: "skipped (at capacity)" not in said.msg)
     settings = settings_of_runner()
     if settings.registers:
-        asyncio.run(_serve(settings.limit, deployments(settings)))
+        made = deployments(settings)
+        # It is started at the same time; who has started both ends this process if the server fails.
+        while not is_well(settings.address):
+            time.sleep(0.2)
+        asyncio.run(_serve(settings.limit, made))
     else:
         asyncio.run(_help(settings.limit))
 

@@ -7,6 +7,7 @@ anything begins.
 
 from __future__ import annotations
 
+import gc
 import inspect
 import logging
 import os
@@ -29,7 +30,8 @@ _FORESEEN = re.compile(rf"Finished in state ({'|'.join(STATE_NAMES.values())})\(
 def main() -> None:
     """Carry out the run that the environment names; an outcome that is foreseen is not an error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
-    # Loads Prefect.
+    # Loads Prefect: hundreds of thousands of objects, and all of them stay.
+    gc.set_threshold(50_000)
     from flows.serving.deployed import FLOWS  # isort: skip
     from prefect._internal.control_listener import configure_from_env
     from prefect.client.orchestration import get_client

@@ -23,18 +23,10 @@ from prefect.runtime import flow_run  # noqa: E402
 from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
 
 from flows.runs.examination_request import ExaminationRequest  # noqa: E402
-from flows.runs.project_run import RunOutcome, RunRequest, Story  # noqa: E402
+from flows.runs.project_run import RunOutcome, RunRequest, Story, StoryName, story_named  # noqa: E402
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
 from flows.runs.run_artifacts import CONTRADICTS_TRUTH, text_of_outcome  # noqa: E402
 from flows.runs.run_state import STATE_NAMES, state_message, state_name  # noqa: E402
-from flows.stories.aerial_triangulation import aerial_triangulation as aerial_triangulation_story  # noqa: E402
-from flows.stories.direct_georeferencing_check import (  # noqa: E402
-    direct_georeferencing_check as direct_georeferencing_story,
-)
-from flows.stories.flight_check import flight_check as flight_check_story  # noqa: E402
-from flows.stories.image_quality import image_quality as image_quality_story  # noqa: E402
-from flows.stories.scenario_sweep import sweep_of  # noqa: E402
-from flows.stories.system_calibration import system_calibration as system_calibration_story  # noqa: E402
 from tasks.errors import InputError  # noqa: E402
 from tasks.object_storage.address import ObjectAddress  # noqa: E402
 from tasks.production.short_text import ShortText  # noqa: E402
@@ -84,6 +76,7 @@ def _story_flow(
     name: str,
     description: str,
     story_of: Callable[[RunRequest], Story],
+    *,
     hours: int = 12,
     requested: type[RunRequest] = RunRequest,
 ) -> "Flow[..., State[None]]":
@@ -122,29 +115,40 @@ def _story_flow(
     return made
 
 
+def _sweep_of(request: RunRequest) -> Story:
+    """The sweep of a request; loaded when it is required, as every story is."""
+    from flows.stories.scenario_sweep import sweep_of
+
+    return sweep_of(request)
+
+
+def _always(story: StoryName | Literal["image_quality"]) -> Callable[[RunRequest], Story]:
+    return lambda _request: story_named(story)
+
+
 aerial_triangulation = _story_flow(
-    "aerial-triangulation", "Adjust the block of a project file.", lambda _request: aerial_triangulation_story
+    "aerial-triangulation", "Adjust the block of a project file.", _always("aerial_triangulation")
 )
 direct_georeferencing_check = _story_flow(
     "direct-georeferencing-check",
     "Check the accuracy of GNSS, INS and the calibration of a project file without control points.",
-    lambda _request: direct_georeferencing_story,
+    _always("direct_georeferencing_check"),
 )
 system_calibration = _story_flow(
     "system-calibration",
     "Calibrate camera, mounting and GNSS from the calibration flight of a project file.",
-    lambda _request: system_calibration_story,
+    _always("system_calibration"),
 )
 scenario_sweep = _story_flow(
     "scenario-sweep",
     "Adjust every scenario of a project's sweep: sub-blocks, control points, variants of the settings.",
-    sweep_of,
+    _sweep_of,
     hours=24,
 )
 image_quality = _story_flow(
     "image-quality",
     "Examine images: effective resolution, noise, defects of the sensor; radiometric certificate.",
-    lambda _request: image_quality_story,
+    _always("image_quality"),
     requested=ExaminationRequest,
 )
 
@@ -178,6 +182,8 @@ def flight_check(
     seed : of all random numbers.
     calibrate : run the system calibration, not the aerial triangulation alone.
     """
+    from flows.stories.flight_check import flight_check as flight_check_story
+
     try:
         specification = load_simulation(simulation, tuple(overrides or ()), seed)
     except InputError as error:

@@ -101,7 +101,7 @@ def _prepared(settings: Settings) -> Records:
 def _start_runner(
     settings: Settings, api: Api, lifeline: Lifeline, holds: Sequence[Lifeline] = (), name: str = "runner"
 ) -> Child:
-    """Start a runner; it does not ask for runs yet."""
+    """Start a runner; it loads what it needs, and waits for the server."""
     environment = {
         **os.environ,
         **settings.variables(),
@@ -134,16 +134,17 @@ class _Serving:
             at_end.callback(self.of_server.release)
             at_end.callback(self.of_runner.release)
             self.say("Starting the server; this takes up to half a minute.")
+            # All of them take seconds to load, and do so at the same time.
+            begun = time.time()
             server = Supervised("server", self._server, self.say)
             at_end.callback(self._server_has_ended, server)
-            if not self._wait("server", self._is_well, server):
-                return 0
             at_end.enter_context(notices)
-            begun = time.time()
             runner = Supervised("runner", self._runner, self.say, self._is_well)
             at_end.callback(runner.end)
             watch = Watch(self.settings, self.api, self.records, self.say)
             at_end.enter_context(self._page(watch))
+            if not self._wait("server", self._is_well, server):
+                return 0
             if not self._wait("runner", lambda: self._polls(begun), runner):
                 return 0
             self._ready()
@@ -151,14 +152,13 @@ class _Serving:
 
     def _server(self) -> Child:
         log = self.settings.state / "logs" / "server.log"
-        return start_server(self.settings.address, self.environment, log, self.of_server)
+        return start_server(self.environment, log, self.of_server)
 
     def _runner(self) -> Child:
         return _start_runner(self.settings, self.api, self.of_runner, [self.of_server])
 
     @contextmanager
     def _page(self, watch: Watch) -> Iterator[None]:
-        # Loads Dash, in seconds that the runner needs anyway.
         from flows.overview.application import page_server
         from flows.overview.sources import Sources
 

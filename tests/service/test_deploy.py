@@ -60,8 +60,7 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)
     door = door_of("ann:words", [address.host], [])
-    server = [sys.executable, "-m", "flows.server.prefect_server", "server", "start"]
-    server += ["--host", address.host, "--port", str(address.port)]
+    server = [sys.executable, "-m", "flows.server.prefect_server"]
     ours = {**base, "PREFECT_API_URL": address.api, CLIENT_PASSWORD: door.password}
     confined = {"AEROCAL_ROOTS": f'["{tmp_path / "root"}"]', "AEROCAL_RECORDS": str(tmp_path / "r.sqlite")}
     worker = ["prefect", "worker", "start", "--pool", "aerocal"]

@@ -1,11 +1,9 @@
-"""``aerocal serve`` for real: form, deliveries, runs by hand, and an end that leaves nothing running."""
+"""``aerocal serve`` for real: form, deliveries, schedules, runs by hand."""
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -27,8 +25,7 @@ from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
 from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
-from tests.postgresql_server import PASSWORD, PostgresqlServer
-from tests.service.served import Served, alive, recorded_states, served, until
+from tests.service.served import Served, served, until
 from tests.tasks.registry.records import add, approve, record
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
@@ -289,78 +286,3 @@ def test_pages_of_the_dashboard_speak_to_their_own_server_only(server: Served) -
         with urllib.request.urlopen(urllib.request.Request(address, headers=asked_for), timeout=30) as answer:
             policy = answer.headers["Content-Security-Policy"]
         assert policy.startswith("connect-src 'self';"), page
-
-
-def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: Path) -> None:
-    write_block(tmp_path / "root" / "block")
-    with served(tmp_path, first_start=True) as server:
-        groups = server.groups()
-        waiting = server.start(MANUAL, {"project": "block", "output": "held"})
-        with run_lock(server.folder / "root" / "block" / "held"):
-            server.in_state(waiting, "RUNNING")
-            server.process.send_signal(signal.SIGTERM)
-            until(lambda: "a second request stops them now" in server.printed, 20)
-            later = server.start(MANUAL, {"project": "block", "output": "later"})
-            with pytest.raises(subprocess.TimeoutExpired):
-                server.process.wait(6)
-        assert server.process.wait(120) == 0
-    states = recorded_states(server.folder)
-    assert states[waiting] == "COMPLETED"
-    assert not {"RUNNING", "PENDING", "CANCELLING"} & set(states.values())
-    assert later not in states, "a run that had not started waits for the next start"
-    assert not [group for group in groups if alive(group)]
-    assert find_server(server.folder / "state") is None
-
-
-def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(tmp_path: Path) -> None:
-    write_block(tmp_path / "root" / "block")
-    with served(tmp_path, "--cron", "30 1 * * *") as first, run_lock(tmp_path / "root" / "block" / "results"):
-        run = first.start(MANUAL, {"project": "block"})
-        first.in_state(run, "RUNNING")
-        assert len(first.api.get("/deployments/name/inbox/nightly")["schedules"]) == 1
-        groups = first.groups()
-        first.process.kill()
-        for group in groups:
-            os.killpg(group, signal.SIGKILL)
-    assert recorded_states(tmp_path)[run] == "RUNNING"
-    project = tmp_path / "root" / "block" / "project.toml"
-    command = [sys.executable, "-m", "flows.command", "run", str(project), "--out", str(tmp_path / "hand")]
-    alone = subprocess.run(command, env=first.environment, capture_output=True, text=True, check=False)
-    assert alone.returncode == 0
-    assert "Remark: The server" in alone.stderr
-    assert "no longer running" in alone.stderr
-    shutil.rmtree(tmp_path / "hand")
-    with served(tmp_path) as second:
-        # It is seen to have crashed first, and started again a moment later.
-        second.in_state(run, "COMPLETED", 150)
-        # Not asked for this time.
-        assert second.api.get("/deployments/name/inbox/nightly")["schedules"] == []
-        second.process.send_signal(signal.SIGINT)
-        assert second.process.wait(60) == 0
-
-
-def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Path) -> None:
-    write_block(tmp_path / "root" / "block")
-    with served(tmp_path) as server:
-        groups = server.groups()
-        with run_lock(tmp_path / "root" / "block" / "results"):
-            run = server.start(MANUAL, {"project": "block"})
-            server.in_state(run, "RUNNING")
-            server.process.kill()
-            server.process.wait()
-        until(lambda: not any(alive(group) for group in groups), 90)
-    assert recorded_states(tmp_path)[run] == "COMPLETED"
-
-
-def test_the_records_may_be_in_postgresql(
-    tmp_path: Path, postgresql: PostgresqlServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_block(tmp_path / "root" / "block")
-    monkeypatch.setenv("PGPASSWORD", PASSWORD)
-    database = postgresql.emptied().replace(f":{PASSWORD}@", "@")
-    with served(tmp_path, "--database", database) as server:
-        run = server.start(MANUAL, {"project": "block"})
-        assert server.ended(run)["state_name"] == "Completed"
-        server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(60) == 0
-    assert not (tmp_path / "state" / "prefect" / "prefect.db").exists()
