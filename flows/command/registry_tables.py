@@ -27,7 +27,7 @@ from tasks.documents.time_series.page import write_time_series
 from tasks.documents.time_series.plot import LIMIT
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
-from tasks.quantities import quantity_words, shown
+from tasks.quantities import shown
 from tasks.registry.approval import predecessor
 from tasks.registry.compatibility import Compatibility, compatibility
 from tasks.registry.contents import Contents, StoredCalibration
@@ -182,7 +182,7 @@ def _add_rows(table: Table, series: ParameterSeries) -> None:
         decimals = decimals_for(point.sigma)
         change, t = _change(series, index, factor)
         table.add_row(
-            quantity_words(series.parameter) if index == 0 else "",
+            series.words if index == 0 else "",
             str(point.calibration),
             "–" if point.flown is None else str(point.flown),
             str(Number(point.value, decimals)),

@@ -38,7 +38,7 @@ def changes_table(test: Compatibility) -> Table:
         sigma = change.sigma * factor
         style = "bold yellow" if change.outstanding else ""
         table.add_row(
-            quantity_words(change.parameter),
+            change.words,
             str(Number(change.change * factor, decimals_for(sigma), plus=True)),
             str(Number(sigma, decimals_for(sigma))),
             unit,
@@ -75,12 +75,13 @@ def focal_length(item: StoredCalibration) -> str:
 
 def parameters_table(item: StoredCalibration, test: Compatibility | None) -> Table:
     """Every parameter of a calibration; those that were compared with their change."""
-    changes = {} if test is None else {change.parameter: change for change in test.changes}
+    changes = {} if test is None else {(change.parameter, change.head): change for change in test.changes}
     heads = ("parameter", "entity", "value", "± σ", "unit", "verdict", "change", "in σ")
     table = empty_table(*heads, right=("value", "± σ", "change", "in σ"))
     for one in item.record.parameters:
         decimals = 6 if one.sigma is None else decimals_for(one.sigma)
-        change = changes.get(one.parameter) if one.entity == item.record.camera.name else None
+        head = "" if one.entity == item.record.camera.name else one.entity
+        change = changes.get((one.parameter, head))
         style = "bold yellow" if change is not None and change.outstanding else ""
         table.add_row(
             quantity_words(one.parameter),

@@ -22,7 +22,7 @@ from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
 from tasks.results.summary import Summary, failed_summary, write_summary
 from tasks.settings.base import DATA_VARIABLE
-from tasks.settings.cameras import REGISTRY
+from tasks.settings.cameras import REGISTRY, RIG_REGISTRY
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.store.run_lock import run_lock
@@ -240,7 +240,7 @@ def _tell_remotely(store: Store, summary: Summary) -> None:
 
 def _with_registered_cameras(project: Project) -> Project:
     """The project, its cameras with what the registry has for them."""
-    if all(camera.calibration != REGISTRY for camera in project.cameras.values()):
+    if all(camera.calibration not in (REGISTRY, RIG_REGISTRY) for camera in project.cameras.values()):
         return project
     # Loaded only for a camera that wants it, as the clients of databases are.
     from tasks.georeferencing.registered_cameras import with_registered_cameras

@@ -24,16 +24,16 @@ from adjust.parameters import (
 )
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
-from tasks.quantities import reported_unit
+from tasks.quantities import named, reported_unit
 
 
 @dataclass(frozen=True, eq=False)
 class KnownCalibration:
-    """What is known of the calibrated parameters of one camera.
+    """What is known of the calibrated parameters of one camera, or of the heads of one rig together.
 
     Attributes
     ----------
-    camera : its name.
+    camera : its name; of a rig that of the reference head.
     is_prior : whether its parameters are observed; else they are considered.
     names, units : of the k parameters, units of the adjustment.
     places : where they are in the families of the block.
@@ -63,11 +63,13 @@ def known_calibrations(block: Block, cameras: pd.DataFrame) -> tuple[KnownCalibr
             continue
         known = from_json(text)
         matrix = np.array(known["covariance"], dtype=np.float64)
+        # Of a rig the reference head has what is known of all heads.
+        owners = known.get("cameras") or [camera.name] * len(matrix)
         chosen = [
             (number, parameters, place)
-            for number, name in enumerate(known["parameters"])
+            for number, (name, owner) in enumerate(zip(known["parameters"], owners, strict=True))
             for parameters in block.system
-            for place in _places(parameters, name, camera.name)
+            for place in _places(parameters, name, owner)
         ]
         own = [number for number, _, _ in chosen]
         scale = np.array([reported_unit(item.family, place.component)[1] for _, item, place in chosen])
@@ -75,13 +77,21 @@ def known_calibrations(block: Block, cameras: pd.DataFrame) -> tuple[KnownCalibr
             KnownCalibration(
                 camera.name,
                 rows[camera.name]["calibration_use"] == "prior",
-                tuple(item.family.components[place.component] for _, item, place in chosen),
+                tuple(
+                    _name(item.family.components[place.component], owners[number], camera.name)
+                    for number, item, place in chosen
+                ),
                 tuple(item.family.unit_of(place.component) for _, item, place in chosen),
                 tuple(place for _, _, place in chosen),
                 matrix[np.ix_(own, own)] / np.outer(scale, scale),
             )
         )
     return tuple(found)
+
+
+def _name(parameter: str, owner: str, camera: str) -> str:
+    """A parameter of the camera itself, or that of another head of its rig."""
+    return parameter if owner == camera else named(parameter, owner)
 
 
 def _places(parameters: SystemParameters, name: str, camera: str) -> list[ParameterPlace]:

@@ -1,4 +1,4 @@
-"""The record of one camera, from what a calibration has found about all of them."""
+"""The record of one camera or rig, from what a calibration has found about all of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
-from tasks.calibration.head_boresight import HeadBoresight, without_reference
+from adjust.rig import OF_HEADS
+from tasks.calibration.head_boresight import OF_REFERENCE, HeadBoresight
 from tasks.calibration.held_quantities import WithHeld
 from tasks.calibration.record import (
     CalibratedCamera,
@@ -19,7 +20,7 @@ from tasks.calibration.record import (
     CalibrationRecord,
 )
 from tasks.calibration.verdicts import FlightVerdict, ParameterVerdict
-from tasks.quantities import is_calibrated
+from tasks.quantities import is_calibrated, kind_of
 from tasks.settings.cameras import CameraInput
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
@@ -72,33 +73,65 @@ class Found:
     boresights: Mapping[str, HeadBoresight]
 
 
-def record_of(found: Found, camera: str, given: CameraInput, origin: Origin) -> CalibrationRecord:
-    """The record of a camera; `given` is the camera of the project file."""
-    rows = rows_of(found.known.parameters, camera)
-    own = found.boresights.get(camera)
-    if own is not None:
-        rows = without_reference(rows)
+def bodies(cameras: pd.DataFrame, images: pd.DataFrame) -> tuple[tuple[str, ...], ...]:
+    """Names of the cameras of each record: a camera alone, or the reference head and those beside it.
+
+    Parameters
+    ----------
+    cameras, images : the tables of these names; what took no image of the block is a reference head at most.
+    """
+    taken = cameras[cameras["camera"].isin(images["camera"])]
+    body = taken["head_of"].where(taken["head_of"].notna(), taken["camera"])
+    return tuple(
+        (str(name), *sorted(map(str, set(own) - {name}))) for name, own in taken.groupby(body)["camera"]
+    )
+
+
+def record_of(
+    found: Found, names: tuple[str, ...], given: Mapping[str, CameraInput], origin: Origin
+) -> CalibrationRecord:
+    """The record of a camera, or of the heads of a rig together.
+
+    The errors of the heads of a rig are correlated: apart, their differences would come out wrong.
+
+    Parameters
+    ----------
+    names : of `bodies`.
+    given : cameras of the project file.
+    """
+    rows = rows_of(found.known.parameters, names)
+    camera, *heads = (_camera(found.cameras, name, given[name]) for name in names)
+    mountings = tuple(found.boresights[name].sentence(name) for name in names if name in found.boresights)
     return CalibrationRecord(
-        camera=_camera(found.cameras, camera, given),
+        camera=camera,
+        heads=tuple(heads),
         parameters=_parameters(found, rows),
         covariance=_covariance(found, rows),
         held=found.known.held,
-        flight=_flight(found, camera, origin),
+        flight=_flight(found, names, origin),
         sigma0=origin.sigma0,
         redundancy=origin.redundancy,
         verdict=found.of_flight.verdict,
         reasons=found.of_flight.reasons,
         restrictions=found.of_flight.restrictions,
-        remarks=(*([] if own is None else [own.sentence]), *found.of_flight.remarks, *origin.remarks),
+        remarks=(*mountings, *found.of_flight.remarks, *origin.remarks),
         inputs=dict(origin.inputs),
         software=dict(origin.software),
     )
 
 
-def rows_of(parameters: pd.DataFrame, camera: str) -> pd.DataFrame:
-    """Parameters of a camera and of the flights; those of strips are random and no part of a record."""
-    own = parameters["camera"].isna() | (parameters["camera"] == camera)
-    return parameters[own & parameters["parameter"].map(is_calibrated)]
+def rows_of(parameters: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
+    """Parameters of cameras and of the flights; those of strips are random and no part of a record.
+
+    Boresight and lever arm of a head are those of the reference head, the first of `names`; this has no
+    place relative to itself.
+    """
+    own = parameters["camera"].isna() | parameters["camera"].isin(names)
+    rows = parameters[own & parameters["parameter"].map(is_calibrated)]
+    kind = rows["parameter"].map(kind_of)
+    of_reference = rows["camera"].isin(names[1:]) & kind.isin(OF_REFERENCE)
+    of_heads = (rows["camera"] == names[0]) & kind.isin(OF_HEADS if len(names) > 1 else ())
+    return rows[~of_reference & ~of_heads]
 
 
 def _camera(cameras: pd.DataFrame, name: str, given: CameraInput) -> CalibratedCamera:
@@ -140,9 +173,9 @@ def _covariance(found: Found, rows: pd.DataFrame) -> tuple[tuple[float, ...], ..
     return tuple(tuple(float(value) for value in row) for row in matrix)
 
 
-def _flight(found: Found, camera: str, origin: Origin) -> CalibrationFlight:
-    images = found.images[found.images["camera"] == camera]
-    (row,) = found.cameras[found.cameras["camera"] == camera].to_dict("records")
+def _flight(found: Found, names: tuple[str, ...], origin: Origin) -> CalibrationFlight:
+    images = found.images[found.images["camera"].isin(names)]
+    (row,) = found.cameras[found.cameras["camera"] == names[0]].to_dict("records")
     heights = tuple(round(float(height), 1) for height in found.pattern.heights)
     headings = (round(float(np.rad2deg(angle)) % 360.0, 1) for angle in found.pattern.directions)
     pixel_over_c = 1e-3 * row["pixel_um"] / row["focal_length_mm"]

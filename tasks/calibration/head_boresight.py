@@ -10,7 +10,6 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.geometry import rotation
-from tasks.quantities import kind_of
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 
 _AXES = ("roll", "pitch", "yaw")
@@ -32,16 +31,15 @@ class HeadBoresight:
     angles: Floats
     sigma: Floats
 
-    @property
-    def sentence(self) -> str:
-        """For the record of the head."""
+    def sentence(self, head: str) -> str:
+        """For the record of the rig; `head` is the name of the head."""
         parts = ", ".join(
             f"{axis} {angle:.5f}° ± {sigma:.5f}°"
             for axis, angle, sigma in zip(_AXES, self.angles, self.sigma, strict=True)
         )
         return (
             f"Boresight and lever arm are those of {self.reference}; with the relative rotation the "
-            f"boresight of this head is {parts}."
+            f"boresight of {head} is {parts}."
         )
 
 
@@ -78,8 +76,3 @@ def head_boresights(
         spread = of_both[:, free] @ covariance @ of_both[:, free].T
         found[str(head)] = HeadBoresight(str(reference), np.rad2deg(angles), np.sqrt(np.diagonal(spread)))
     return found
-
-
-def without_reference(rows: pd.DataFrame) -> pd.DataFrame:
-    """Parameters of a head without those that are of its reference head."""
-    return rows[rows["camera"].isna() | ~rows["parameter"].map(kind_of).isin(OF_REFERENCE)]

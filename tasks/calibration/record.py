@@ -125,10 +125,12 @@ class CalibrationFlight(RecordModel):
 
 
 class CalibrationRecord(RecordModel):
-    """One calibration.
+    """One calibration, of a camera or of all heads of a rig together.
 
     Attributes
     ----------
+    camera : what was calibrated; of a rig its reference head.
+    heads : the other heads of the rig; none of a camera alone.
     parameters : of the camera, its mounting and the flights, estimated and held ones.
     covariance : (k, k) of those with a ``sigma``, in their order, in products of their units.
     held : what was held and how well it is known; its effect is part of the covariance.
@@ -144,6 +146,8 @@ class CalibrationRecord(RecordModel):
     format: Literal["aerocal-calibration"] = "aerocal-calibration"
     version: Literal[1] = 1
     camera: CalibratedCamera
+    # A record without heads has the digest it always had.
+    heads: tuple[CalibratedCamera, ...] = Field(default=(), exclude_if=lambda heads: not heads)
     parameters: tuple[CalibratedParameter, ...]
     covariance: tuple[tuple[float, ...], ...]
     held: tuple[RecordedHeld, ...] = ()
@@ -186,6 +190,8 @@ class CalibrationRecord(RecordModel):
     @model_validator(mode="after")
     def _consistent(self) -> CalibrationRecord:
         count = len(self.estimated)
+        if len(set(self.names)) != len(self.names):
+            raise ValueError("two heads have the same name")
         if len({item.key for item in self.parameters}) != len(self.parameters):
             raise ValueError("a parameter is listed twice")
         matrix = np.array(self.covariance, dtype=np.float64).reshape(-1, count) if count else np.zeros((0, 0))
@@ -200,7 +206,12 @@ class CalibrationRecord(RecordModel):
 
     def holds_in_one_flight(self, item: CalibratedParameter) -> bool:
         """Whether a parameter of the camera has other values in other flights."""
-        return entity_kind(item.parameter) == "camera" and item.entity != self.camera.name
+        return entity_kind(item.parameter) == "camera" and item.entity not in self.names
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The camera, and the other heads of its rig."""
+        return self.camera.name, *(head.name for head in self.heads)
 
     @property
     def estimated(self) -> tuple[CalibratedParameter, ...]:

@@ -14,13 +14,12 @@ import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
-from tasks.deliveries.head_certificates import USES, stated_covariance
+from tasks.deliveries.head_certificates import USES, certificate_of, stated_covariance
 from tasks.errors import InputError
-from tasks.formats.head_certificate import read_head_certificate
 from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
-from tasks.settings.cameras import REGISTRY, CameraInput
+from tasks.settings.cameras import REGISTRY, RIG_REGISTRY, CameraInput
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import CAMERAS
 
@@ -60,7 +59,7 @@ def camera_record(camera: CameraInput) -> CameraRecord:
         If the camera file cannot be read.
     """
     if camera.head_certificate is not None:
-        return read_head_certificate(camera.head_certificate).camera
+        return certificate_of(camera, camera.head_certificate).camera
     if camera.file is not None and camera.format is not None:
         elsewhere = () if camera.principal_point_mm is None else ("x0_mm", "y0_mm")
         layout = replace(camera.table.layout, elsewhere=elsewhere)
@@ -165,12 +164,17 @@ def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int |
     known = stated_covariance(camera)
     row |= {
         "calibration_use": None if known is None else camera.calibration_use,
-        "calibration_covariance": None if known is None else json.dumps(asdict(known)),
+        "calibration_covariance": None
+        if known is None
+        else json.dumps({key: value for key, value in asdict(known).items() if value or key != "cameras"}),
     }
     row |= {f"lever_arm_{axis}_m": value for axis, value in zip("xyz", mounting.lever_arm_m, strict=True)}
     reduced_by = mounting.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m
     row |= {f"reduced_by_{axis}_m": value for axis, value in zip("xyz", reduced_by, strict=True)}
-    row |= {name: getattr(camera.identity, name) for name in ("body", "lens", "imu", "mount", "product")}
+    row |= {
+        name: getattr(camera.identity, name)
+        for name in ("body", "lens", "imu", "mount", "band", "software", "product")
+    }
     row |= {f"boresight_{axis}_deg": v for axis, v in zip(_BODY, mounting.boresight_deg, strict=True)}
     head = camera.head
     row["head_of"] = None if head is None else head.reference
@@ -231,7 +235,7 @@ def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
         f"m. {USES[camera.calibration_use]} A GNSS shift applies only to its own flight and is not used."
         for name, camera in cameras.items()
         for kind, _, source in (str(camera.calibration or "").partition(", "),)
-        if kind == REGISTRY and source
+        if kind in (REGISTRY, RIG_REGISTRY) and source
     )
 
 

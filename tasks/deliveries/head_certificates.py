@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
+from tasks.errors import InputError
 from tasks.formats.head_certificate import HeadCertificate, read_head_certificate
 from tasks.settings.cameras import CalibrationCovariance, CameraInput
 
@@ -13,6 +15,38 @@ USES = {
     "prior": "They are observed with their covariance.",
     "held": "They count as exact.",
 }
+
+
+def certificate_of(camera: CameraInput, path: Path) -> HeadCertificate:
+    """The certificate of a head, if it is of the band and software version of the camera.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or band or software differ or are declared on one side only.
+    """
+    certificate = read_head_certificate(path)
+    for name, words in (("band", "band"), ("software", "software version")):
+        there, here = getattr(certificate, name), getattr(camera.identity, name)
+        if there == here:
+            continue
+        if there is not None and here is not None:
+            raise InputError(
+                f"The certificate is of {words} {there}, and the camera of {here}: the calibration of "
+                f"another {words} is not applied.",
+                "Name the certificate of this head, or correct identity.",
+                file=path,
+                entity=name,
+            )
+        given, missing = ("certificate", "camera") if here is None else ("camera", "certificate")
+        place = f"identity.{name} of the camera" if here is None else f"[head] {name} of the certificate"
+        raise InputError(
+            f"The {given} declares the {words} {there or here}, and the {missing} does not.",
+            f"Declare it: {place}.",
+            file=path,
+            entity=name,
+        )
+    return certificate
 
 
 def stated_covariance(camera: CameraInput) -> CalibrationCovariance | None:
@@ -25,7 +59,7 @@ def stated_covariance(camera: CameraInput) -> CalibrationCovariance | None:
     """
     if camera.head_certificate is None or camera.calibration_use == "held":
         return camera.covariance
-    return CalibrationCovariance(*read_head_certificate(camera.head_certificate).known)
+    return CalibrationCovariance(*certificate_of(camera, camera.head_certificate).known)
 
 
 def about_head_certificates(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:

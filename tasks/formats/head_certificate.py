@@ -7,6 +7,8 @@
     pixel_um = 12.0
     nominal_focal_length_mm = 120.0
     unit = "m"                              # of the printed lengths: "m" or "mm"
+    band = "PAN1"                           # as printed, if it is
+    software = "5.1"                        # version of the software that made the images, if it is printed
 
     [parameters]                            # value and standard deviation, or "eliminated"
     dc = [-3.158e-4, 1.424e-6]
@@ -76,6 +78,7 @@ class HeadCertificate:
     values : of them.
     covariance : (k, k).
     eliminated : printed names of those that were held at zero.
+    band, software : spectral band and version of the software, as printed; None: not stated.
     """
 
     serial: str
@@ -87,6 +90,8 @@ class HeadCertificate:
     values: tuple[float, ...]
     covariance: Floats
     eliminated: tuple[str, ...]
+    band: str | None = None
+    software: str | None = None
 
     @property
     def insignificant(self) -> Mapping[str, float]:
@@ -160,7 +165,17 @@ def read_head_certificate(path: Path) -> HeadCertificate:
         tuple(values.tolist()),
         _correlations(content, tuple(estimated), path) * np.outer(sigma, sigma),
         tuple(name for name, item in printed.items() if item is None),
+        _text(head, "band", path),
+        _text(head, "software", path),
     )
+
+
+def _text(head: Mapping[str, Any], name: str, path: Path) -> str | None:
+    """A text that may be missing."""
+    found = head.get(name)
+    if found is not None and (not isinstance(found, str) or not found):
+        raise InputError(f"{name} is not a text.", f'Write {name} = "…", or leave it out.', file=path)
+    return found
 
 
 def _refuse_other_unit(

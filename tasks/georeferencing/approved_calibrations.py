@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from tasks.errors import InputError
 from tasks.georeferencing.registered_calibration import RegisteredCalibration
 from tasks.registry.contents import StoredCalibration
-from tasks.settings.cameras import CameraInput
+from tasks.settings.cameras import RIG_REGISTRY, CameraInput
 from tasks.settings.inputs import ControlInput
 from tasks.settings.project import ProjectSettings
 from tasks.store.artifact import Artifact, digest_of_file
@@ -47,9 +47,15 @@ def choose_calibrations(
 
 
 def approved_calibrations(
-    cameras: Mapping[str, CameraInput], project: ProjectSettings
+    cameras: Mapping[str, CameraInput],
+    project: ProjectSettings,
+    rigs: Mapping[str, CameraInput] | None = None,
 ) -> dict[str, StoredCalibration]:
     """For each of some cameras the calibration that the registry has approved for the day of the flight.
+
+    Parameters
+    ----------
+    rigs : all cameras of the project, if some of `cameras` have the calibration of their rig.
 
     The registry is the one that AEROCAL_REGISTRY names, else that of this user.
 
@@ -73,7 +79,10 @@ def approved_calibrations(
             entity="project.flown",
         )
     contents = Registry.at(registry_address()).contents()
-    return {
-        name: chosen_calibration(contents, CameraBody.of_project(name, camera), project.flown)
+    bodies = {
+        name: CameraBody.of_rig(name, rigs or {})
+        if camera.calibration == RIG_REGISTRY
+        else CameraBody.of_project(name, camera)
         for name, camera in cameras.items()
     }
+    return {name: chosen_calibration(contents, body, project.flown) for name, body in bodies.items()}

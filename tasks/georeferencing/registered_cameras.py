@@ -6,12 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tasks.calibration.record import CalibrationRecord
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
+from tasks.calibration.head_boresight import OF_REFERENCE
+from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.deliveries.cameras import camera_record
 from tasks.errors import InputError
 from tasks.georeferencing.approved_calibrations import approved_calibrations
-from tasks.quantities import entity_kind, is_additional
-from tasks.settings.cameras import REGISTRY, CalibrationCovariance, CameraInput
+from tasks.quantities import entity_kind, is_additional, kind_of
+from tasks.registry.identity import CameraBody
+from tasks.settings.cameras import REGISTRY, RIG_REGISTRY, CalibrationCovariance, CameraInput
 from tasks.settings.project import Project
 
 _ANGLES = ("roll", "pitch", "yaw")
@@ -30,25 +33,33 @@ def with_registered_cameras(project: Project) -> Project:
     InstallationError
         If the registry cannot be reached.
     """
-    wanting = {name: camera for name, camera in project.cameras.items() if camera.calibration == REGISTRY}
+    wanting = {
+        name: camera
+        for name, camera in project.cameras.items()
+        if camera.calibration in (REGISTRY, RIG_REGISTRY)
+    }
     if not wanting:
         return project
-    filled = {
-        name: _filled(
-            name,
-            wanting[name],
-            found.record,
-            f"{REGISTRY}, {found.label}, {found.standing}, {found.sealed.digest}",
-        )
-        for name, found in approved_calibrations(wanting, project.project).items()
-    }
-    return project.model_copy(update={"cameras": {**project.cameras, **filled}})
+    cameras = dict(project.cameras)
+    for name, found in approved_calibrations(wanting, project.project, project.cameras).items():
+        source = f"{REGISTRY}, {found.label}, {found.standing}, {found.sealed.digest}"
+        _refuse_flights(name, found.record)
+        recorded = {name: found.record.camera.name}
+        if wanting[name].calibration == RIG_REGISTRY:
+            body, rig = CameraBody.of_calibration(found.record), CameraBody.of_rig(name, project.cameras)
+            own = rig.heads_by_key
+            recorded |= {own[key].name: head.name for key, head in body.heads_by_key.items()}
+        for camera, entity in recorded.items():
+            cameras[camera] = _filled(cameras[camera], found.record, entity, source)
+        known = _covariance(found.record, {entity: camera for camera, entity in recorded.items()})
+        if wanting[name].head is not None:
+            kept = [k for k, item in enumerate(known.parameters) if kind_of(item) not in OF_REFERENCE]
+            known = known.only(kept)
+        cameras[name] = cameras[name].known_with(known)
+    return project.model_copy(update={"cameras": cameras})
 
 
-def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: str) -> CameraInput:
-    """A camera with the values of a record; what the record does not refer to stays."""
-    image, recorded = camera_record(camera), record.camera.name
-    values = {item.parameter: item.value for item in record.parameters if item.entity == recorded}
+def _refuse_flights(name: str, record: CalibrationRecord) -> None:
     if any(map(record.holds_in_one_flight, record.parameters)):
         raise InputError(
             "The calibration from the registry has separate additional parameters for each flight, which "
@@ -56,8 +67,31 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
             'Calibrate with adjustment.self_calibration.per = "camera".',
             entity=f"cameras.{name}",
         )
+
+
+def _filled(camera: CameraInput, record: CalibrationRecord, entity: str, source: str) -> CameraInput:
+    """A camera with the values of a camera of a record; what the record does not refer to stays.
+
+    Boresight and lever arm of a head follow from those of its reference head.
+    """
+    image = camera_record(camera)
+    values = {item.parameter: item.value for item in record.parameters if item.entity == entity}
     given = image.principal_point_mm
-    filled = camera.model_copy(
+    mounting: dict[str, object] = {
+        "boresight_deg": _triple(values, "boresight", _ANGLES, camera.boresight_deg),
+        "lever_arm_m": _triple(values, "lever_arm", tuple("xyz"), camera.lever_arm_m),
+        "reduced_by_m": camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m,
+    }
+    if camera.head is not None:
+        head = camera.head
+        offset = values.get(SYNCHRONISATION_OFFSET, head.synchronisation_offset_s)
+        relative = {
+            "rotation_deg": _triple(values, RELATIVE_ROTATION, _ANGLES, head.rotation_deg),
+            "position_m": _triple(values, RELATIVE_POSITION, tuple("xyz"), head.position_m),
+            "synchronisation_offset_s": offset,
+        }
+        mounting = {"head": head.model_copy(update=relative)}
+    return camera.model_copy(
         update={
             "file": None,
             "format": None,
@@ -69,40 +103,55 @@ def _filled(name: str, camera: CameraInput, record: CalibrationRecord, source: s
                 values.get(f"principal_point_{axis}", given[k]) for k, axis in enumerate("xy")
             ),
             "additional_parameters": {key: value for key, value in values.items() if is_additional(key)},
-            "boresight_deg": _triple(values, "boresight", _ANGLES, camera.boresight_deg),
-            "lever_arm_m": _triple(values, "lever_arm", tuple("xyz"), camera.lever_arm_m),
-            "reduced_by_m": camera.lever_arm_m if camera.reduced_by_m is None else camera.reduced_by_m,
+            **mounting,
             "calibration": source,
         }
     )
-    return filled.known_with(_covariance(record))
 
 
-def _covariance(record: CalibrationRecord) -> CalibrationCovariance:
-    """What the record knows of the camera and its mounting; shifts and times belong to its flight."""
-    own = [
-        k
-        for k, item in enumerate(record.estimated)
-        if item.entity == record.camera.name and entity_kind(item.parameter) == "camera"
-    ]
+def _covariance(record: CalibrationRecord, named: Mapping[str, str]) -> CalibrationCovariance:
+    """What the record knows of cameras and their mounting; shifts and times belong to its flight.
+
+    Parameters
+    ----------
+    named : entity of the record → camera of the project.
+    """
+    own = [k for k, item in enumerate(record.estimated) if item.entity in named and _is_of_camera(item)]
     matrix = record.covariance_matrix[np.ix_(own, own)]
+    items = [record.estimated[k] for k in own]
+    cameras = tuple(named[item.entity] for item in items) if len(named) > 1 else ()
     return CalibrationCovariance(
-        tuple(record.estimated[k].parameter for k in own), tuple(tuple(row) for row in matrix.tolist())
+        tuple(item.parameter for item in items), tuple(tuple(row) for row in matrix.tolist()), cameras
     )
+
+
+def _is_of_camera(item: CalibratedParameter) -> bool:
+    return entity_kind(item.parameter) == "camera"
 
 
 def with_initial_calibrations(project: Project) -> Project:
     """The project as a calibration flight uses it: the registry only says where to begin.
 
-    A calibration that took over what the registry knows would confirm itself.
+    A calibration that took over what the registry knows would confirm itself. What a rig does not estimate,
+    such as the interior orientation of heads that were calibrated before, is considered.
     """
     cameras = {
-        name: camera.model_copy(update={"calibration_use": "held"})
-        if camera.covariance is not None
-        else camera
+        name: _initial(camera, project) if camera.covariance is not None else camera
         for name, camera in project.cameras.items()
     }
     return project.model_copy(update={"cameras": cameras})
+
+
+def _initial(camera: CameraInput, project: Project) -> CameraInput:
+    known, free = camera.covariance, {*project.calibration.free, *project.adjustment.free}
+    offered = bool(project.adjustment.self_calibration.parameters)
+    kept = []
+    if project.has_heads and known is not None:
+        names = enumerate(known.parameters)
+        kept = [k for k, one in names if not (offered if is_additional(one) else kind_of(one) in free)]
+    if not kept or known is None:
+        return camera.model_copy(update={"calibration_use": "held"})
+    return camera.model_copy(update={"calibration_use": "consider"}).known_with(known.only(kept))
 
 
 def _triple(

@@ -18,8 +18,9 @@ from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.document_kit.table import Number, decimals_for
-from tasks.quantities import entity_kind, is_additional, quantity_words, shown, with_unit
+from tasks.quantities import entity_kind, entity_words, is_additional, quantity_words, shown, with_unit
 from tasks.registry.identity import CameraBody
+from tasks.tables.covariance import Key
 
 #: Probability with which two calibrations of an unchanged camera are called different.
 ERROR_PROBABILITY = 0.01
@@ -36,6 +37,7 @@ class ParameterChange:
     Attributes
     ----------
     parameter, unit : as in parameters.parquet.
+    head : of a rig the name of the head; empty: the camera or reference head.
     change : new − old.
     sigma : of the change, from both calibrations.
     outstanding : whether it is larger than chance explains, in view of how many are checked.
@@ -46,6 +48,12 @@ class ParameterChange:
     change: float
     sigma: float
     outstanding: bool
+    head: str = ""
+
+    @property
+    def words(self) -> str:
+        """What has changed: focal length, relative rotation roll of left."""
+        return entity_words(self.parameter, self.head)
 
     @property
     def t(self) -> float:
@@ -58,7 +66,7 @@ class ParameterChange:
         unit, factor, _ = shown(self.unit, "change")
         change, sigma = self.change * factor, self.sigma * factor
         number = with_unit(Number(change, decimals_for(sigma), plus=True), unit)
-        return f"{quantity_words(self.parameter)} changed by {number}, {abs(self.t):.1f} σ"
+        return f"{self.words} changed by {number}, {abs(self.t):.1f} σ"
 
 
 @dataclass(frozen=True)
@@ -131,7 +139,7 @@ class Compatibility:
 
 def compatibility(new: CalibrationRecord, old: CalibrationRecord) -> Compatibility:
     """Compare two calibrations of one camera, each called by its own name in its record."""
-    mounted = [CameraBody.of_record(record.camera).mounting_key for record in (new, old)]
+    mounted = [CameraBody.of_calibration(record).mounting_key for record in (new, old)]
     same_mounting = mounted[0] == mounted[1]
     same_axes = new.camera.calibration_axes_deg == old.camera.calibration_axes_deg
     of_new, of_old = (_comparable(record, same_mounting, same_axes) for record in (new, old))
@@ -144,12 +152,12 @@ def compatibility(new: CalibrationRecord, old: CalibrationRecord) -> Compatibili
     covariance = new.covariance_matrix[np.ix_(i, i)] + old.covariance_matrix[np.ix_(j, j)]
     chi2, rank = quadratic_form(change, covariance)
     return Compatibility(
-        _changes([new.estimated[a] for a in i], change, np.sqrt(np.diagonal(covariance))),
+        _changes(common, [new.estimated[a] for a in i], change, np.sqrt(np.diagonal(covariance))),
         chi2,
         rank,
         float(special.chdtrc(rank, chi2)) if rank else 1.0,
-        tuple(name for name in of_new if name not in of_old),
-        tuple(name for name in of_old if name not in of_new),
+        tuple(dict.fromkeys(key[0] for key in of_new if key not in of_old)),
+        tuple(dict.fromkeys(key[0] for key in of_old if key not in of_new)),
         same_mounting,
         len(set(new.inputs.values()) & set(old.inputs.values())),
     )
@@ -175,12 +183,12 @@ def single_limit(count: int, probability: float = ERROR_PROBABILITY) -> float:
     return float(special.ndtri(1.0 - 0.5 * each))
 
 
-def _comparable(record: CalibrationRecord, same_mounting: bool, same_axes: bool) -> dict[str, int]:
-    """Parameter → place among the estimated ones, of those that are the camera's own and determined."""
+def _comparable(record: CalibrationRecord, same_mounting: bool, same_axes: bool) -> dict[Key, int]:
+    """Parameter and head → place among the estimated ones, of those that are the camera's and determined."""
     return {
-        item.parameter: index
+        (item.parameter, "" if item.entity == record.camera.name else item.entity): index
         for index, item in enumerate(record.estimated)
-        if item.entity == record.camera.name
+        if item.entity in record.names
         and entity_kind(item.parameter) == "camera"
         and item.verdict in ("determined", "weak")
         and item.sigma
@@ -190,11 +198,13 @@ def _comparable(record: CalibrationRecord, same_mounting: bool, same_axes: bool)
     }
 
 
-def _changes(items: list[CalibratedParameter], change: Floats, sigma: Floats) -> tuple[ParameterChange, ...]:
+def _changes(
+    keys: list[Key], items: list[CalibratedParameter], change: Floats, sigma: Floats
+) -> tuple[ParameterChange, ...]:
     limit = single_limit(len(items))
     return tuple(
-        ParameterChange(item.parameter, item.unit, float(d), float(s), bool(abs(d / s) > limit))
-        for item, d, s in zip(items, change, sigma, strict=True)
+        ParameterChange(item.parameter, item.unit, float(d), float(s), bool(abs(d / s) > limit), head)
+        for (_, head), item, d, s in zip(keys, items, change, sigma, strict=True)
     )
 
 

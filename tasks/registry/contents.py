@@ -59,7 +59,7 @@ class StoredCalibration:
     @property
     def camera(self) -> CameraBody:
         """What it is of."""
-        return CameraBody.of_record(self.record.camera)
+        return CameraBody.of_calibration(self.record)
 
     @property
     def state(self) -> State:

@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 from scipy import special
 
 from tasks.document_kit.table import Number, decimals_for
-from tasks.quantities import KINDS, kind_of, quantity_words, shown, with_unit
+from tasks.quantities import KINDS, kind_of, shown, with_unit
 from tasks.registry.compatibility import (
     Compatibility,
     ParameterChange,
@@ -98,7 +98,7 @@ class ParameterDrift:
             with_unit(Number(value * factor, decimals, plus=signed), unit)
             for value, signed in ((self.change.change, True), (self.change.sigma, False), (self.limit, False))
         )
-        return f"{quantity_words(self.change.parameter)} {change} (σ {sigma}, limit {limit})"
+        return f"{self.change.words} {change} (σ {sigma}, limit {limit})"
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def drift_between(
     """Compare two calibrations of one camera."""
     test = compatibility(new.record, old.record)
     count, rank = len(test.changes), test.degrees_of_freedom
-    values = {item.parameter: item.value for item in old.record.estimated if item.entity == old.camera.name}
+    values = {item.key: item.value for item in old.record.estimated}
     return Drift(
         new,
         old,
@@ -183,7 +183,9 @@ def drift_between(
         test,
         float(special.chdtri(rank, DRIFT_PROBABILITY)) if rank else 0.0,
         tuple(
-            ParameterDrift(change, values[change.parameter], limits.of(change, count))
+            ParameterDrift(
+                change, values[change.parameter, change.head or old.camera.name], limits.of(change, count)
+            )
             for change in test.changes
         ),
     )

@@ -6,18 +6,19 @@ difference: a calibration that might be of another camera is not applied.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from tasks.calibration.record import CalibratedCamera
+from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.deliveries.cameras import camera_record
 from tasks.files.json_text import JSON, json_text
 from tasks.settings.cameras import CameraIdentity, CameraInput
 
 _PRODUCTS = {"virtual_image": "virtual image", "camera_head": "camera head"}
 # A null of a table is no text.
-_NUMBERS = ("body", "lens", "imu", "mount")
+_NUMBERS = ("body", "lens", "imu", "mount", "band", "software")
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class CameraBody:
     identity : serial numbers.
     columns, rows, pixel_um : the image.
     mount_deg, calibration_axes_deg : see the settings of a camera.
+    heads : of a rig those beside the reference head, which this is.
+    is_head : whether it is mounted beside a reference head; then its mounting is that of the rig.
     """
 
     name: str
@@ -39,6 +42,13 @@ class CameraBody:
     pixel_um: float
     mount_deg: int
     calibration_axes_deg: int
+    heads: tuple[CameraBody, ...] = ()
+    is_head: bool = False
+
+    @classmethod
+    def of_calibration(cls, record: CalibrationRecord) -> CameraBody:
+        """The camera or rig that a record is of."""
+        return replace(cls.of_record(record.camera), heads=tuple(map(cls.of_record, record.heads)))
 
     @classmethod
     def of_record(cls, camera: CalibratedCamera) -> CameraBody:
@@ -71,12 +81,23 @@ class CameraBody:
             image.pixel_um,
             camera.mount_deg,
             camera.calibration_axes_deg,
+            is_head=camera.head is not None,
         )
+
+    @classmethod
+    def of_rig(cls, name: str, cameras: Mapping[str, CameraInput]) -> CameraBody:
+        """The rig of a reference head, of all cameras of a project."""
+        heads = (
+            cls.of_project(other, camera)
+            for other, camera in cameras.items()
+            if camera.head is not None and camera.head.reference == name
+        )
+        return replace(cls.of_project(name, cameras[name]), heads=tuple(heads))
 
     @classmethod
     def of_row(cls, row: Mapping[str, Any]) -> CameraBody:
         """A camera as a row of cameras.parquet has it."""
-        numbers = {name: row[name] if isinstance(row[name], str) else None for name in _NUMBERS}
+        numbers = {name: text if isinstance(text := row.get(name), str) else None for name in _NUMBERS}
         return cls(
             str(row["camera"]),
             CameraIdentity(**numbers, product=row["product"]),
@@ -93,7 +114,21 @@ class CameraBody:
         numbers: dict[str, JSON] = {"body": self.identity.body, "lens": self.identity.lens}
         named: dict[str, JSON] = {"name": self.name}
         known = numbers if any(numbers.values()) else named
-        return json_text({**known, "product": self.identity.product})
+        # What is not known is left out, so that older keys remain.
+        more: dict[str, JSON] = {"band": self.identity.band, "software": self.identity.software}
+        more["heads"] = sorted(key for key, _ in self.heads_by_key.items()) or None
+        return json_text(
+            {**known, "product": self.identity.product, **{k: v for k, v in more.items() if v is not None}}
+        )
+
+    @property
+    def heads_by_key(self) -> Mapping[str, CameraBody]:
+        """The other heads of a rig; those of which no number differs by their names."""
+        keys = Counter(head.camera_key for head in self.heads)
+        return {
+            head.camera_key if keys[head.camera_key] == 1 else f"{head.camera_key} {head.name}": head
+            for head in self.heads
+        }
 
     @property
     def mounting_key(self) -> str:
@@ -116,8 +151,14 @@ class CameraBody:
 
     @property
     def numbers(self) -> str:
-        """Body and lens in words; empty if neither is known."""
-        return _joined(("body", self.identity.body), ("lens", self.identity.lens))
+        """Body and lens in words, with band and software; empty if none is known."""
+        identity = self.identity
+        return _joined(
+            ("body", identity.body),
+            ("lens", identity.lens),
+            ("band", identity.band),
+            ("software", identity.software),
+        )
 
     @property
     def mounting(self) -> str:
@@ -135,7 +176,8 @@ class CameraBody:
     @property
     def label(self) -> str:
         """Name and numbers."""
-        return f"{self.name} ({self.numbers})" if self.numbers else self.name
+        named = f"{self.name} with {len(self.heads)} heads" if self.heads else self.name
+        return f"{named} ({self.numbers})" if self.numbers else named
 
 
 def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
@@ -145,13 +187,33 @@ def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
     """
     if recorded.identity.product != camera.identity.product:
         yield f"of a {recorded.product}, and this is a {camera.product}"
+    elif bool(recorded.heads) != bool(camera.heads):
+        yield "of a camera alone, not of a rig" if camera.heads else "of a rig with all its heads"
+    elif other := tuple(_of_another(recorded.identity, camera.identity)):
+        yield from other
     elif recorded.camera_key != camera.camera_key:
         there, here = recorded.numbers or "no numbers", camera.numbers or "none"
         yield f"of another camera ({there} there, {here} here)"
     if recorded.image != camera.image:
         yield f"of another image ({recorded.image})"
-    if recorded.mounting_key != camera.mounting_key:
+    heads = recorded.heads_by_key
+    for key, head in camera.heads_by_key.items():
+        if key in heads and heads[key].image != head.image:
+            yield f"of another image of {head.name} ({heads[key].image})"
+    # A head is mounted as the rig says.
+    if not camera.is_head and recorded.mounting_key != camera.mounting_key:
         yield f"of another mounting ({recorded.mounting})"
+
+
+def _of_another(recorded: CameraIdentity, identity: CameraIdentity) -> Iterator[str]:
+    """Another band or version of the software, or one that only one side declares."""
+    for name, words in (("band", "band"), ("software", "software version")):
+        there, here = getattr(recorded, name), getattr(identity, name)
+        if there is not None and here is not None and there != here:
+            yield f"of another {words} ({there} there, {here} here)"
+        elif there != here:
+            side = "calibration" if there is None else "project"
+            yield f"of {words} {there or here}, which the {side} does not declare (identity.{name})"
 
 
 def _joined(*numbers: tuple[str, str | None]) -> str:

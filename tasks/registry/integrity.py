@@ -138,7 +138,7 @@ def _record_findings(row: Mapping[str, Any], events: Sequence[Event]) -> Iterato
         )
         return
     try:
-        camera = CameraBody.of_record(SealedRecord(content).record.camera)
+        camera = CameraBody.of_calibration(SealedRecord(content).record)
         record = SealedRecord(content).record
     except ValidationError:
         yield Finding(

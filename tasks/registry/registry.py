@@ -250,7 +250,7 @@ def _event(
 def _insert_record(connection: Connection, sealed: SealedRecord) -> int:
     """Write a record with its rows; returns its id."""
     record = sealed.record
-    camera = CameraBody.of_record(record.camera)
+    camera = CameraBody.of_calibration(record)
     number = int(connection.execute(select(HEAD.c.calibrations)).scalar_one()) + 1
     same = select(CALIBRATIONS.c.id).where(CALIBRATIONS.c.camera_key == camera.camera_key)
     version = len(connection.execute(same).all()) + 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date
 from math import hypot
 
-from tasks.quantities import COMPONENTS, entity_kind
+from tasks.quantities import COMPONENTS, entity_kind, entity_words
 from tasks.registry.compatibility import OF_MOUNTING
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
@@ -48,11 +48,17 @@ class SeriesPoint:
 
 @dataclass(frozen=True)
 class ParameterSeries:
-    """All calibrations of one parameter, by date."""
+    """All calibrations of one parameter, by date; `head` is that of a rig, empty for the camera itself."""
 
     parameter: str
     unit: str
     points: tuple[SeriesPoint, ...]
+    head: str = ""
+
+    @property
+    def words(self) -> str:
+        """The parameter, with its head."""
+        return entity_words(self.parameter, self.head)
 
     def change(self, index: int) -> tuple[float, float] | None:
         """Change from the calibration before, and its σ from both.
@@ -69,15 +75,20 @@ class ParameterSeries:
 
 def series_of(items: Sequence[StoredCalibration]) -> tuple[ParameterSeries, ...]:
     """The series of every parameter that some calibration of a camera has determined."""
-    found: dict[tuple[str, str], list[SeriesPoint]] = {}
+    found: dict[tuple[str, str, str], list[SeriesPoint]] = {}
     for item in items:
         for one in item.record.estimated:
-            own = one.entity == item.record.camera.name and entity_kind(one.parameter) == "camera"
+            own = one.entity in item.record.names and entity_kind(one.parameter) == "camera"
             if own and one.sigma and one.verdict in ("determined", "weak"):
-                found.setdefault((one.parameter, one.unit), []).append(_point(item, one.value, one.sigma))
+                head = "" if one.entity == item.record.camera.name else one.entity
+                key = (one.parameter, one.unit, head)
+                found.setdefault(key, []).append(_point(item, one.value, one.sigma))
     keys = sorted(found, key=lambda key: _FIRST.index(key[0]) if key[0] in _FIRST else len(_FIRST))
     return tuple(
-        ParameterSeries(*key, tuple(sorted(found[key], key=lambda p: (p.day, p.calibration)))) for key in keys
+        ParameterSeries(
+            key[0], key[1], tuple(sorted(found[key], key=lambda p: (p.day, p.calibration))), key[2]
+        )
+        for key in keys
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal, TypeAlias
@@ -15,8 +16,8 @@ from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
 from tasks.settings.table_layout import TableSettings
 
 #: Where the calibrated values of a camera come from.
-GIVEN, REGISTRY = "given", "registry"
-CALIBRATIONS = (GIVEN, REGISTRY)
+GIVEN, REGISTRY, RIG_REGISTRY = "given", "registry", "registry-rig"
+CALIBRATIONS = (GIVEN, REGISTRY, RIG_REGISTRY)
 #: Columns or rows of an image.
 Pixels: TypeAlias = Annotated[Whole, Field(gt=0, le=MOST_PIXELS)]
 _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm")
@@ -49,6 +50,11 @@ class CcdTiles(Settings):
         return self
 
 
+def _is_none(value: object) -> bool:
+    """Records of cameras without it keep their digest."""
+    return value is None
+
+
 class CameraIdentity(Settings):
     """Serial numbers of the calibrated camera; they decide where a calibration may be applied."""
 
@@ -62,6 +68,18 @@ class CameraIdentity(Settings):
     mount: str | None = Field(
         default=None,
         description="Name of the installation in the aircraft; a new installation has a new boresight.",
+    )
+    band: str | None = Field(
+        default=None,
+        exclude_if=_is_none,
+        description="Spectral band of the head, as its certificate names it, e.g. `PAN1` or `MS-Red`; heads "
+        "of one body may differ in nothing else.",
+    )
+    software: str | None = Field(
+        default=None,
+        exclude_if=_is_none,
+        description="Version of the manufacturer's software that made the images: another one may compose "
+        "them with another size or correct other distortions.",
     )
     product: Literal["virtual_image", "camera_head"] = Field(
         default="virtual_image",
@@ -79,10 +97,18 @@ class CalibrationCovariance:
     ----------
     parameters : names of the k calibrated parameters of the camera and its mounting.
     covariance : (k, k) in products of the units of parameters.parquet.
+    cameras : (k,) which head of a rig each belongs to; empty: all of them to the camera itself.
     """
 
     parameters: tuple[str, ...]
     covariance: tuple[tuple[float, ...], ...]
+    cameras: tuple[str, ...] = ()
+
+    def only(self, chosen: Sequence[int]) -> CalibrationCovariance:
+        """What is known of some of the parameters, by their places."""
+        matrix = tuple(tuple(self.covariance[i][j] for j in chosen) for i in chosen)
+        cameras = tuple(self.cameras[i] for i in chosen) if self.cameras else ()
+        return CalibrationCovariance(tuple(self.parameters[i] for i in chosen), matrix, cameras)
 
 
 class HeadSettings(Settings):
@@ -118,7 +144,7 @@ class CameraTable(TableSettings):
 def _refuse_beside_certificate(camera: CameraInput, given: list[str]) -> None:
     """A certificate of a head says all there is of its pictures, and nothing of a composed image."""
     also = [*given, *(name for name in ("file", "pixel_um") if getattr(camera, name) is not None)]
-    if also or camera.calibration == REGISTRY:
+    if also or camera.calibration in (REGISTRY, RIG_REGISTRY):
         raise trouble(
             f"The camera has a head_certificate and also {', '.join(also) or 'a registered calibration'}.",
             "Keep only one of the two, so that they cannot differ.",
@@ -224,7 +250,9 @@ class CameraInput(Settings):
             description="`given`: the values of this table or its file. `registry`: focal length, "
             "principal point, additional parameters, boresight and lever arm are taken "
             "from the calibration in the registry that is approved for this camera and "
-            "`project.flown`.",
+            "`project.flown`; of a head of a rig only interior orientation and additional parameters. "
+            "`registry-rig`, of the reference head: those of all heads, with their relative rotations, "
+            "positions and synchronisation offsets, from the calibration of the rig.",
         )
     )
     calibration_use: Literal["consider", "prior", "held"] = Field(
@@ -252,7 +280,7 @@ class CameraInput(Settings):
     @property
     def states_covariance(self) -> bool:
         """Whether its values come with a covariance."""
-        return self.calibration == REGISTRY or self.head_certificate is not None
+        return self.calibration in (REGISTRY, RIG_REGISTRY) or self.head_certificate is not None
 
     def known_with(self, covariance: CalibrationCovariance) -> CameraInput:
         """The same camera with the covariance of its calibration."""
@@ -285,10 +313,11 @@ class CameraInput(Settings):
                 "camera are given here.",
                 'Add calibration = "registry", or leave calibration_use out.',
             )
-        if self.head is not None and self.calibration == REGISTRY:
+        if self.head is not None and self.calibration == RIG_REGISTRY:
             raise trouble(
-                "The registry does not store the relative rotations of the heads of a rig.",
-                'Remove calibration = "registry", and give rotation_deg and position_m of the head.',
+                f"The calibration of the rig is taken for all its heads at once, and this one is not the "
+                f"reference head ({self.head.reference}).",
+                f'Set cameras.{self.head.reference}.calibration = "{RIG_REGISTRY}", and leave it out here.',
             )
         twice = {"lever_arm_m", "boresight_deg"} & self.model_fields_set
         if self.head is not None and twice:

@@ -13,7 +13,7 @@ from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.base import Settings, trouble
 from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import CalibrationSettings
-from tasks.settings.cameras import CameraInput
+from tasks.settings.cameras import REGISTRY, RIG_REGISTRY, CameraInput
 from tasks.settings.certificate import CertificateSettings
 from tasks.settings.coordinates import Heights, PlacedSettings, one_table_or_several
 from tasks.settings.deliver import DeliverSettings
@@ -160,6 +160,26 @@ class Project(Settings):
                 f"A burn-in protocol is of one platform with heads; the project has {len(platforms)}.",
                 "Declare the virtual image as the reference head of the cameras, or remove [burn_in].",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _one_calibration_of_a_rig(self) -> Project:
+        for name, camera in self.cameras.items():
+            if camera.calibration != RIG_REGISTRY:
+                continue
+            heads = [other for other, one in self.cameras.items() if one.head and one.head.reference == name]
+            if not heads:
+                raise trouble(
+                    f"The calibration of a rig is to be used for {name}, which is no reference head.",
+                    f'Set cameras.{name}.calibration = "{REGISTRY}".',
+                )
+            twice = [other for other in heads if self.cameras[other].states_covariance]
+            if twice:
+                raise trouble(
+                    f"The calibration of the rig of {name} includes {', '.join(twice)}, which also has a "
+                    "calibration of its own.",
+                    f"Remove calibration and head_certificate from cameras.{twice[0]}.",
+                )
         return self
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""calibration.json: what a system calibration has found, one record for each camera."""
+"""calibration.json: what a system calibration has found, one record for each camera or rig."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pandas as pd
 
-from tasks.calibration.camera_record import Found, Origin, record_of
+from tasks.calibration.camera_record import Found, Origin, bodies, record_of
 from tasks.calibration.evidence import Evidence
 from tasks.calibration.head_boresight import head_boresights
 from tasks.calibration.held_quantities import WithHeld, held_sigmas, with_held
@@ -69,7 +69,7 @@ def describe_calibration(
     flown: date | None,
     software: Mapping[str, str],
 ) -> None:
-    """Write a record for each camera, and notes with verdicts and the comparison with the second step.
+    """Write a record for each camera or rig, and notes with verdicts and the comparison with the second step.
 
     Parameters
     ----------
@@ -104,10 +104,11 @@ def describe_calibration(
         redundancy=round(float(str(summary["redundancy"]))),
         remarks=(*remarks, *([steps.sentence] if steps is not None else [])),
     )
-    used = sorted(images["camera"].unique())
-    for camera in used:
-        record = record_of(found, camera, given[camera], origin)
-        (folder / f"{file_stem(camera, alone=len(used) == 1)}.json").write_text(record.text, encoding="utf-8")
+    calibrated = bodies(cameras, images)
+    for names in calibrated:
+        record = record_of(found, names, given, origin)
+        stem = file_stem(names[0], alone=len(calibrated) == 1)
+        (folder / f"{stem}.json").write_text(record.text, encoding="utf-8")
     verdict = found.of_flight
     problems = (
         *(f"{REFUSED}{reason}" for reason in verdict.reasons),

@@ -155,7 +155,7 @@ def test_images_that_make_no_event_are_refused(
         ('cameras.left.head.reference="below"', "not a camera"),
         ("cameras.left.boresight_deg=[45.0, 0.0, 0.0]", "is a head of a rig and also has boresight_deg"),
         ("trust_map={ cell_m = 10.0 }", "does not support rigs"),
-        ('cameras.left.calibration="registry"', "does not store the relative rotations"),
+        ('cameras.left.calibration="registry-rig"', "this one is not the reference head"),
     ],
 )
 def test_heads_that_contradict_the_project_are_refused(flight: Path, override: str, message: str) -> None:
@@ -232,9 +232,10 @@ def test_the_preset_is_accepted_as_a_calibration_flight_at_one_height(tmp_path: 
     figures = json.loads((found.directory / "summary.json").read_text())["calibration"]
     assert figures["verdict"] == "accepted"
     assert any("follow from heads that look in different directions" in one for one in figures["remarks"])
-    left = json.loads((found.directory / "calibration_left.json").read_text())
-    assert not any(item["parameter"].startswith(("boresight", "lever_arm")) for item in left["parameters"])
-    assert "the boresight of this head is roll 45.0" in left["remarks"][0]
+    record = json.loads((found.directory / "calibration.json").read_text())
+    mounted = {i["entity"] for i in record["parameters"] if i["parameter"].startswith("boresight")}
+    assert mounted == {"nadir"}
+    assert any("the boresight of left is roll 45.0" in remark for remark in record["remarks"])
     keys = ["parameter", "entity"]
     truth = pd.read_parquet(project.parent / "truth" / "parameters.parquet").set_index(keys)["value"]
     estimated = pd.read_parquet(found.directory / "parameters.parquet").set_index(keys)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from markupsafe import Markup
@@ -22,10 +23,10 @@ _NARROW = 0.62
 
 
 def effect_section(material: CertificateMaterial) -> Section:
-    """Maps over the image format, of the certified camera only."""
-    results, name = material.results, material.record.camera.name
-    before, effects = _effects(results, name)
-    after, residuals = _residuals(results, name)
+    """Maps over the image format, of the certified cameras only."""
+    results, names = material.results, material.record.names
+    before, effects = _effects(results, names)
+    after, residuals = _residuals(results, names)
     figures = [*effects, *residuals]
     blocks: list[Block] = [*before, *after]
     if len(figures) > 1 and all(figure.width < _NARROW for figure in figures):
@@ -36,9 +37,9 @@ def effect_section(material: CertificateMaterial) -> Section:
     return Section("image", "Systematic image errors and residuals", tuple(blocks))
 
 
-def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+def _effects(results: Material, names: Sequence[str]) -> tuple[list[Block], list[Figure]]:
     """Table and map of what the additional parameters do."""
-    errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name == name)
+    errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name in names)
     acting = tuple(own for own in errors if own.all.longest_um > 0.0)
     if not acting:
         offered = " All candidates were eliminated." if errors else ""
@@ -56,16 +57,17 @@ def _effects(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
     return [Listing(image_errors.errors_table(acting))], figures
 
 
-def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]:
+def _residuals(results: Material, names: Sequence[str]) -> tuple[list[Block], list[Figure]]:
     """Table and maps of the mean residuals, and of what was added to the image coordinates."""
     confidence = results.project.adjustment.confidence
-    fields = tuple(f for f in residual_field.residual_fields(results) if f.camera.name == name)
-    figures = []
+    fields = tuple(f for f in residual_field.residual_fields(results) if f.camera.name in names)
+    figures: list[Figure] = []
     for field in fields:
-        figures.append(_residual_map(field, confidence))
+        number = "" if len(fields) == 1 else f"-{len(figures) + 1}"
+        figures.append(_residual_map(field, confidence, number))
         if field.correction is not None:
             figure = Figure(
-                "residual-corrections",
+                f"residual-corrections{number}",
                 "Added to the image coordinates before the adjustment: the mean residuals of an earlier "
                 "adjustment. They are not parameters of the record, but its users need them.",
                 f"Corrections of the image coordinates of camera {field.camera.name}",
@@ -77,14 +79,15 @@ def _residuals(results: Material, name: str) -> tuple[list[Block], list[Figure]]
     return [Listing(residual_field.field_table(fields, confidence))], figures
 
 
-def _residual_map(field: ResidualField, confidence: float) -> Figure:
+def _residual_map(field: ResidualField, confidence: float, number: str) -> Figure:
+    of_head = f" of {field.camera.name}" if number else ""
     caption = (
-        "Mean residuals (adjusted − observed) in sub-areas of the image, after the correction by all "
-        f"parameters. Dark: significantly different from zero at {100 * confidence:g} %; the table gives the "
-        "number expected by chance."
+        f"Mean residuals{of_head} (adjusted − observed) in sub-areas of the image, after the correction by "
+        f"all parameters. Dark: significantly different from zero at {100 * confidence:g} %; the table gives "
+        "the number expected by chance."
     )
     figure = Figure(
-        "mean-residuals",
+        f"mean-residuals{number}",
         caption,
         f"Mean residuals of camera {field.camera.name} in sub-areas of the image",
         residual_field.field_plot(field, field.mean, "Mean residuals"),

@@ -17,8 +17,8 @@ _OBSERVED = (("gnss_positions", "GNSS position"), ("ins_attitudes", "INS attitud
 
 def exposure_table(material: CertificateMaterial) -> Table:
     """Delivered and used exposures, and how many are not used or lack something, for which reason."""
-    results, camera = material.results, material.record.camera.name
-    delivered = material.exposures[material.exposures["camera"] == camera]["image"]
+    results, names = material.results, material.record.names
+    delivered = material.exposures[material.exposures["camera"].isin(names)]["image"]
     oriented = set(material.images["image"])
     in_block = set(results.images["image"])
     measured = set(results.image_points["image"])
@@ -50,6 +50,9 @@ def exposure_table(material: CertificateMaterial) -> Table:
         lacking = set(of_group.loc[~of_group["status"].isin((*TOOK_PART, "rejected")), "image"])
         observed = set(of_group["image"]) - lacking
         used = [name for name in delivered if name in oriented]
+        if material.record.heads:
+            # An event is observed once, which is listed under one of its images.
+            used = [name for name in used if name in set(of_group["image"])]
         rows += [
             _row(
                 f"{group}_rejected",

@@ -128,7 +128,7 @@ def strip_group_table(material: CertificateMaterial) -> Table:
                 Number(_percent(group.side_overlap), 0),
             ),
         )
-        for group in strip_groups(material.images, material.record.camera)
+        for group in strip_groups(material.images_of_strips, material.record.camera)
     )
     note = (
         "Medians, from the adjusted projection centres. Axes are those of the map; strips of a single "

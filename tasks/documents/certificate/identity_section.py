@@ -34,7 +34,19 @@ def identity_section(material: CertificateMaterial) -> Section:
         Fact("size_mm", "the same on the focal plane", (Number(half[0], 3), Number(half[1], 3)), "mm", " × "),
         Fact("pixel_um", "pixel", (Number(camera.pixel_um, _decimals(camera.pixel_um)),), "µm"),
     )
+    heads = tuple(
+        Fact(
+            f"head-{number}",
+            f"head {head.name}, columns × rows",
+            (Number(head.columns), Number(head.rows)),
+            f"px of {head.pixel_um:g} µm",
+            " × ",
+        )
+        for number, head in enumerate(material.record.heads, start=1)
+    )
     blocks: list[Block] = [Facts("camera", "", parts)]
+    if heads:
+        blocks.append(Facts("heads", f"Heads beside {camera.name}, calibrated together", heads))
     missing = [label.partition(",")[0] for _, label, value in _declared(identity) if not value]
     if missing:
         blocks.append(
@@ -82,6 +94,14 @@ def _declared(identity: CameraIdentity) -> tuple[tuple[str, str, str | None], ..
         ("lens", "lens, serial number", identity.lens),
         ("imu", "inertial unit, serial number", identity.imu),
         ("mount", "installation in the aircraft", identity.mount),
+        *(
+            (name, words, value)
+            for name, words, value in (
+                ("band", "spectral band", identity.band),
+                ("software", "version of the image software", identity.software),
+            )
+            if value
+        ),
     )
 
 

@@ -54,11 +54,17 @@ class CertificateMaterial:
         table = self.results.parameters
         return table[~table["parameter"].map(is_calibrated) & table["sigma"].notna()]
 
+    @property
+    def images_of_strips(self) -> pd.DataFrame:
+        """Of `images` those of one head alone: what is next to each other in a strip is not one event."""
+        taken = [name for name in self.record.names if (self.images["camera"] == name).any()]
+        return self.images[self.images["camera"].isin(taken[:1])]
+
     @cached_property
     def images(self) -> pd.DataFrame:
-        """The adjusted images of the camera with ``level``, the index of their height in the record."""
+        """The adjusted images of the record with ``level``, the index of their height in it."""
         images = self.results.oriented
-        images = images[images["camera"] == self.record.camera.name].reset_index(drop=True)
+        images = images[images["camera"].isin(self.record.names)].reset_index(drop=True)
         height = (images["z_m"] - images["ground_m"]).to_numpy(np.float64)
         levels = np.array(self.record.flight.heights_m, dtype=np.float64)
         if len(levels) == 0 or not (levels > 0.0).all():

@@ -130,7 +130,7 @@ def _grid(settings: AdjustmentSettings) -> tuple[str, ...]:
 def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
     results, camera = material.results, material.record.camera
     settings = results.project.adjustment
-    own = material.exposures[material.exposures["camera"] == camera.name]
+    own = material.exposures[material.exposures["camera"].isin(material.record.names)]
     measured = results.image_points[results.image_points["image"].isin(own["image"])]
     control = results.control_points[results.control_points["role"] == "control"]
     scale = 1e3 / camera.pixel_um

@@ -52,7 +52,7 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
             "No calibration of this camera has determined a parameter.", "There is nothing to draw."
         )
     x = time_scale(series)
-    panels = [Panel(quantity_words(one.parameter), _reference(one), series_plot(one, x)) for one in series]
+    panels = [Panel(one.words, _reference(one), series_plot(one, x)) for one in series]
     camera = items[-1].camera
     page: str = templates(_TEMPLATES, REPORT_TEMPLATES).get_template("time_series.html.j2").render(
         camera=camera,

@@ -82,6 +82,8 @@ CAMERAS = TableSchema(
                 ("lens", "serial number of the lens"),
                 ("imu", "serial number of the inertial unit"),
                 ("mount", "installation in the aircraft"),
+                ("band", "spectral band of a head"),
+                ("software", "version of the manufacturer's software"),
             )
         ),
         text("product", "type of image", values=("virtual_image", "camera_head")),

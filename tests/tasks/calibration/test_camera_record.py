@@ -22,7 +22,7 @@ PARAMETERS = pd.DataFrame(
 
 
 def keys(camera: str) -> list[tuple[str, str]]:
-    own = rows_of(PARAMETERS, camera)
+    own = rows_of(PARAMETERS, (camera,))
     return list(zip(own["parameter"], own["entity"], strict=True))
 
 

@@ -7,7 +7,8 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.geometry import rotation
-from tasks.calibration.head_boresight import head_boresights, without_reference
+from tasks.calibration.camera_record import rows_of
+from tasks.calibration.head_boresight import head_boresights
 
 _AXES = ("roll", "pitch", "yaw")
 CAMERAS = pd.DataFrame({"camera": ["nadir", "left"], "head_of": [None, "nadir"]})
@@ -52,7 +53,7 @@ def test_the_boresight_of_a_head_has_the_errors_of_both_rotations() -> None:
     drawn = product(middle + random.normal(size=(40_000, 6)) @ root.T)
     np.testing.assert_allclose(found.sigma, drawn.std(axis=0), rtol=0.02)
     assert found.reference == "nadir"
-    assert f"roll {found.angles[0]:.5f}°" in found.sentence
+    assert f"roll {found.angles[0]:.5f}°" in found.sentence("left")
 
 
 def test_what_is_held_has_no_error_and_nothing_of_the_reference_head_is_listed() -> None:
@@ -60,5 +61,6 @@ def test_what_is_held_has_no_error_and_nothing_of_the_reference_head_is_listed()
     parameters = table(np.zeros(3), np.zeros(3), sigma)
     found = head_boresights(parameters, correlations(parameters, np.eye(6)), CAMERAS)["left"]
     np.testing.assert_allclose(found.sigma, sigma[3:], rtol=1e-9)
-    own = without_reference(parameters[parameters["camera"] == "left"])
-    assert list(own["parameter"]) == [f"relative_rotation_{axis}" for axis in _AXES]
+    own = rows_of(parameters, ("nadir", "left"))
+    assert list(own.loc[own["camera"] == "left", "parameter"]) == [f"relative_rotation_{a}" for a in _AXES]
+    assert list(own.loc[own["camera"] == "nadir", "parameter"]) == [f"boresight_{axis}" for axis in _AXES]

@@ -139,6 +139,31 @@ def test_it_is_never_applied_to_a_composed_image(tmp_path: Path) -> None:
         camera(tmp_path, certificate("00110011", "m"), focal_length_mm=120.0)
 
 
+@pytest.mark.parametrize(
+    ("printed", "declared", "message"),
+    [
+        ('band = "MS-Red"', {"band": "MS-Green"}, "of band MS-Red, and the camera of MS-Green"),
+        ('band = "MS-Red"', {}, "declares the band MS-Red, and the camera does not"),
+        ("", {"software": "5.1"}, "declares the software version 5.1, and the certificate does not"),
+        ('software = "4.0"', {"software": "5.1"}, "of software version 4.0, and the camera of 5.1"),
+        ("band = 3", {"band": "3"}, "band is not a text"),
+    ],
+)
+def test_another_band_or_software_version_is_refused(
+    printed: str, declared: dict[str, str], message: str, tmp_path: Path
+) -> None:
+    text = certificate("00110011", "m").replace("[head]", f"[head]\n{printed}")
+    own = camera(tmp_path, text, identity={"product": "camera_head", **declared})
+    with pytest.raises(InputError, match=message):
+        camera_record(own)
+
+
+def test_band_and_software_that_are_the_same_are_applied(tmp_path: Path) -> None:
+    text = certificate("00110011", "m").replace("[head]", '[head]\nband = "PAN1"\nsoftware = "5.1"')
+    identity = {"product": "camera_head", "band": "PAN1", "software": "5.1"}
+    assert camera_record(camera(tmp_path, text, identity=identity)).columns == 7168
+
+
 def test_the_project_says_what_the_certificate_says(tmp_path: Path) -> None:
     red = camera(tmp_path, certificate(RED, "m"))
     assert isinstance(red, Settings)
