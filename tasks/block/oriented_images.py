@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from adjust.arrays import Bools
 from tasks.block.given_orientations import GivenOrientations, Mountings
 from tasks.block.track_attitudes import with_track_attitudes
 from tasks.coordinates.crs import MapFrame
@@ -36,18 +37,18 @@ def measured_exposures(
     )
 
 
-def has_position(exposures: pd.DataFrame) -> np.ndarray:
+def has_position(exposures: pd.DataFrame) -> Bools:
     """(n,) which exposures have a position."""
     return _all_known(exposures, XYZ_M)
 
 
-def has_attitude(exposures: pd.DataFrame) -> np.ndarray:
+def has_attitude(exposures: pd.DataFrame) -> Bools:
     """(n,) which exposures have three angles."""
     return _all_known(exposures, OPK_DEG) | _all_known(exposures, HEADING_DEG)
 
 
-def _all_known(exposures: pd.DataFrame, columns: list[str]) -> np.ndarray:
-    return ~np.isnan(exposures[columns].to_numpy(np.float64)).any(axis=1)
+def _all_known(exposures: pd.DataFrame, columns: list[str]) -> Bools:
+    return np.asarray(~np.isnan(exposures[columns].to_numpy(np.float64)).any(axis=1))
 
 
 def oriented_images(
