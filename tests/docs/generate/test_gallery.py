@@ -12,6 +12,9 @@ import pytest
 from docs.generate.gallery import KEPT, PAGE, carry_out, pictures, printed
 from tests.docs.test_examples_in_pages import run
 
+# All kernels may have to be compiled before.
+pytestmark = pytest.mark.timeout(600)
+
 _NUMBER = re.compile(r"(?<![#\w.])-?\d+(?:\.\d+)?")
 #: Coordinates are written in tenths of a unit; another processor may round one of them the other way.
 _ROUNDING = 0.1001
