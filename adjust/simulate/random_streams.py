@@ -33,6 +33,8 @@ class Source(IntEnum):
     INS_MARKOV = 15
     INS_STRIP_BIAS = 16
     INS_STRIP_DRIFT = 17
+    FILM = 18
+    FIDUCIAL_NOISE = 19
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import TypeVar, cast
 from flows.runs.stage import stage
 from flows.stories.block_preparation import (
     approximate_block,
+    film_orientations_of,
     import_control,
     import_exposures,
     import_image_points,
@@ -205,7 +206,8 @@ def _import(project: Project, store: Store) -> tuple[Outputs, Outputs, Outputs]:
         outside_format_share=project.checks.outside_format_share,
         orient_without_exposure=inputs.orient_without_exposure,
     )
-    return exposures, control, points
+    film = film_orientations_of(project, store, exposures, points)
+    return exposures, control, points if film is None else {**points, "image_points": film["image_points"]}
 
 
 def _going_on(project: Project, error: AerocalError) -> tuple[ListedMistake, Project | None]:

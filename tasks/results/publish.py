@@ -26,6 +26,7 @@ PUBLISHED = (
     "images",
     "cameras",
     "image_points",
+    "film_orientations",
     "exposures",
     "trajectories",
     "control_points",

@@ -210,6 +210,11 @@ class CameraInput(Settings):
         "defined, counter-clockwise, degrees. In BLUH and UltraCam sets, x is along "
         "flight: 0 if the columns run along flight, 90 or 270 if they run across.",
     )
+    fiducials_mm: dict[str, tuple[Finite, Finite]] = Field(
+        default_factory=dict,
+        description="Coordinates of the fiducial marks of a film camera according to its calibration report, "
+        "in the image system, mm; keys are the names of the marks, e.g. `{ 1 = [-110.002, 110.001] }`.",
+    )
     tiles: CcdTiles | None = Field(
         default=None, description="Layout of the CCD images; default: that of the parameter set."
     )

@@ -305,6 +305,13 @@ class Inputs(Settings):
         description="Files of image points; optional if `calibration.adjusted` gives orientations "
         "for a two-step calibration.",
     )
+    fiducials: ImagePointsInputs = Field(
+        default=(),
+        description="Files of the fiducial marks measured in scanned film images, like files of image "
+        "points, with the names of the marks in place of points. Their coordinates in the camera are "
+        "`fiducials_mm` of the camera. An affine transformation of each image corrects its image points "
+        "for scan and film deformation.",
+    )
     exposures: ExposuresInputs = Field(
         default=(),
         description="Files of exposures. Positions and angles may be empty, and the files may be "

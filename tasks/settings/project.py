@@ -153,6 +153,22 @@ class Project(Settings):
         return self
 
     @model_validator(mode="after")
+    def _film_has_its_marks(self) -> Project:
+        film = next((name for name, camera in self.cameras.items() if camera.fiducials_mm), None)
+        if film is not None and self.inputs.image_points and not self.inputs.fiducials:
+            raise trouble(
+                f"The camera {film} has fiducial marks, but no measured ones are delivered.",
+                "Name their files (inputs.fiducials); remove fiducials_mm only if the image points are in "
+                "the system of the camera, corrected for film deformation.",
+            )
+        if self.inputs.fiducials and film is None:
+            raise trouble(
+                "Measured fiducial marks are delivered, but no camera has any.",
+                "Give their calibrated coordinates, fiducials_mm of the camera.",
+            )
+        return self
+
+    @model_validator(mode="after")
     def _burn_in_of_one_platform(self) -> Project:
         platforms = {camera.head.reference for camera in self.cameras.values() if camera.head is not None}
         if self.burn_in is not None and len(platforms) != 1:

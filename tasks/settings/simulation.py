@@ -112,6 +112,32 @@ class PlannedCamera(SimulatedCamera):
     )
 
 
+_SIDE = 110.0
+
+
+class SimulatedFilm(Settings):
+    """Film images: their deformation, their place in the scanner, and the fiducial marks of the camera."""
+
+    fiducials_mm: dict[str, Pair] = Field(
+        default={
+            "1": (-_SIDE, -_SIDE), "2": (_SIDE, _SIDE), "3": (-_SIDE, _SIDE), "4": (_SIDE, -_SIDE),
+            "5": (-_SIDE, 0.0), "6": (_SIDE, 0.0), "7": (0.0, _SIDE), "8": (0.0, -_SIDE),
+        },
+        min_length=3,
+        description="Coordinates of the fiducial marks, as in the calibration report, mm.",
+    )  # fmt: skip
+    fiducial_um: Positive = Field(default=3.0, description="σ of a measured mark, µm.")
+    shrinkage_ppm: Finite = Field(default=100.0, description="Shrinkage of the film, parts per million.")
+    affine_ppm: NotNegative = Field(
+        default=50.0,
+        description="σ of the further affine deformation of each image (scales and shears), parts per "
+        "million.",
+    )
+    shift_mm: NotNegative = Field(
+        default=0.2, description="σ of the displacement of each image in the scanner, mm."
+    )
+
+
 class SimulatedHead(SimulatedCamera):
     """A further head of a rig, `[[head]]` for each; the lines are planned with `[camera]`."""
 
@@ -329,6 +355,9 @@ class Simulation(Settings):
     )
     noise: SimulatedNoise = Field(description="Noise and gross errors.")
     truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
+    film: SimulatedFilm | None = Field(
+        default=None, description="Film images with fiducial marks; default: digital images."
+    )
     calibration: CalibrationSettings | None = Field(
         default=None, description="The `[calibration]` of the project, as in docs/project-file.md."
     )

@@ -25,6 +25,7 @@ from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.settings.simulation import Simulation
+from tasks.simulation.simulated_film import DeformedFilm, deformed_film
 from tasks.simulation.simulated_project import project_text
 from tasks.simulation.simulated_sbet import write_trajectories
 from tasks.simulation.simulation_input import block_specification, simulated_frame, simulated_map_frame
@@ -90,7 +91,9 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
     # The project file comes last: a folder that was left half-written has none.
     (folder / "project.toml").unlink(missing_ok=True)
     write_truth(folder / TRUTH, simulation, block, map_frame, frame)
-    _write_image_points(folder / "image_points.csv", block)
+    film = film_of(simulation, block)
+    _write_image_points(folder / "image_points.csv", block, film)
+    _write_fiducials(folder / "fiducials.csv", block, film)
     if simulation.trajectory.sbet_hz is None:
         _write_exposures(folder / "exposures.csv", simulation, block, map_frame, frame)
     else:
@@ -112,10 +115,34 @@ def _refuse_foreign(folder: Path) -> None:
         )
 
 
-def _write_image_points(path: Path, block: SimulatedBlock) -> None:
-    """image_points.csv: image system, mm."""
+def film_of(simulation: Simulation, block: SimulatedBlock) -> DeformedFilm | None:
+    """The film of a simulation; None for digital images."""
+    if simulation.film is None:
+        return None
+    return deformed_film(simulation.film, len(block.truth.images), simulation.seed, simulation.noise.level)
+
+
+def _write_fiducials(path: Path, block: SimulatedBlock, film: DeformedFilm | None) -> None:
+    """fiducials.csv: marks as measured in the scans, mm."""
+    if film is None:
+        path.unlink(missing_ok=True)
+        return
+    images, marks = len(block.truth.images), len(film.marks)
+    xy_mm = np.round(film.measured.reshape(-1, 2) * 1e3, _IMAGE_DIGITS)
+    columns = {
+        "image": _names(block.truth.images, np.repeat(np.arange(images), marks)),
+        "point": _names(film.marks, np.tile(np.arange(marks), images)),
+        "x": xy_mm[:, 0],
+        "y": xy_mm[:, 1],
+    }
+    _write_csv(path, columns)
+
+
+def _write_image_points(path: Path, block: SimulatedBlock, film: DeformedFilm | None) -> None:
+    """image_points.csv: image system, mm; of film as measured in the scans."""
     truth = block.truth
-    xy_mm = np.round(block.measured.xy * 1e3, _IMAGE_DIGITS)
+    xy = block.measured.xy if film is None else film.scanned(truth.image, block.measured.xy)
+    xy_mm = np.round(xy * 1e3, _IMAGE_DIGITS)
     columns = {
         "image": _names(truth.images, truth.image),
         "point": _names(truth.points, truth.point),

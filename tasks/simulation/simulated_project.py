@@ -51,6 +51,7 @@ def _camera(simulation: Simulation, camera: SimulatedCamera) -> dict[str, TomlVa
         "pixel_origin": "corner",
         "mount_deg": camera.mount_deg,
         **tiles,
+        **({} if simulation.film is None else {"fiducials_mm": dict(simulation.film.fiducials_mm)}),
     }
 
 
@@ -84,6 +85,13 @@ def _inputs(simulation: Simulation, block: SimulatedBlock) -> Mapping[str, TomlV
         if simulation.trajectory.sbet_hz is None
         else _trajectories(simulation, block),
     }
+    if simulation.film is not None:
+        inputs["fiducials"] = {
+            "file": "fiducials.csv",
+            "format": "csv",
+            "unit": "mm",
+            "sigma": round(simulation.film.fiducial_um * 1e-3, 9),
+        }
     if len(block.truth.surveyed):
         inputs["control"] = {"file": "control.csv", "format": "csv", **place, "sigma_m": noise.control_m}
     return inputs

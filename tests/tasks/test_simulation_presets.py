@@ -35,6 +35,8 @@ FLIGHTS = {
     "dmc-8cm": Published(870.0, 8.7, 267.0, 481.0, 135),
     "dmc-20cm": Published(2160.0, 21.6, 664.0, 1194.0, 60),
     "rmk-8cm": Published(874.0, 8.0, 526.0, 526.0, 74),
+    "vaihingen-rmk-high": Published(2186.0, 20.0, 1314.6, 1314.6, 47),
+    "vaihingen-rmk-low": Published(874.0, 8.0, 526.0, 526.0, 74),
     "dmc-burn-in": Published(2000.0, 20.0, 614.4, 1105.9, 40),
     "dmc2-140": Published(1150.0, 9.0, 403.0, 435.0, 69),
     "dmc2-230": Published(1150.0, 7.0, 396.0, 436.0, 2448),
@@ -72,7 +74,18 @@ def test_the_vaihingen_twins_are_the_flights_with_scenarios_of_the_print(name: s
     assert len(own) == 3
 
 
-@pytest.mark.parametrize("camera", ["ucx", "dmc"])
+@pytest.mark.parametrize("name", ["vaihingen-rmk-high", "vaihingen-rmk-low"])
+def test_the_film_blocks_have_fiducial_marks_and_the_scenarios_of_the_print(name: str) -> None:
+    twin = load_simulation(name)
+    assert twin.film is not None
+    assert twin.film.shrinkage_ppm == 100.0
+    assert twin.sweep is not None
+    own = {(one.block, one.control, one.variant) for one in scenarios(twin.sweep)}
+    assert own <= set(published_table("vaihingen-rmk-2008").figures)
+    assert len(own) == 3
+
+
+@pytest.mark.parametrize("camera", ["ucx", "dmc", "rmk"])
 def test_both_flights_of_a_vaihingen_twin_have_the_same_camera_with_the_same_errors(camera: str) -> None:
     high, low = (
         block_truth(block_specification(load_simulation(f"vaihingen-{camera}-{height}")))

@@ -29,6 +29,7 @@ from tasks.tables.schemas.deliveries import (
     IMAGES,
     TRAJECTORIES,
 )
+from tasks.tables.schemas.film import FILM_ORIENTATIONS
 from tasks.tables.schemas.georeferencing import (
     DIRECT_GEOREFERENCING,
     DIRECT_GEOREFERENCING_MODELS,
@@ -101,6 +102,7 @@ SCHEMAS: dict[str, TableSchema] = {
         RESIDUAL_GRID,
         RESIDUAL_AUTOCORRELATION,
         TRUST_MAP_CELLS,
+        FILM_ORIENTATIONS,
         DIRECT_GEOREFERENCING,
         DIRECT_GEOREFERENCING_MODELS,
         Y_PARALLAXES,
@@ -145,6 +147,7 @@ __all__ = [
     "EDGE_RESPONSES",
     "EXPOSURES",
     "EXTERIOR_ORIENTATIONS",
+    "FILM_ORIENTATIONS",
     "IMAGES",
     "IMAGE_POINTS",
     "MODEL_ALTERNATIVES",
