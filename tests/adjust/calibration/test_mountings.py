@@ -12,6 +12,7 @@ from adjust.calibration.clusters import split_in_two
 from adjust.calibration.mountings import found_mountings
 from adjust.calibration.strip_comparison import StripComparison, serial_increase
 from tests.adjust.calibration.strips_flown import RULE, remounted, strips_flown
+from tests.grids import diagonal_daily
 
 # As good as the stated errors, and at them: what a strip's mean has of INS errors that last as long as it.
 GOOD: dict[str, Any] = {}
@@ -88,8 +89,7 @@ def test_a_single_strip_beside_two_days_is_found_with_them() -> None:
     np.testing.assert_array_equal(found_mountings(strips, RULE).mounting, expected)
 
 
-@pytest.mark.parametrize("errors", [GOOD, STATED, TWICE])
-@pytest.mark.parametrize("flights", [(20,), (8, 8)])
+@pytest.mark.parametrize(("errors", "flights"), diagonal_daily((GOOD, STATED, TWICE), ((20,), (8, 8))))
 def test_strips_of_one_mounting_are_called_another_no_more_often_than_stated(
     errors: dict[str, Any], flights: tuple[int, ...]
 ) -> None:

@@ -126,7 +126,7 @@ def test_the_shift_is_what_the_given_lever_arm_leaves() -> None:
 @pytest.mark.parametrize(
     ("flights", "within"), [(30, (0.9, 2.0)), pytest.param(300, (1.15, 1.65), marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("with_covariance", [False, True])
+@pytest.mark.parametrize("with_covariance", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_errors_lie_within_the_stated_standard_deviations(
     with_covariance: bool, flights: int, within: tuple[float, float]
 ) -> None:

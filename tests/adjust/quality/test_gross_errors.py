@@ -143,7 +143,7 @@ def assert_as_promised(score: Score) -> None:
     assert score.positions_lost <= 0.01 * score.positions
 
 
-@pytest.mark.parametrize("rate", [0.01, 0.03])
+@pytest.mark.parametrize("rate", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
 def test_gross_errors_of_every_kind_are_found_together(rate: float) -> None:
     assert_as_promised(scored(rate, range(3), test="observations"))
 
@@ -157,7 +157,15 @@ def test_gross_errors_of_every_kind_are_found_in_many_blocks(rate: float) -> Non
     assert score.gone_with_a_wrong_one <= 0.15 * rate * score.good
 
 
-@pytest.mark.parametrize("robust", ["huber", "cauchy", "tukey", "biber", "danish"])
+# Daily one whose weights never vanish, and one whose do.
+@pytest.mark.parametrize(
+    "robust",
+    [
+        "huber",
+        "tukey",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("cauchy", "biber", "danish")),
+    ],
+)
 def test_a_robust_estimation_beforehand_finds_them_too(robust: Any) -> None:
     score = scored(0.03, range(1), test="observations", robust=robust)
     assert score.found >= 0.95 * score.large
