@@ -28,6 +28,10 @@ def as_flow(project_file: Path, out: Path, *overrides: str) -> State[None]:
     return aerial_triangulation(str(project_file), str(out), list(overrides), return_state=True)
 
 
+def results_of(block: Path) -> Path:
+    return block.parent / "results"
+
+
 def digests(out: Path) -> dict[str, str]:
     artifacts = json.loads((out / "manifest.json").read_text())["artifacts"]
     return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
@@ -67,15 +71,15 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
     ],
 )
 def test_what_went_wrong_is_the_name_of_the_state(
-    block: Path, tmp_path: Path, override: str, name: str, word: str
+    warm_block: Path, override: str, name: str, word: str
 ) -> None:
-    state = as_flow(block, tmp_path / "out", override)
+    state = as_flow(warm_block, results_of(warm_block), override)
     assert (state.type.value, state.name) == ("FAILED", name)
     assert word in str(state.message)
 
 
 def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
-    block: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    warm_block: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     from prefect import flow
     from prefect.client.orchestration import get_client
@@ -84,7 +88,7 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
     from flows.serving.registered import show
     from tasks.production.short_text import ShortText
 
-    state = as_flow(block, tmp_path / "out", "gates.sigma0.max=0.71")
+    state = as_flow(warm_block, results_of(warm_block), "gates.sigma0.max=0.71")
     with get_client(sync_client=True) as client:
         own = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[state.state_details.flow_run_id]))
         stored = client.read_artifacts(artifact_filter=own)
@@ -119,15 +123,15 @@ def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
     assert "uce-high" in wrong.message
 
 
-def test_a_direct_georeferencing_check_is_a_flow_of_its_own(block: Path, tmp_path: Path) -> None:
+def test_a_direct_georeferencing_check_is_a_flow_of_its_own(warm_block: Path) -> None:
     from flows.serving.registered import direct_georeferencing_check
 
-    overrides = ["direct_georeferencing.calibration=adjustment"]
-    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), overrides, return_state=True)
+    overrides, out = ["direct_georeferencing.calibration=adjustment"], results_of(warm_block)
+    state = direct_georeferencing_check(str(warm_block), str(out), overrides, return_state=True)
     assert state.name == "Completed"
-    assert (tmp_path / "out" / "georeferencing_check.html").is_file()
+    assert (out / "georeferencing_check.html").is_file()
     gates = [*overrides, "gates.y_parallax_max_um.max=0.01"]
-    state = direct_georeferencing_check(str(block), str(tmp_path / "out"), gates, return_state=True)
+    state = direct_georeferencing_check(str(warm_block), str(out), gates, return_state=True)
     assert (state.name, "y_parallax_max_um" in str(state.message)) == ("GateFailed", True)
 
 
@@ -138,13 +142,13 @@ def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
     assert not storage.exists() or not any(storage.iterdir())
 
 
-def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(block: Path, tmp_path: Path) -> None:
+def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(warm_block: Path) -> None:
     from flows.serving.registered import run_and_report
 
-    done = run_and_report(RunRequest(block, tmp_path / "out"))
+    done = run_and_report(RunRequest(warm_block))
     assert done.error is None
     assert done.summary.status == "done"
-    refused = run_and_report(RunRequest(block, tmp_path / "out", ("inputs.exposures.crs=EPSG:0",)))
+    refused = run_and_report(RunRequest(warm_block, overrides=("inputs.exposures.crs=EPSG:0",)))
     assert refused.summary.status == "input_error"
     assert refused.error is not None
 
