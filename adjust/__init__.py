@@ -1,7 +1,8 @@
 """Adjustment of aerial blocks: the mathematics, free of files and frameworks.
 
-A block and its observations go into :func:`adjust_block`; what comes out knows how good it is.
-Everything is SI and radians; ``docs/conventions.md`` of the repository has frames and signs.
+Start with :func:`adjust_block`: it takes a block and its observations, and returns adjusted values with
+their covariances, redundancy numbers and tests. All values are in SI units and radians; frames and signs
+are described in ``docs/conventions.md``.
 """
 
 from importlib import import_module

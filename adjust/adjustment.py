@@ -40,20 +40,20 @@ def adjust_block(
     rejected: Rejection | None = None,
     start: State | None = None,
 ) -> AdjustmentResult:
-    """Adjust a block by least squares and state how good the result is.
+    """Adjust a block by least squares, with all statistics of the result.
 
-    Gauss–Newton to convergence; where a critical value is given, gross errors are rejected pass by
-    pass until none is left, and the last pass is an ordinary adjustment of what remains, from which
-    all statistics come. Where variance components or correlation times are requested, they are estimated
-    in turn with the rejection. The linear algebra library runs on one thread, and what runs on several sums
-    in an order of its own, so that the result does not depend on their number.
+    Gauss–Newton iterations until convergence. If a critical value is given, gross errors are rejected pass
+    by pass until none is left; the last pass is an ordinary adjustment of the remaining observations, from
+    which all statistics are derived. If variance components or correlation times are requested, their
+    estimation and the rejection alternate. The result does not depend on the number of threads: the linear
+    algebra library runs on one thread, and parallel parts sum in a fixed order.
 
     Parameters
     ----------
     progress : called after every iteration.
-    rejected : what begins as rejected, from an adjustment of nearly the same block; it comes back where it
-        fits.
-    start : where the iteration begins; None: at the approximate values.
+    rejected : observations rejected from the start, from an adjustment of nearly the same block; those that
+        fit are restored.
+    start : initial values of the iteration; None: the approximate values.
 
     Raises
     ------

@@ -29,15 +29,15 @@ class Block:
     Attributes
     ----------
     frame : the local Cartesian frame.
-    cameras : the cameras; their mountings are fixed, their interior orientation is a family.
+    cameras : the cameras; their mountings are fixed, their interior orientations are system parameters.
     images : names of the n images.
     camera_of_image : (n,) index into ``cameras``.
     flights, flight_of_image : names, and (n,) index into them.
     points : names of the m object points.
-    system : the families of system parameters with given values and freedom. Those that every block has and
-        that are not given are held: the interior orientation as its cameras state it, the others at zero.
+    system : the families of system parameters, with their values and which of them are free. Families that
+        are not given are held fixed: the interior orientation at that of the cameras, the others at zero.
     projection_centre, local_from_camera, object_point : approximate values, see :class:`State`.
-    considered : held system parameters whose errors are part of all covariances; None: what is held is exact.
+    considered : parameters held fixed whose errors are part of all covariances; None: they are exact.
     rig : which heads took the images of which event; None: every image is an event.
     """
 

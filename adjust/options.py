@@ -9,12 +9,12 @@ from typing import Literal
 from adjust.parameters import InnerConstraints
 from adjust.quality.observation_parts import Division
 
-#: The variable that says how many threads an adjustment may use at once; not set: one for each processor.
+#: The environment variable that limits the threads of an adjustment; not set: one for each processor.
 THREADS_VARIABLE = "AEROCAL_THREADS"
 
 
 def available_threads() -> int:
-    """How many threads this process may use at once."""
+    """Number of threads that this process may use."""
     named = os.environ.get(THREADS_VARIABLE, "")
     if named.isdecimal() and int(named) > 0:
         return int(named)
@@ -27,25 +27,25 @@ class AdjustmentOptions:
 
     Attributes
     ----------
-    critical_value : |w|, of a standard normal variable, above which an observation is rejected; None for
+    critical_value : limit of |w|, a standard normal variable, above which an observation is rejected; None:
         no rejection.
-    test : what is compared with it: the largest |w| of the components of an observation, or all of
-        them together, by a statistic with as many degrees of freedom.
-    reference_variance : whether σ0 is 1 in these tests or comes from the residuals (τ-test).
-    robust : weight function of a robust estimation that looks for gross errors first; None for none.
-    most_iterations : steps of one pass after which it is given up.
-    most_passes : passes of rejection after which it is given up.
+    test : the tested statistic: the largest |w| of the components of an observation, or all components
+        together, with as many degrees of freedom.
+    reference_variance : whether σ0 in these tests is 1, or derived from the residuals (τ-test).
+    robust : weight function of a robust estimation that searches for gross errors first; None: none.
+    most_iterations : largest number of iterations in one pass.
+    most_passes : largest number of passes of rejection.
     confidence : of the global test.
     variance_components : whether the weights of the groups are estimated from the residuals.
-    divisions : groups whose observations have weights by where they come from, one division a group.
-    control_folds : into how many folds the control points are dealt to be predicted without their own one;
-        None for no such check.
-    joint_points : indices of object points, ascending, whose joint cofactors are wanted; those that take no
-        part are left out. Some hundred at most.
-    correlation_times : whether the correlation times of groups with errors correlated over time are.
-    free_network : unknowns whose approximate values carry what the observations leave open of the datum
-        (inner constraints); None: an open datum is an error.
-    threads : how many may work at once; never changes a result.
+    divisions : divides the observations of groups by origin, each part with its own weight; one per group.
+    control_folds : number of folds of the control points; each fold is predicted by an adjustment without
+        it. None: no such check.
+    joint_points : ascending indices of the object points whose joint cofactors are requested, some hundred
+        at most; unused points are omitted.
+    correlation_times : whether the correlation times of groups with correlated errors are estimated.
+    free_network : unknowns whose approximate values fix the part of the datum that the observations do not
+        determine (inner constraints); None: an undetermined datum is an error.
+    threads : number of threads; never changes a result.
     """
 
     critical_value: float | None = None

@@ -54,7 +54,7 @@ class GroupResult:
     ----------
     group : the observations as given (nothing rejected).
     residual : v = adjusted − observed, SI and radians.
-    sigma : a-priori standard deviations; where variance components are estimated, those they give.
+    sigma : a-priori standard deviations, or those of the estimated variance components.
     redundancy : redundancy numbers; NaN for what is not used.
     standardized : w for an a-priori σ0 of 1; NaN for what is not used.
     detectable : minimal detectable bias, SI and radians; NaN for what is not used.
@@ -125,7 +125,7 @@ class FreeNetwork:
     Attributes
     ----------
     constrained : the unknowns whose corrections to the approximate values have the least norm.
-    directions : what that determines of the datum because no observation does; empty if they all do.
+    directions : parts of the datum that no observation determines; empty if all are determined.
     """
 
     constrained: InnerConstraints
@@ -149,23 +149,23 @@ class AdjustmentResult:
     cofactor : cofactor matrices (a-priori σ0 = 1); times σ0² they are covariances.
     test : σ0 and its χ² test.
     groups : residuals of every group, image points first.
-    iterations : of every pass, the last one is the final, non-robust adjustment.
+    iterations : of every pass; the last one is the final adjustment, which is not robust.
     rejected_per_pass : number of observations each pass rejected.
     active_point : (m,) whether the object point was used.
-    datum : what fixes the block in space.
-    system, solution : the last adjustment, of what was not rejected, with its factorised normal equations.
-    variance_components : of every part of the observations; empty where none were requested.
-    reweighted : how often the block was adjusted with changed weights.
-    given_up : indices of object points that were taken out because the wrong one of their observations
-        cannot be determined, or because too few are left.
-    taken_back : number of observations that had been rejected and fit in the end.
-    left_out_singly : control points from the adjustment without each; None where there are no control points.
-    left_out_by_fold : control points from the adjustment without their fold; None where not requested.
-    joint_cofactor : of the object points for which it was asked; None without any, and where approximate
-        values carry part of the datum: coordinates then mean nothing.
-    correlation_times : of the groups with errors correlated over time; empty where none were to be estimated.
-    free_network : where the approximate values were allowed to carry the datum; the cofactors are
-        those of its inner constraints.
+    datum : the share of each group in fixing the block in space.
+    system, solution : the last adjustment, without rejected observations, with factorised normal equations.
+    variance_components : of every part of the observations; empty if none were requested.
+    reweighted : number of adjustments with changed weights.
+    given_up : indices of object points that were removed because it cannot be determined which of their
+        observations is wrong, or because too few are left.
+    taken_back : number of rejected observations that were restored because they fit in the end.
+    left_out_singly : each control point predicted by an adjustment without it; None without control points.
+    left_out_by_fold : control points predicted by an adjustment without their fold; None if not requested.
+    joint_cofactor : of the requested object points; None if none were requested, or if approximate values
+        fix part of the datum, so that coordinates have no meaning of their own.
+    correlation_times : of the groups with errors correlated over time; empty if not estimated.
+    free_network : the datum fixed by approximate values, to whose inner constraints the cofactors refer; None
+        if this was not allowed.
     """
 
     block: Block
