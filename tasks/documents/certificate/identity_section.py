@@ -46,7 +46,7 @@ def identity_section(material: CertificateMaterial) -> Section:
     )
     blocks: list[Block] = [Facts("camera", "", parts)]
     if heads:
-        blocks.append(Facts("heads", f"Heads beside {camera.name}, calibrated together", heads))
+        blocks.append(Facts("heads", f"Other heads of the rig of {camera.name}, calibrated together", heads))
     missing = [label.partition(",")[0] for _, label, value in _declared(identity) if not value]
     if missing:
         blocks.append(
