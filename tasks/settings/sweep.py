@@ -37,6 +37,17 @@ class BlockSelection(Settings):
         description="Minimum and maximum flying height above the object points, m; default: any.",
     )
 
+    every_strip: Annotated[Whole, Field(ge=1)] = Field(
+        default=1,
+        description="Only every p-th of these strips of each flight, in the order of their names. With 60 % "
+        "side lap, 2 leaves 20 %.",
+    )
+    every_image: Annotated[Whole, Field(ge=1)] = Field(
+        default=1,
+        description="Only every q-th image of each strip, in the order of their names: with 80 % end lap, 2 "
+        "leaves 60 %.",
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _from_list(cls, value: object) -> object:

@@ -73,7 +73,17 @@ def _in_block(images: pd.DataFrame, block: BlockSelection, name: str) -> Bools:
     if block.height_m is not None:
         low, high = block.height_m
         chosen &= images["height_above_ground_m"].between(low, high).to_numpy()
-    return chosen
+    return _thinned(images, chosen, block)
+
+
+def _thinned(images: pd.DataFrame, chosen: Bools, block: BlockSelection) -> Bools:
+    """Of the chosen images (n,) every p-th strip of a flight and every q-th image of a strip, by name."""
+    table = images.loc[chosen, ["flight", "strip", "image"]].fillna("")
+    strip = table.groupby("flight")["strip"].rank(method="dense") - 1.0
+    image = table.groupby(["flight", "strip"])["image"].rank(method="first") - 1.0
+    kept = np.zeros(len(chosen), dtype=bool)
+    kept[chosen] = ((strip % block.every_strip == 0.0) & (image % block.every_image == 0.0)).to_numpy()
+    return kept
 
 
 def _entity(name: str) -> str:

@@ -151,6 +151,10 @@ def block(tmp_path: Path) -> dict[str, Artifact]:
         ({"strips": ("E*", "H01")}, {"E01_1", "E02_1", "H01_1"}),
         ({"strips": ("?01",), "flights": ("low",)}, {"E01_1", "N01_1"}),
         ({"height_m": (701.0, 3000.0)}, {"E02_1", "N01_1", "H01_1"}),
+        # Of low E01, E02, N01 the first and the third; of high its only one.
+        ({"every_strip": 2}, {"E01_1", "N01_1", "H01_1"}),
+        ({"strips": ("E*",), "every_strip": 2}, {"E01_1"}),
+        ({"every_image": 2}, {"E01_1", "E02_1", "N01_1", "H01_1"}),
     ],
 )
 def test_a_sub_block_has_the_points_of_its_images_only(
@@ -161,6 +165,30 @@ def test_a_sub_block_has_the_points_of_its_images_only(
     points = read_table(outputs["image_points"])
     assert set(points["image"]) == images
     assert len(points) == 2 * len(images)
+
+
+def test_every_third_image_of_every_second_strip_is_kept(tmp_path: Path) -> None:
+    names = [f"{strip}_{number:02d}" for strip in ("E01", "E02", "E03") for number in range(1, 8)]
+    images = pd.DataFrame(
+        {
+            "image": names,
+            "camera": "C",
+            "strip": [name[:3] for name in names],
+            "flight": "low",
+            "heading_deg": 90.0,
+            "height_above_ground_m": 700.0,
+            "status": "used",
+        }
+    )
+    outputs = select_images(
+        Store.of(tmp_path / "out"),
+        images=written(tmp_path / "in", schemas.IMAGES, images),
+        image_points=written(tmp_path / "in", schemas.IMAGE_POINTS, measured(["a"], tuple(names))),
+        block=BlockSelection(every_strip=2, every_image=3),
+        name="thinned",
+    )
+    kept = set(read_table(outputs["image_points"])["image"])
+    assert kept == {f"{strip}_{number:02d}" for strip in ("E01", "E03") for number in (1, 4, 7)}
 
 
 @pytest.mark.parametrize(
