@@ -70,6 +70,11 @@ def test_one_record_has_all_heads_with_their_joint_covariance(registered: tuple[
     assert [file.name for file in folder.glob("calibration*.json")] == ["calibration.json"]
     assert [file.name for file in folder.glob("certificate*.json")] == ["certificate.json"]
     record = json.loads((folder / "calibration.json").read_text())
+    certificate = json.loads((folder / "certificate.json").read_text())
+    (brief,) = (section for section in certificate["sections"] if section["name"] == "brief")
+    labels = [fact["label"] for fact in brief["blocks"][0]["facts"]]
+    assert len(set(labels)) == len(labels)
+    assert any(label.endswith("(left)") for label in labels)
     assert record["camera"]["name"] == "nadir"
     assert sorted(head["name"] for head in record["heads"]) == _HEADS
     estimated = [item for item in record["parameters"] if item["sigma"] is not None]

@@ -72,15 +72,17 @@ def brief_section(material: CertificateMaterial) -> Section:
 def _of_family(material: CertificateMaterial, family: str) -> list[Fact]:
     """One fact for each parameter of a family; one for all of an entity if nothing is said about any."""
     own = quantities.in_order(tuple(item for item in material.parameters if quantities.is_of(item, family)))
-    facts, k = [], coverage_of(material).k
+    facts, k = list[Fact](), coverage_of(material).k
     for entity in dict.fromkeys(item.entity for item in own):
         items = [item for item in own if item.entity == entity]
         words = {finding(item) for item in items}
         if len(items) > 1 and len(words) == 1 and not any(has_result(item) for item in items):
             together = ", ".join(quantity_of(item).words for item in items)
-            facts.append(replace(_brief(items[0], k), label=_label(items[0], together)))
+            said = [replace(_brief(items[0], k), label=_label(items[0], together))]
         else:
-            facts += [_brief(item, k) for item in items]
+            said = [_brief(item, k) for item in items]
+        is_head = bool(material.record.heads) and entity in material.record.names
+        facts += [replace(fact, label=f"{fact.label} ({entity})") for fact in said] if is_head else said
     return facts
 
 
