@@ -183,6 +183,8 @@ class HelmertFactor:
         for front, factor in zip(self.analysis.fronts, self.factors, strict=True):
             own, rest = front.images[: front.own], front.images[front.own :]
             flat = x[own].reshape(-1, *many)
+            if front.parent >= 0 and not flat.any():
+                continue  # nothing comes from here, as mostly where right-hand sides belong to places
             mine = np.concatenate([flat, border if front.parent < 0 else border[:0]])
             dense_algebra.solve_lower(factor.lower, mine)
             taken = factor.below @ mine

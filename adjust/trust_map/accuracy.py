@@ -22,7 +22,6 @@ from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
-    EXTERIOR_ORIENTATION,
     INTERIOR_ORIENTATION,
     OBJECT_POINT,
     State,
@@ -38,8 +37,8 @@ from adjust.solve.system import Observations, System
 from adjust.trust_map import accuracy_kernel, pairs_kernel
 from adjust.trust_map.cells import GroundCells, Sight
 
-# Rays whose equations are in memory at once: few enough to stay in the processor's cache.
-_RAYS_AT_ONCE = 60_000
+# Rays of the cells that are worked on together: enough that many cells have the same images.
+_RAYS_AT_ONCE = 300_000
 # The distortion of an image point is found in so many steps; each leaves a thousandth of it at most.
 _STEPS = 3
 
@@ -179,28 +178,23 @@ def _fill(
     image = sight.image[sight.start[first] : sight.start[last]]
     cell = np.repeat(np.arange(last - first), np.diff(start))
     state = replace(solution.state, object_point=cells.x_in_local[first:last])
-    points = solution.system.observations.image_points
-    rays = new_rays(points, state, image, cell, measurement.sigma, exact=False)
-    equations = rays.linearize(state)
-    terms = {term.block: term.jacobian for term in equations.terms}
-    of_system = np.concatenate(
-        [terms[name] for name in (INTERIOR_ORIENTATION, ADDITIONAL_PARAMETERS) if name in terms], axis=2
+    rays = new_rays(
+        solution.system.observations.image_points, state, image, cell, measurement.sigma, exact=False
     )
     of_known = np.zeros((len(image), 2, 0))
     if considered is not None:
+        equations = rays.linearize(state)
         of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
         of_known = considered.of_residuals(of_rest)
     neighbour = cells.neighbour[first:last]
     chosen = slice(first, last)
     accuracy_kernel.cell_accuracies(
         start,
-        _runs(start, image),
+        _by_images(start, image),
         np.where(neighbour >= 0, neighbour - first, -1),
         cells.local_from_axes[first:last],
         image,
-        terms[EXTERIOR_ORIENTATION],
-        terms[OBJECT_POINT],
-        of_system,
+        _geometry(rays, state),
         of_known,
         _columns(solution.system, rays),
         cofactor.pattern.row_start,
@@ -220,14 +214,16 @@ def _fill(
     )
 
 
-def _runs(start: Ints, image: Ints) -> Ints:
-    """First and last + 1 of runs of cells with the same images (n, 2), equal images one after another.
+def _by_images(start: Ints, image: Ints) -> Ints:
+    """The cells (m,), those with the same images one after another, otherwise in their order.
 
-    Runs with the same images mostly lie in rows above each other. They are brought together by a hash of
-    their images; two sets of images with the same hash do no harm.
+    Runs of cells with the same images mostly lie in rows above each other. They are brought together by a
+    hash of their images; two sets of images with the same hash do no harm.
     """
     runs, keys = pairs_kernel.runs_of_images(start, image)
-    return np.asarray(runs[np.argsort(keys, kind="stable")])
+    first, end = runs[np.argsort(keys, kind="stable")].T
+    count = end - first
+    return np.asarray(np.arange(len(start) - 1) + np.repeat(first - (np.cumsum(count) - count), count))
 
 
 def new_rays(
@@ -247,10 +243,28 @@ def new_rays(
         sigma=np.full((r, 2), sigma),
         active=np.ones(r, dtype=bool),
         offset=None,
+        known=None,
     )
     for _ in range(int(exact) if measured.self_calibration is None else _STEPS):
         rays = replace(rays, xy=rays.xy - rays.misclosure(state))
     return rays
+
+
+def _geometry(rays: ImagePoints, state: State) -> tuple[Ints | Floats, ...]:
+    """What the kernel linearizes rays with: cameras, orientations, cells, and effects of parameters."""
+    parameters = 0 if rays.self_calibration is None else len(rays.self_calibration.names)
+    ideal = rays.ideal(state, np.arange(parameters), with_slope=True)
+    return (
+        rays.camera_of_image,
+        state.projection_centre,
+        state.local_from_camera,
+        state.object_point,
+        state.system[INTERIOR_ORIENTATION],
+        ideal.xy,
+        ideal.slope,
+        ideal.basis,
+        np.ones((len(rays.image), 2)),
+    )
 
 
 def _columns(system: System, rays: ImagePoints) -> Ints:

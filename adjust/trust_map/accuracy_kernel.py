@@ -5,259 +5,344 @@ parameters z of the images, whose joint covariance is Q, and image coordinates o
 
     G = (Aᵀ A)⁻¹ Aᵀ,    W = B Q Bᵀ,    C = s² (Aᵀ A)⁻¹ + G W Gᵀ.
 
-W holds every pair of rays, so each pair of images is a part of it. Scratch arrays are made once for all
-cells.
+W holds every pair of rays, so each pair of images is a part of it. Cells with the same images are worked on
+side by side (`lane_kernel`); scratch arrays are made once for all cells.
 """
 
 import numpy as np
 
 from adjust.compiled import kernel, small_kernel
-from adjust.trust_map.joint_kernel import gather, joint_blocks
-from adjust.trust_map.pairs_kernel import invert, same_images
-from adjust.trust_map.relative_kernel import of_common_images, of_unknowns, sigma_of_difference
+from adjust.observations.image_point_kernel import linearize_ray
+from adjust.trust_map.joint_kernel import (
+    add_considered,
+    add_systems,
+    gather,
+    joint_blocks,
+    joint_movements,
+    places,
+)
+from adjust.trust_map.lane_kernel import LANES, STEP
+from adjust.trust_map.pairs_kernel import (
+    best_pair,
+    height_bounds,
+    inverse_of_pair,
+    same_images,
+    variance_of_pair,
+)
+from adjust.trust_map.relative_kernel import differences, of_common_images, of_unknowns, variances
+
+# Rows of what belongs to a cell: upper triangles of (Aᵀ A)⁻¹ and of Aᵀ A (then of G W Gᵀ), the largest
+# effects, coordinates whose errors show in no residual, the smallest error of one that is found, whether
+# there is a point, and the diagonal of the (Aᵀ A)⁻¹ of a difference.
+_INVERSE, _NORMAL, _EXTERNAL, _UNCONTROLLED, _ERROR, _THERE, _OF_DIFFERENCE = 0, 6, 12, 15, 16, 17, 18
+_ROWS_OF_CELL = 21
+# Rows of a diagonal in those of the upper triangle.
+_DIAGONAL = (0, 3, 5)
 
 
 @kernel
-def gains(first, last, of_point, normals, normal, inverse, gain):
-    """Fill inverse with (Aᵀ A)⁻¹ and gain with G (3, 2k) of the k rays; false without a point.
+def rays_of_cell(cell, first, last, image, geometry, axes, misclosure, of_exposure, of_system, of_point):
+    """Derivatives of the rays of a cell, in the rows from 0 on; those by the point in the axes (3, 3)."""
+    camera_of_image, centres, rotations, points, interior, ideal, slope, basis, inverse_sigma = geometry
+    base = np.int64(0)
+    for a in range(last - first):
+        linearize_ray(
+            first + a, cell, base, image, camera_of_image, centres, rotations, None, points, interior, ideal,
+            slope, basis, inverse_sigma, a, misclosure, of_exposure, of_system, of_point,
+        )  # fmt: skip
+        for r in range(2):
+            x, y, z = of_point[a, r, 0], of_point[a, r, 1], of_point[a, r, 2]
+            for c in range(3):
+                of_point[a, r, c] = x * axes[c, 0] + y * axes[c, 1] + z * axes[c, 2]
 
-    normals (k, 3, 3) gets the Aᵀ A of each ray; normal (3, 3) is scratch.
-    """
-    normal[:] = 0.0
-    for a in range(first, last):
-        for k in range(3):
-            for q in range(3):
-                value = of_point[a, 0, k] * of_point[a, 0, q] + of_point[a, 1, k] * of_point[a, 1, q]
-                normals[a - first, k, q] = value
-                normal[k, q] += value
-    if not invert(normal, inverse):
-        return False
-    for k in range(3):
-        i0, i1, i2 = inverse[k, 0], inverse[k, 1], inverse[k, 2]
-        for a in range(first, last):
+
+@kernel
+def put_side_by_side(lane, count, values, rows):
+    """Write the first values (count, 2, w) into row 2 (w a + s) + r of a cell."""
+    width = values.shape[2]
+    for a in range(count):
+        for s in range(width):
             for r in range(2):
-                gain[k, 2 * (a - first) + r] = (
-                    i0 * of_point[a, r, 0] + i1 * of_point[a, r, 1] + i2 * of_point[a, r, 2]
-                )
-    return True
+                rows[(2 * (width * a + s) + r) * LANES + lane] = values[a, r, s]
+
+
+@small_kernel
+def six_rows(values, at):
+    """Six rows that follow each other."""
+    return (
+        values[np.uintp(at)], values[np.uintp(at + LANES)], values[np.uintp(at + 2 * LANES)],
+        values[np.uintp(at + 3 * LANES)], values[np.uintp(at + 4 * LANES)], values[np.uintp(at + 5 * LANES)],
+    )  # fmt: skip
+
+
+@small_kernel
+def set_six_rows(out, o, a, b, c, d, e, f):
+    """Fill six rows that follow each other."""
+    out[np.uintp(o)], out[np.uintp(o + LANES)], out[np.uintp(o + 2 * LANES)] = a, b, c
+    out[np.uintp(o + 3 * LANES)], out[np.uintp(o + 4 * LANES)], out[np.uintp(o + 5 * LANES)] = d, e, f
+
+
+@small_kernel
+def add_six_rows(out, o, a, b, c, d, e, f):
+    """Add to six rows that follow each other."""
+    out[np.uintp(o)] += a
+    out[np.uintp(o + LANES)] += b
+    out[np.uintp(o + 2 * LANES)] += c
+    out[np.uintp(o + 3 * LANES)] += d
+    out[np.uintp(o + 4 * LANES)] += e
+    out[np.uintp(o + 5 * LANES)] += f
 
 
 @kernel
-def of_all_rays(
-    cell, first, last, of_point, joint, variance, critical, least_control, normal, inverse, gain, moved,
-    sigma, external,
-):  # fmt: skip
-    """σ of a cell's point from all its rays, and the largest effects of an undetected error in one of them.
+def gains(k, m, of_point, normals, of_cell, gain):
+    """Fill the rows 3 j + c of gain with G, and normals with the Aᵀ A of each ray; G is 0 without a point.
+
+    Rows 3 j + c of of_point are those by coordinate c of image coordinate j = 2 a + r.
+    """
+    of_cell[_NORMAL * LANES : (_NORMAL + 6) * LANES] = 0.0
+    for a in range(k):
+        for n in range(m):
+            x0, x1, x2, y0, y1, y2 = six_rows(of_point, 6 * a * LANES + n)
+            xx, xy, xz = x0 * x0 + y0 * y0, x0 * x1 + y0 * y1, x0 * x2 + y0 * y2
+            yy, yz, zz = x1 * x1 + y1 * y1, x1 * x2 + y1 * y2, x2 * x2 + y2 * y2
+            set_six_rows(normals, 6 * a * LANES + n, xx, xy, xz, yy, yz, zz)
+            add_six_rows(of_cell, _NORMAL * LANES + n, xx, xy, xz, yy, yz, zz)
+    for n in range(m):
+        a, b, c, d, e, f = six_rows(of_cell, _NORMAL * LANES + n)
+        i00, i01, i02 = d * f - e * e, c * e - b * f, b * e - c * d
+        determinant = a * i00 + b * i01 + c * i02
+        there = determinant > 1e-13 * a * d * f
+        factor = 1.0 / determinant if there else 0.0
+        set_six_rows(
+            of_cell, _INVERSE * LANES + n, i00 * factor, i01 * factor, i02 * factor, (a * f - c * c) * factor,
+            (b * c - a * e) * factor, (a * d - b * b) * factor,
+        )  # fmt: skip
+        of_cell[np.uintp(_THERE * LANES + n)] = 1.0 if there else 0.0
+    for a in range(k):
+        for n in range(m):
+            xx, xy, xz, yy, yz, zz = six_rows(of_cell, _INVERSE * LANES + n)
+            x0, x1, x2, y0, y1, y2 = six_rows(of_point, 6 * a * LANES + n)
+            set_six_rows(
+                gain, 6 * a * LANES + n,
+                xx * x0 + xy * x1 + xz * x2, xy * x0 + yy * x1 + yz * x2, xz * x0 + yz * x1 + zz * x2,
+                xx * y0 + xy * y1 + xz * y2, xy * y0 + yy * y1 + yz * y2, xz * y0 + yz * y1 + zz * y2,
+            )  # fmt: skip
+
+
+@kernel
+def of_all_rays(k, m, of_point, gain, joint, moved, variance, critical, least_control, of_cell):
+    """C − s² (Aᵀ A)⁻¹ from all rays, and the largest effects of an undetected error in one of them.
 
     The residual of coordinate i has the variance (R (s² I + W) Rᵀ)_ii with R = I − A G. An error of
 
         ∇ = δ0 σ_v / R_ii
 
-    is found with the power that belongs to δ0, and moves the point by G_i ∇. Returns the number of
-    coordinates with R_ii below the least control, whose errors show in no residual and are not counted.
-    Fills one row of sigma and external (m, 3).
+    is found with the power that belongs to δ0, and moves the point by G_i ∇. Coordinates with R_ii below the
+    least control, whose errors show in no residual, are counted apart. moved is G W.
     """
-    rays = 2 * (last - first)
-    for j in range(rays):
-        moved[0, j], moved[1, j], moved[2, j] = 0.0, 0.0, 0.0
-    for i in range(rays):
-        g0, g1, g2 = gain[0, i], gain[1, i], gain[2, i]
-        for j in range(rays):
-            moved[0, j] += g0 * joint[i, j]
-            moved[1, j] += g1 * joint[i, j]
-            moved[2, j] += g2 * joint[i, j]
-    for k in range(3):
-        for q in range(3):
-            value = 0.0
-            for i in range(rays):
-                value += moved[k, i] * gain[q, i]
-            normal[k, q] = value
-        sigma[cell, k] = np.sqrt(variance * inverse[k, k] + normal[k, k])
-        external[cell, k] = 0.0
-    uncontrolled = 0
-    for i in range(rays):
-        a, r = first + i // 2, i % 2
-        hat, spread = 0.0, joint[i, i]
-        for k in range(3):
-            hat += of_point[a, r, k] * gain[k, i]
-            spread -= 2.0 * of_point[a, r, k] * moved[k, i]
-            for q in range(3):
-                spread += of_point[a, r, k] * normal[k, q] * of_point[a, r, q]
-        control = 1.0 - hat
-        if control < least_control:
-            uncontrolled += 1
-            continue
-        error = critical * np.sqrt(max(variance * control + spread, 0.0)) / control
-        for k in range(3):
-            external[cell, k] = max(external[cell, k], abs(gain[k, i]) * error)
-    return uncontrolled
-
-
-@small_kernel
-def of_pair(first, a, b, k, inverse, of_point, joint, variance):
-    """Variance of coordinate k from the rays a and b, whose normals have the inverse."""
-    value = variance * inverse[k, k]
-    for r in range(2):
-        one, other = 0.0, 0.0
-        for q in range(3):
-            one += inverse[k, q] * of_point[first + a, r, q]
-            other += inverse[k, q] * of_point[first + b, r, q]
-        for t in range(2):
-            more, further = 0.0, 0.0
-            for q in range(3):
-                more += inverse[k, q] * of_point[first + a, t, q]
-                further += inverse[k, q] * of_point[first + b, t, q]
-            value += one * more * joint[2 * a + r, 2 * a + t]
-            value += other * further * joint[2 * b + r, 2 * b + t]
-            value += 2.0 * one * further * joint[2 * a + r, 2 * b + t]
-    return value
+    of_cell[_NORMAL * LANES : (_UNCONTROLLED + 1) * LANES] = 0.0
+    for a in range(k):
+        for n in range(m):
+            x0, x1, x2, y0, y1, y2 = six_rows(moved, 6 * a * LANES + n)
+            u0, u1, u2, v0, v1, v2 = six_rows(gain, 6 * a * LANES + n)
+            add_six_rows(
+                of_cell, _NORMAL * LANES + n, x0 * u0 + y0 * v0, x0 * u1 + y0 * v1, x0 * u2 + y0 * v2,
+                x1 * u1 + y1 * v1, x1 * u2 + y1 * v2, x2 * u2 + y2 * v2,
+            )  # fmt: skip
+    for j in range(2 * k):
+        # The block of a ray with itself, its diagonal.
+        diagonal = (4 * (k * (j // 2) + j // 2) + 3 * (j % 2)) * LANES
+        for n in range(m):
+            at = np.uintp(3 * j * LANES + n)
+            at1, at2 = at + np.uintp(LANES), at + np.uintp(2 * LANES)
+            x, y, z = of_point[at], of_point[at1], of_point[at2]
+            xx, xy, xz, yy, yz, zz = six_rows(of_cell, _NORMAL * LANES + n)
+            control = 1.0 - (x * gain[at] + y * gain[at1] + z * gain[at2])
+            spread = joint[np.uintp(diagonal + n)] - 2.0 * (x * moved[at] + y * moved[at1] + z * moved[at2])
+            spread += x * (x * xx + 2.0 * y * xy) + y * (y * yy + 2.0 * z * yz) + z * (z * zz + 2.0 * x * xz)
+            controlled = control >= least_control
+            error = critical * np.sqrt(max(variance * control + spread, 0.0)) / control
+            of_cell[np.uintp(_ERROR * LANES + n)] = error if controlled else 0.0
+            of_cell[np.uintp(_UNCONTROLLED * LANES + n)] += 0.0 if controlled else 1.0
+        for n in range(m):
+            for c in range(3):
+                row, own = (3 * j + c) * LANES + n, (_EXTERNAL + c) * LANES + n
+                effect = abs(gain[np.uintp(row)]) * of_cell[np.uintp(_ERROR * LANES + n)]
+                before = of_cell[np.uintp(own)]
+                of_cell[np.uintp(own)] = effect if effect > before else before
 
 
 @kernel
-def best_pair(first, last, guess, of_point, normals, joint, variance, normal, inverse):
-    """The two rays a < b with the smallest variance of the third coordinate, as a · k + b; −1 without.
+def put_together(
+    at, count, m, ordered, start, neighbour, axes, image, geometry, of_known, place, misclosure, of_exposure,
+    of_system, of_point, common, inverses, scratch, exposures, systems, points, knowns, other_f, other_errors,
+    kind, of_cell,
+):  # fmt: skip
+    """Derivatives of the rays of some cells with the same images side by side, and what neighbours need.
 
-    The guess, the best pair of a cell beside or −1, is looked at first, so that few others need more than
-    what the image coordinates alone contribute.
+    Places beyond the cells repeat the last one. kind (m,) says of the neighbour of each cell: 1, it is the
+    next one; 2, other images see it, and other_f and other_errors are filled; 0, there is none.
     """
-    k = last - first
-    best, found = np.inf, -1
-    for n in range(-1, k * k):
-        at = guess if n < 0 else n
-        a, b = at // k, at % k
-        if at < 0 or b <= a or (n >= 0 and at == guess):
+    for lane in range(m):
+        j = ordered[at + min(lane, count - 1)]
+        first, last = start[j], start[j + 1]
+        rays_of_cell(
+            j, first, last, image, geometry, axes[j], misclosure[0], of_exposure[0], of_system[0], of_point[0]
+        )
+        put_side_by_side(lane, last - first, of_exposure[0], exposures)
+        put_side_by_side(lane, last - first, of_system[0], systems)
+        put_side_by_side(lane, last - first, of_known[first:last], knowns)
+        for a in range(last - first):
+            for r in range(2):
+                for c in range(3):
+                    points[(3 * (2 * a + r) + c) * LANES + lane] = of_point[0, a, r, c]
+        other = neighbour[j]
+        kind[lane] = 0
+        if other < 0 or lane >= count:
             continue
-        xx = normals[a, 0, 0] + normals[b, 0, 0]
-        xy = normals[a, 0, 1] + normals[b, 0, 1]
-        yy = normals[a, 1, 1] + normals[b, 1, 1]
-        xz = normals[a, 0, 2] + normals[b, 0, 2]
-        yz = normals[a, 1, 2] + normals[b, 1, 2]
-        zz = normals[a, 2, 2] + normals[b, 2, 2]
-        plan = xx * yy - xy * xy
-        determinant = zz * plan - xx * yz * yz + 2.0 * xy * xz * yz - yy * xz * xz
-        # What W adds is not negative, so this pair cannot be the best one any more.
-        if variance * plan >= best * determinant:
+        if lane + 1 < count and other == ordered[at + lane + 1]:
+            kind[lane] = 1
             continue
+        other_first, other_last = start[other], start[other + 1]
+        rays_of_cell(
+            other, other_first, other_last, image, geometry, axes[other], misclosure[1], of_exposure[1],
+            of_system[1], of_point[1],
+        )  # fmt: skip
+        if of_common_images(
+            first, last, other_first, other_last, image, place, of_exposure, of_point, of_system, of_known,
+            common, inverses, scratch, other_f[lane], other_errors[lane],
+        ):  # fmt: skip
+            kind[lane] = 2
+            for c in range(3):
+                of_cell[(_OF_DIFFERENCE + c) * LANES + lane] = inverses[0, c, c] + inverses[1, c, c]
+
+
+@kernel
+def differences_of_sets(m, count, d, errors, kind, other_f, other_errors, shifts, shift_errors, of_cell):
+    """Put the differences between cells that other images see among the others, and complete those."""
+    for lane in range(count):
+        if kind[lane] == 2:
+            for c in range(3):
+                for i in range(d):
+                    shifts[(3 * i + c) * m + lane] = other_f[lane, c, i]
+                for q in range(errors):
+                    shift_errors[(3 * q + c) * LANES + lane] = other_errors[lane, c, q]
+        elif kind[lane] == 1:
+            for c in range(3):
+                diagonal = _DIAGONAL[c] * LANES + lane
+                of_cell[(_OF_DIFFERENCE + c) * LANES + lane] = of_cell[diagonal] + of_cell[diagonal + 1]
+            if of_cell[_THERE * LANES + lane + 1] == 0.0:
+                kind[lane] = 0
+
+
+@kernel
+def write_cells(
+    at, count, k, m, pair, ordered, kind, variance, of_cell, total, bounds, normals, points, joint, scratch,
+    inverse, sigma, sigma_of_pair, sigma_relative, external, uncontrolled,
+):  # fmt: skip
+    """Fill in the results of some cells; returns the best pair of the last one."""
+    for lane in range(count):
+        j = ordered[at + lane]
+        if of_cell[_THERE * LANES + lane] == 0.0:
+            continue
+        uncontrolled[j] = int(of_cell[_UNCONTROLLED * LANES + lane])
         for c in range(3):
-            for q in range(3):
-                normal[c, q] = normals[a, c, q] + normals[b, c, q]
-        if invert(normal, inverse):
-            value = of_pair(first, a, b, 2, inverse, of_point, joint, variance)
-            if value < best:
-                best, found = value, at
-    return found
-
-
-@kernel
-def of_best_pair(cell, first, last, pair, of_point, normals, joint, variance, normal, inverse, sigma):
-    """Fill one row of sigma (m, 3) with σ of a cell's point from two of its rays."""
-    k = last - first
-    a, b = pair // k, pair % k
-    for c in range(3):
-        for q in range(3):
-            normal[c, q] = normals[a, c, q] + normals[b, c, q]
-    invert(normal, inverse)
-    for c in range(3):
-        sigma[cell, c] = np.sqrt(of_pair(first, a, b, c, inverse, of_point, joint, variance))
+            diagonal = _DIAGONAL[c] * LANES + lane
+            sigma[j, c] = np.sqrt(variance * of_cell[diagonal] + of_cell[_NORMAL * LANES + diagonal])
+            external[j, c] = of_cell[(_EXTERNAL + c) * LANES + lane]
+            if kind[lane] > 0:
+                own = variance * of_cell[(_OF_DIFFERENCE + c) * LANES + lane]
+                sigma_relative[j, c] = np.sqrt(total[c * m + lane] + own)
+        pair = best_pair(lane, k, pair, bounds, normals, points, joint, variance, scratch, inverse)
+        if pair >= 0:
+            a, b = pair // k, pair % k
+            inverse_of_pair(lane, a, b, normals, scratch, inverse)
+            for c in range(3):
+                value = variance_of_pair(lane, k, a, b, c, inverse, points, joint, variance)
+                sigma_of_pair[j, c] = np.sqrt(value)
+    return pair
 
 
 @kernel
 def cell_accuracies(
-    start, runs, neighbour, axes, image, of_exposure, of_point, of_system, of_known, columns, row_start,
-    column, blocks, border, corner, scale, variance, critical, least_control, sigma, sigma_of_pair,
-    sigma_relative, external, uncontrolled,
+    start, ordered, neighbour, axes, image, geometry, of_known, columns, row_start, column, blocks, border,
+    corner, scale, variance, critical, least_control, sigma, sigma_of_pair, sigma_relative, external,
+    uncontrolled,
 ):  # fmt: skip
     """Everything about the m cells whose rays start[j] … start[j + 1] − 1 are, images ascending.
 
-    runs (n, 2): first and last + 1 of cells with the same images; equal images best one after another.
-    Derivatives: of_exposure (r, 2, 6), of_point (r, 2, 3) in the frame of the block, turned here into the
-    axes (m, 3, 3) of the cells, of_system (r, 2, w) by the columns (n, w) of the border of each image
-    (−1: held), of_known (r, 2, q) the effects of considered parameters. variance is s².
-    Fills sigma, sigma_of_pair, sigma_relative and external (m, 3) and uncontrolled (m,); cells of fewer
-    than two rays keep what is there.
+    ordered (m,) are the cells in the order in which they are worked on, best those with the same images one
+    after another. geometry is what :func:`~adjust.observations.image_point_kernel.linearize_ray` wants to
+    know of cameras, cells and rays. Derivatives by the cell are turned into its axes (m, 3, 3); those by
+    system parameters are by the columns (n, w) of the border of each image (−1: held); of_known (r, 2, q)
+    are the effects of considered parameters. variance is s². Fills sigma, sigma_of_pair, sigma_relative and
+    external (m, 3) and uncontrolled (m,); cells of fewer than two rays keep what is there.
     """
-    cells, width = start.shape[0] - 1, columns.shape[1]
-    most = 1
+    cells, width, errors, most = start.shape[0] - 1, columns.shape[1], of_known.shape[2], 1
     for j in range(cells):
         most = max(most, start[j + 1] - start[j])
-        for a in range(start[j], start[j + 1]):
-            for r in range(2):
-                x, y, z = of_point[a, r, 0], of_point[a, r, 1], of_point[a, r, 2]
-                for k in range(3):
-                    of_point[a, r, k] = x * axes[j, 0, k] + y * axes[j, 1, k] + z * axes[j, 2, k]
     unknowns = 6 * most + corner.shape[0]
-    known, used = np.zeros((unknowns, unknowns)), np.zeros(corner.shape[0], np.int64)
-    place, common = np.zeros((most, width), np.int64), np.zeros((most, 2), np.int64)
-    joint, moved = np.zeros((2 * most, 2 * most)), np.zeros((3, 2 * most))
-    row_x, row_y = np.zeros(unknowns), np.zeros(unknowns)
-    normal, scratch = np.zeros((3, 3)), np.zeros((3, 3))
-    difference, products = np.zeros((3, unknowns)), np.zeros((3, unknowns))
-    common_inverses, errors = np.zeros((2, 3, 3)), np.zeros((3, of_known.shape[2]))
-    # Of this cell and of its neighbour, which is mostly the next one.
-    normals, inverses, gain = np.zeros((2, most, 3, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3, 2 * most))
-    f, of_errors = np.zeros((2, 3, unknowns)), np.zeros((2, 3, of_known.shape[2]))
-    now, begun, gathered, d, pair = 0, -1, -1, 0, -1
-    run, j = 0, runs[0, 0] - 1 if cells else 0
-    for _ in range(cells):
-        j += 1
-        if j == runs[run, 1]:
-            run += 1
-            j = runs[run, 0]
+    # Of a cell and of its neighbour.
+    misclosure, of_point = np.empty((2, most, 2)), np.empty((2, most, 2, 3))
+    of_exposure, of_system = np.empty((2, most, 2, 6)), np.empty((2, most, 2, width))
+    common, inverses, scratch = np.zeros((most, 2), np.int64), np.zeros((2, 3, 3)), np.zeros((3, 3))
+    other_f, other_errors = np.zeros((LANES, 3, unknowns)), np.zeros((LANES, 3, errors))
+    # Side by side.
+    exposures, systems = np.zeros(12 * most * LANES), np.zeros(2 * most * width * LANES)
+    points, knowns = np.zeros(6 * most * LANES), np.zeros(2 * most * errors * LANES)
+    normals, gain = np.zeros(6 * most * LANES), np.zeros(6 * most * LANES)
+    moved = np.zeros(6 * most * LANES)
+    joint, bounds = np.zeros(4 * most * most * LANES), np.zeros(most * most * LANES)
+    rows, product = np.zeros(2 * unknowns * LANES), np.zeros(3 * unknowns * LANES)
+    f, shifts = np.zeros(3 * unknowns * LANES + 1), np.zeros(3 * unknowns * LANES)
+    pairs = np.zeros(36 * most * most)
+    f_errors, total = np.zeros(3 * errors * LANES + 1), np.zeros(3 * LANES)
+    shift_errors = np.zeros(3 * errors * LANES)
+    of_cell = np.zeros(_ROWS_OF_CELL * LANES)
+    space, place = np.zeros(unknowns * unknowns), np.zeros((most, width), np.int64)
+    used, kind = np.zeros(corner.shape[0], np.int64), np.zeros(LANES, np.int64)
+    at, d, pair = 0, 0, -1
+    known = space[:0].reshape(0, 0)
+    while at < cells:
+        j = ordered[at]
         first, last = start[j], start[j + 1]
-        if last - first < 2:
+        k = last - first
+        if k < 2:
+            at += 1
             continue
-        if gathered < 0 or not same_images(first, last, start[gathered], start[gathered + 1], image):
+        before = ordered[at - 1] if at > 0 else j
+        if d == 0 or not same_images(first, last, start[before], start[before + 1], image):
             pair = -1
-            d = gather(
-                first, last, image, columns, row_start, column, blocks, border, corner, place, used, known
-            )
-        gathered = j
-        if begun == j:
-            now = 1 - now
-        elif not gains(first, last, of_point, normals[now], normal, inverses[now], gain[now]):
-            continue
-        else:
-            of_unknowns(
-                first, last, d, place, gain[now], of_exposure, of_system, of_known, f[now], of_errors[now]
-            )
-        joint_blocks(
-            first, last, d, known, place, of_exposure, of_system, of_known, scale, row_x, row_y, joint,
+            d = places(first, last, image, columns, place, used)
+            known = space[: d * d].reshape(d, d)
+            gather(first, last, image, used, row_start, column, blocks, border, corner, scale, pairs, known)
+        count = 1
+        while count < LANES and at + count < cells:
+            j = ordered[at + count]
+            if not same_images(first, last, start[j], start[j + 1], image):
+                break
+            count += 1
+        m = min(-(-count // STEP) * STEP, LANES)
+        put_together(
+            at, count, m, ordered, start, neighbour, axes, image, geometry, of_known, place, misclosure,
+            of_exposure, of_system, of_point, common, inverses, scratch, exposures, systems, points, knowns,
+            other_f, other_errors, kind, of_cell,
         )  # fmt: skip
-        uncontrolled[j] = of_all_rays(
-            j, first, last, of_point, joint, variance, critical, least_control, normal, inverses[now],
-            gain[now], moved, sigma, external,
+        gains(k, m, points, normals, of_cell, gain)
+        joint_blocks(k, m, pairs, exposures, joint)
+        if d > 6 * k:
+            add_systems(k, m, known, place, exposures, systems, rows, joint)
+        add_considered(k, m, errors, knowns, joint)
+        joint_movements(k, m, gain, joint, moved)
+        of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
+        differences(3 * d, m, f, m, shifts)
+        differences(3 * errors, m, f_errors, LANES, shift_errors)
+        differences_of_sets(m, count, d, errors, kind, other_f, other_errors, shifts, shift_errors, of_cell)
+        variances(m, known, shifts, errors, shift_errors, product, total)
+        of_all_rays(k, m, points, gain, joint, moved, variance, critical, least_control, of_cell)
+        height_bounds(k, m, normals, variance, bounds)
+        pair = write_cells(
+            at, count, k, m, pair, ordered, kind, variance, of_cell, total, bounds, normals, points, joint,
+            scratch, inverses[0], sigma, sigma_of_pair, sigma_relative, external, uncontrolled,
         )  # fmt: skip
-        pair = best_pair(first, last, pair, of_point, normals[now], joint, variance, normal, scratch)
-        if pair >= 0:
-            of_best_pair(
-                j, first, last, pair, of_point, normals[now], joint, variance, normal, scratch, sigma_of_pair
-            )
-        other = neighbour[j]
-        if other < 0:
-            continue
-        other_first, other_last, to = start[other], start[other + 1], 1 - now
-        if not same_images(first, last, other_first, other_last, image):
-            there = of_common_images(
-                first, last, other_first, other_last, image, place, of_exposure, of_point, of_system,
-                of_known, common, common_inverses, normal, difference, errors,
-            )  # fmt: skip
-            if there:
-                sigma_of_difference(
-                    j, first, last, d, known, difference, errors, common_inverses, scale, variance,
-                    products, sigma_relative,
-                )  # fmt: skip
-        elif gains(other_first, other_last, of_point, normals[to], normal, inverses[to], gain[to]):
-            begun = other
-            of_unknowns(
-                other_first, other_last, d, place, gain[to], of_exposure, of_system, of_known, f[to],
-                of_errors[to],
-            )  # fmt: skip
-            for c in range(3):
-                for i in range(d):
-                    difference[c, i] = f[0, c, i] - f[1, c, i]
-                for i in range(errors.shape[1]):
-                    errors[c, i] = of_errors[0, c, i] - of_errors[1, c, i]
-            sigma_of_difference(
-                j, first, last, d, known, difference, errors, inverses, scale, variance, products,
-                sigma_relative,
-            )  # fmt: skip
+        at += count

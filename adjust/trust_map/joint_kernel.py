@@ -1,112 +1,202 @@
 """The joint cofactor of the images of a cell, and what it makes of their rays, compiled.
 
-Neighbouring cells are mostly seen by the same images, so the cofactor Q of z, their orientations and system
-parameters, is gathered into one dense matrix for as many cells as it holds. Products with it then run along
-its rows.
+Cells with the same images have the same cofactor Q of z, their orientations and system parameters: it is
+gathered once into a dense matrix, and serves all of them side by side (`lane_kernel`).
 """
 
 import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.solve.covisibility_kernel import find_block
+from adjust.trust_map.lane_kernel import LANES, add_product, add_weighted, clear
 
 
 @kernel
-def gather(first, last, image, columns, row_start, column, blocks, border, corner, place, used, known):
-    """Put Q of the k images of the rays first … last − 1 into known (d, d); images ascend.
+def places(first, last, image, columns, place, used):
+    """Fill place (k, w), the row in z of each column of the border that the k images of some rays have.
 
-    z has six rows for each image, then one for each column of the border that they have, in the order in
-    which they come; columns (n, w) are those of each image, −1 held. Fills place (k, w), the row of each of
-    them in z or −1. Block (a, b) of two images is there for a ≤ b only. used (g,) is scratch. Returns d.
+    z has six rows for each image, then one for each column, in the order in which they come; columns (n, w)
+    are those of each image, −1 held. used (g,) gets the row of each column or −1. Returns the rows d of z.
     """
-    k = last - first
-    d = 6 * k
+    d = 6 * (last - first)
     used[:] = -1
-    for a in range(k):
+    for a in range(last - first):
         for s in range(columns.shape[1]):
             c = columns[image[first + a], s]
             if c >= 0 and used[c] < 0:
                 used[c] = d
                 d += 1
             place[a, s] = used[c] if c >= 0 else -1
+    return d
+
+
+@kernel
+def gather(first, last, image, used, row_start, column, blocks, border, corner, scale, pairs, known):
+    """Put Q, multiplied by scale, of the rays first … last − 1 into known (d, d); images ascend.
+
+    The block (6, 6) of the images a ≤ b is also at pairs[36 (k a + b)] …, row after row.
+    """
+    k = last - first
     for a in range(k):
         for b in range(a, k):
             block = find_block(row_start, column, image[first + a], image[first + b])
+            at = 36 * (k * a + b)
             for p in range(6):
                 for q in range(6):
-                    known[6 * a + p, 6 * b + q] = blocks[block, p, q]
+                    value = scale * blocks[block, p, q]
+                    pairs[at + 6 * p + q] = value
+                    known[6 * a + p, 6 * b + q] = value
+                    known[6 * b + q, 6 * a + p] = value
     for c in range(used.shape[0]):
         u = used[c]
         if u >= 0:
             for a in range(k):
                 for p in range(6):
-                    value = border[image[first + a], p, c]
+                    value = scale * border[image[first + a], p, c]
                     known[6 * a + p, u] = value
                     known[u, 6 * a + p] = value
             for e in range(used.shape[0]):
                 if used[e] >= 0:
-                    known[u, used[e]] = corner[c, e]
-    return d
+                    known[u, used[e]] = scale * corner[c, e]
 
 
 @small_kernel
-def along(row, i, values, ray, r):
-    """Product of six numbers of a row from i on and values[ray, r] (6,); written out, nothing is stored."""
+def column_of_six(x0, x1, x2, x3, x4, x5, matrix, at):
+    """Six numbers times a column of a matrix with six columns."""
     return (
-        (row[i] * values[ray, r, 0] + row[i + 1] * values[ray, r, 1])
-        + (row[i + 2] * values[ray, r, 2] + row[i + 3] * values[ray, r, 3])
-        + (row[i + 4] * values[ray, r, 4] + row[i + 5] * values[ray, r, 5])
+        (x0 * matrix[np.uintp(at)] + x1 * matrix[np.uintp(at + 6)])
+        + (x2 * matrix[np.uintp(at + 12)] + x3 * matrix[np.uintp(at + 18)])
+        + (x4 * matrix[np.uintp(at + 24)] + x5 * matrix[np.uintp(at + 30)])
     )
 
 
-@kernel
-def joint_blocks(
-    first, last, d, known, place, of_exposure, of_system, of_known, scale, row_x, row_y, joint,
-):  # fmt: skip
-    """Covariance W (2k, 2k) of the k rays first … last − 1 from orientations and system parameters.
+@small_kernel
+def six_of(values, at):
+    """Every second of twelve rows."""
+    return (
+        values[np.uintp(at)], values[np.uintp(at + 2 * LANES)], values[np.uintp(at + 4 * LANES)],
+        values[np.uintp(at + 6 * LANES)], values[np.uintp(at + 8 * LANES)], values[np.uintp(at + 10 * LANES)],
+    )  # fmt: skip
 
-    of_system (r, 2, w) has the derivatives by the columns with the rows place (k, w); of_known (r, 2, q) the
-    errors of considered parameters. Q is multiplied by scale. row_x, row_y (d,) are scratch.
+
+@small_kernel
+def products_of_six(a, b):
+    """Sum of six products."""
+    return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]) + (a[4] * b[4] + a[5] * b[5])
+
+
+@kernel
+def joint_blocks(k, m, pairs, of_exposure, joint):
+    """Covariance W of the k rays of m cells from their orientations; blocks a ≤ b.
+
+    Fills the rows 4 (k a + b) + 2 r + t of joint from those 2 (6 a + q) + r of of_exposure, the derivatives,
+    with r = 0 for x and 1 for y of ray a.
     """
-    k = last - first
     for a in range(k):
-        ray, own = first + a, 6 * a
-        x0, x1, x2 = of_exposure[ray, 0, 0], of_exposure[ray, 0, 1], of_exposure[ray, 0, 2]
-        x3, x4, x5 = of_exposure[ray, 0, 3], of_exposure[ray, 0, 4], of_exposure[ray, 0, 5]
-        y0, y1, y2 = of_exposure[ray, 1, 0], of_exposure[ray, 1, 1], of_exposure[ray, 1, 2]
-        y3, y4, y5 = of_exposure[ray, 1, 3], of_exposure[ray, 1, 4], of_exposure[ray, 1, 5]
-        # Unsigned, so that no index is tested for being negative and the loop runs several columns at once.
-        for j in range(d - own):
-            i = np.uintp(own + j)
-            q0, q1, q2 = known[own, i], known[own + 1, i], known[own + 2, i]
-            q3, q4, q5 = known[own + 3, i], known[own + 4, i], known[own + 5, i]
-            row_x[i] = ((x0 * q0 + x1 * q1) + (x2 * q2 + x3 * q3)) + (x4 * q4 + x5 * q5)
-            row_y[i] = ((y0 * q0 + y1 * q1) + (y2 * q2 + y3 * q3)) + (y4 * q4 + y5 * q5)
-        for s in range(place.shape[1]):
-            u, x0, y0 = place[a, s], of_system[ray, 0, s], of_system[ray, 1, s]
-            if u >= 0 and (x0 != 0.0 or y0 != 0.0):
-                for j in range(d - own):
-                    i = np.uintp(own + j)
-                    row_x[i] += x0 * known[u, i]
-                    row_y[i] += y0 * known[u, i]
         for b in range(a, k):
-            other = first + b
-            xx, xy = along(row_x, 6 * b, of_exposure, other, 0), along(row_x, 6 * b, of_exposure, other, 1)
-            yx, yy = along(row_y, 6 * b, of_exposure, other, 0), along(row_y, 6 * b, of_exposure, other, 1)
-            for s in range(place.shape[1]):
-                u, x0, y0 = place[b, s], of_system[other, 0, s], of_system[other, 1, s]
-                if u >= 0 and (x0 != 0.0 or y0 != 0.0):
-                    xx += row_x[u] * x0
-                    xy += row_x[u] * y0
-                    yx += row_y[u] * x0
-                    yy += row_y[u] * y0
-            xx, xy, yx, yy = scale * xx, scale * xy, scale * yx, scale * yy
-            for q in range(of_known.shape[2]):
-                xx += of_known[ray, 0, q] * of_known[other, 0, q]
-                xy += of_known[ray, 0, q] * of_known[other, 1, q]
-                yx += of_known[ray, 1, q] * of_known[other, 0, q]
-                yy += of_known[ray, 1, q] * of_known[other, 1, q]
-            joint[2 * a, 2 * b], joint[2 * a, 2 * b + 1] = xx, xy
-            joint[2 * a + 1, 2 * b], joint[2 * a + 1, 2 * b + 1] = yx, yy
-            joint[2 * b, 2 * a], joint[2 * b + 1, 2 * a] = xx, xy
-            joint[2 * b, 2 * a + 1], joint[2 * b + 1, 2 * a + 1] = yx, yy
+            at = 36 * (k * a + b)
+            for n in range(m):
+                x0, x1, x2, x3, x4, x5 = six_of(of_exposure, 12 * a * LANES + n)
+                y0, y1, y2, y3, y4, y5 = six_of(of_exposure, (12 * a + 1) * LANES + n)
+                x = (
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at),
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at + 1),
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at + 2),
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at + 3),
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at + 4),
+                    column_of_six(x0, x1, x2, x3, x4, x5, pairs, at + 5),
+                )
+                y = (
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at),
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at + 1),
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at + 2),
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at + 3),
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at + 4),
+                    column_of_six(y0, y1, y2, y3, y4, y5, pairs, at + 5),
+                )
+                other_x = six_of(of_exposure, 12 * b * LANES + n)
+                other_y = six_of(of_exposure, (12 * b + 1) * LANES + n)
+                own = 4 * (k * a + b) * LANES + n
+                joint[np.uintp(own)] = products_of_six(x, other_x)
+                joint[np.uintp(own + LANES)] = products_of_six(x, other_y)
+                joint[np.uintp(own + 2 * LANES)] = products_of_six(y, other_x)
+                joint[np.uintp(own + 3 * LANES)] = products_of_six(y, other_y)
+
+
+@kernel
+def add_systems(k, m, known, place, of_exposure, of_system, rows, joint):
+    """Add what system parameters do to W: of_system has the rows 2 (w a + s) + r by the places (k, w) in z.
+
+    rows is scratch, of 2 d rows.
+    """
+    d, width = known.shape[0], place.shape[1]
+    for a in range(k):
+        clear(rows, 12 * a * LANES, 2 * (d - 6 * a) * LANES)
+        for i in range(6 * a, d):
+            for r in range(2):
+                own = (2 * i + r) * LANES
+                if i >= 6 * k:
+                    for q in range(6):
+                        at = (2 * (6 * a + q) + r) * LANES
+                        add_weighted(rows, own, known[i, 6 * a + q], of_exposure, at, m)
+                for s in range(width):
+                    if place[a, s] >= 0:
+                        at = (2 * (width * a + s) + r) * LANES
+                        add_weighted(rows, own, known[i, place[a, s]], of_system, at, m)
+        for b in range(a, k):
+            for r in range(2):
+                for t in range(2):
+                    own = (4 * (k * a + b) + 2 * r + t) * LANES
+                    for q in range(6):
+                        one, other = (2 * (6 * b + q) + r) * LANES, (2 * (6 * b + q) + t) * LANES
+                        add_product(joint, own, rows, one, of_exposure, other, m)
+                    for s in range(width):
+                        if place[b, s] >= 0:
+                            one, other = (2 * place[b, s] + r) * LANES, (2 * (width * b + s) + t) * LANES
+                            add_product(joint, own, rows, one, of_system, other, m)
+
+
+@kernel
+def add_considered(k, m, errors, of_known, joint):
+    """Add what considered parameters do to W: of_known has the rows 2 (errors · a + q) + r."""
+    for a in range(k):
+        for b in range(a, k):
+            for r in range(2):
+                for t in range(2):
+                    own = (4 * (k * a + b) + 2 * r + t) * LANES
+                    for q in range(errors):
+                        one, other = 2 * (errors * a + q) + r, 2 * (errors * b + q) + t
+                        add_product(joint, own, of_known, one * LANES, of_known, other * LANES, m)
+
+
+@small_kernel
+def add_movements(moved, own, gain, at, joint, w00, w10, w01, w11, m):
+    """Add to six rows what the gains of a ray make of a block of W."""
+    for n in range(m):
+        i = at + n
+        x0, x1, x2 = gain[np.uintp(i)], gain[np.uintp(i + LANES)], gain[np.uintp(i + 2 * LANES)]
+        y0, y1, y2 = (
+            gain[np.uintp(i + 3 * LANES)], gain[np.uintp(i + 4 * LANES)], gain[np.uintp(i + 5 * LANES)],
+        )  # fmt: skip
+        a, b = joint[np.uintp(w00 + n)], joint[np.uintp(w10 + n)]
+        c, d = joint[np.uintp(w01 + n)], joint[np.uintp(w11 + n)]
+        o = own + n
+        moved[np.uintp(o)] += x0 * a + y0 * b
+        moved[np.uintp(o + LANES)] += x1 * a + y1 * b
+        moved[np.uintp(o + 2 * LANES)] += x2 * a + y2 * b
+        moved[np.uintp(o + 3 * LANES)] += x0 * c + y0 * d
+        moved[np.uintp(o + 4 * LANES)] += x1 * c + y1 * d
+        moved[np.uintp(o + 5 * LANES)] += x2 * c + y2 * d
+
+
+@kernel
+def joint_movements(k, m, gain, joint, moved):
+    """Fill the rows 3 j + c of moved with G W; those of gain are 3 j + c, too, of coordinate j = 2 a + r."""
+    clear(moved, 0, 6 * k * LANES)
+    for a in range(k):
+        for b in range(a, k):
+            xx = 4 * (k * a + b) * LANES
+            xy, yx, yy = xx + LANES, xx + 2 * LANES, xx + 3 * LANES
+            add_movements(moved, 6 * b * LANES, gain, 6 * a * LANES, joint, xx, yx, xy, yy, m)
+            if b > a:
+                add_movements(moved, 6 * a * LANES, gain, 6 * b * LANES, joint, xx, xy, yx, yy, m)

@@ -1,9 +1,10 @@
-"""Pairs of images that see a point, and the small matrices of its rays, compiled."""
+"""Pairs of images that see a point, and which of them is the best one, compiled."""
 
 import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.solve.covisibility_kernel import find_block
+from adjust.trust_map.lane_kernel import LANES
 
 
 @small_kernel
@@ -76,3 +77,80 @@ def invert(matrix, inverse):
     inverse[1, 2] = inverse[2, 1] = (b * c - a * e) * factor
     inverse[2, 2] = (a * d - b * b) * factor
     return True
+
+
+@kernel
+def height_bounds(k, m, normals, variance, bounds):
+    """Least variances of the third coordinate from two rays: what the image coordinates alone contribute.
+
+    Rows 6 a … of normals are the upper triangles of the Aᵀ A of ray a; fills the rows k a + b of bounds,
+    a < b, for m cells.
+    """
+    for a in range(k):
+        for b in range(a + 1, k):
+            own = (k * a + b) * LANES
+            for n in range(m):
+                i, j = 6 * a * LANES + n, 6 * b * LANES + n
+                xx = normals[np.uintp(i)] + normals[np.uintp(j)]
+                xy = normals[np.uintp(i + LANES)] + normals[np.uintp(j + LANES)]
+                xz = normals[np.uintp(i + 2 * LANES)] + normals[np.uintp(j + 2 * LANES)]
+                yy = normals[np.uintp(i + 3 * LANES)] + normals[np.uintp(j + 3 * LANES)]
+                yz = normals[np.uintp(i + 4 * LANES)] + normals[np.uintp(j + 4 * LANES)]
+                zz = normals[np.uintp(i + 5 * LANES)] + normals[np.uintp(j + 5 * LANES)]
+                plan = xx * yy - xy * xy
+                determinant = zz * plan - xx * yz * yz + 2.0 * xy * xz * yz - yy * xz * xz
+                bounds[np.uintp(own + n)] = variance * plan / determinant if determinant > 0.0 else np.inf
+
+
+@kernel
+def inverse_of_pair(lane, a, b, normals, normal, inverse):
+    """Fill inverse with (Aᵀ A)⁻¹ of two rays; false where it is singular. normal (3, 3) is scratch."""
+    at = 0
+    for c in range(3):
+        for q in range(c, 3):
+            normal[c, q] = normals[(6 * a + at) * LANES + lane] + normals[(6 * b + at) * LANES + lane]
+            at += 1
+    return invert(normal, inverse)
+
+
+@kernel
+def variance_of_pair(lane, k, a, b, c, inverse, of_point, joint, variance):
+    """Variance of coordinate c of a cell's point from the rays a and b, whose normals have the inverse."""
+    i, j = 6 * a * LANES + lane, 6 * b * LANES + lane
+    x, y, z = inverse[c, 0], inverse[c, 1], inverse[c, 2]
+    ax = x * of_point[i] + y * of_point[i + LANES] + z * of_point[i + 2 * LANES]
+    ay = x * of_point[i + 3 * LANES] + y * of_point[i + 4 * LANES] + z * of_point[i + 5 * LANES]
+    bx = x * of_point[j] + y * of_point[j + LANES] + z * of_point[j + 2 * LANES]
+    by = x * of_point[j + 3 * LANES] + y * of_point[j + 4 * LANES] + z * of_point[j + 5 * LANES]
+    one, both = 4 * (k * a + a) * LANES + lane, 4 * (k * a + b) * LANES + lane
+    other = 4 * (k * b + b) * LANES + lane
+    value = ax * (ax * joint[one] + 2.0 * ay * joint[one + LANES]) + ay * ay * joint[one + 3 * LANES]
+    value += bx * (bx * joint[other] + 2.0 * by * joint[other + LANES]) + by * by * joint[other + 3 * LANES]
+    value += 2.0 * ax * (bx * joint[both] + by * joint[both + LANES])
+    value += 2.0 * ay * (bx * joint[both + 2 * LANES] + by * joint[both + 3 * LANES])
+    return variance * inverse[c, c] + value
+
+
+@kernel
+def best_pair(lane, k, guess, bounds, normals, of_point, joint, variance, normal, inverse):
+    """The two rays a < b with the smallest variance of the third coordinate, as k a + b; −1 without.
+
+    The guess, the best pair of a cell beside or −1, is looked at first: what the orientations add is not
+    negative, so that few others, whose bound is smaller, can be better.
+    """
+    best, found = np.inf, -1
+    if guess >= 0:
+        a, b = guess // k, guess % k
+        if bounds[guess * LANES + lane] < best and inverse_of_pair(lane, a, b, normals, normal, inverse):
+            best = variance_of_pair(lane, k, a, b, 2, inverse, of_point, joint, variance)
+            found = guess
+    for a in range(k):
+        for b in range(a + 1, k):
+            pair = k * a + b
+            if pair == guess or bounds[pair * LANES + lane] >= best:
+                continue
+            if inverse_of_pair(lane, a, b, normals, normal, inverse):
+                value = variance_of_pair(lane, k, a, b, 2, inverse, of_point, joint, variance)
+                if value < best:
+                    best, found = value, pair
+    return found
