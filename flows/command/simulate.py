@@ -45,9 +45,15 @@ def simulate(
 
       dmc-burn-in: 40 images, 14 control points
 
-      dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II
+      dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II; ucd, ucxp: the same block with UltraCams
+
+      uce-210: the low flight of the test field with the lens of 210 mm
+
+      vaihingen-rmk-high, vaihingen-rmk-low: film, with fiducial marks
 
       dmc-heads: 40 exposures of the four heads of a DMC, attitudes as published
+
+      dmc-protocol: the block of a published burn-in protocol of the DMC01-0008
 
       penta: a nadir head and four heads tilted by 45°, 60 exposures
 
