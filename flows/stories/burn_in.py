@@ -19,7 +19,12 @@ write_burn_in_protocol = stage(burn_in_protocol.write_burn_in_protocol)
 
 
 def burn_in_protocol_of(
-    project: Project, store: Store, block: PreparedBlock, calibrated: Outputs, platform: Outputs
+    project: Project,
+    store: Store,
+    block: PreparedBlock,
+    calibrated: Outputs,
+    platform: Outputs,
+    described: Outputs,
 ) -> tuple[Outputs, ...]:
     """Compose the virtual images, triangulate them, write the protocol; nothing where none is wanted.
 
@@ -28,6 +33,7 @@ def burn_in_protocol_of(
     block : the flight of the heads.
     calibrated : outputs of its last adjustment.
     platform : the heads as calibrated.
+    described : the verdict of the calibration.
     """
     if project.burn_in is None or "platform" not in platform:
         return ()
@@ -61,6 +67,7 @@ def burn_in_protocol_of(
         store,
         stages=stages,
         platform=platform["platform"],
+        calibration=described["notes"],
         project=own,
         published=None if comparison is None else published_table(comparison),
     )

@@ -82,12 +82,12 @@ def system_calibration(project: Project, store: Store) -> Summary:
     checked = is_georeferenced(project) and not project.has_heads
     if checked:
         stages = (*stages, checked_block(one.project, store, stages))
-    protocol: tuple[Outputs, ...] = ()
+    heads: Outputs = {}
     if one.project.has_heads:
         heads = described_platform(one, store, block)
         stages = (*stages, heads)
-        protocol = burn_in_protocol_of(project, store, block, one.adjusted, heads)
     described = described_calibration(one, (*remarks, *two.remarks), two, store, stages)
+    protocol = burn_in_protocol_of(project, store, block, one.adjusted, heads, described)
     stages = (*stages, described, *statements_of(one.project, store, stages))
     pages = (page_of_check(one.project, store, stages),) if checked else ()
     pages = (*pages, report_of(one.project, store, stages))

@@ -12,11 +12,12 @@ from tasks.documents.certificate.twin import document_of
 from tasks.documents.report.material import read_material
 from tasks.files.json_text import JSON, json_text
 from tasks.image_quality.radiometric_record import digest_of
+from tasks.results.figures import figures_of
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import PublishedTable
 from tasks.stages.certificate import SOFTWARE
 from tasks.store.artifact import Artifact
-from tasks.store.notes import Notes, write_notes
+from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table
 
@@ -27,6 +28,7 @@ def write_burn_in_protocol(
     *,
     stages: tuple[Mapping[str, Artifact], ...],
     platform: Artifact,
+    calibration: Artifact,
     project: Project,
     published: PublishedTable | None,
     software: Mapping[str, str] = SOFTWARE,
@@ -37,6 +39,7 @@ def write_burn_in_protocol(
     ----------
     stages : outputs of the stages of the triangulation by name, in the order in which they ran.
     platform : platform.parquet of the calibration.
+    calibration : notes of the calibration, with its verdict.
     project : the settings of the triangulation; its gates are the limits.
     published : a protocol to compare with; None: without comparison.
     software : versions that decide how the documents look.
@@ -46,7 +49,9 @@ def write_burn_in_protocol(
         name: artifact.sha256 for outputs in stages for name, artifact in outputs.items() if name != "notes"
     }
     code = digest_of(json_text({**digests, "platform": platform.sha256}))
-    content = burn_in_content(results, heads, published, code, software)
+    judged = figures_of(read_notes(calibration).figures).calibration
+    assert judged is not None  # the notes of `describe_calibration` have it
+    content = burn_in_content(results, heads, judged, published, code, software)
     (folder / f"{FILE}.html").write_text(page_of(content), encoding="utf-8")
     twin = {**document_of(content), "tables": digests}
     (folder / f"{FILE}.json").write_text(json_text(twin, indent=2) + "\n", encoding="utf-8")

@@ -12,6 +12,8 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.system_calibration import system_calibration
+from tasks.documents.certificate.burn_in import title_verdict
+from tasks.documents.report.key_figures import Tone
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.published_sweep import published_table
 from tasks.simulation.simulate import simulate_project
@@ -83,11 +85,34 @@ def test_heads_stand_beside_the_published_attitudes(protocol: Mapping[str, Any])
         np.testing.assert_allclose(numbers[3:], 1e3 * (found - PUBLISHED.heads[head]), atol=1e-9)
 
 
-def test_limits_of_the_project_decide_the_title(protocol: Mapping[str, Any], results: Path) -> None:
-    assert protocol["title"] == "Burn-in protocol"
-    assert protocol["sentence"] == "All limits of the project are met."
-    gates = {gate["name"]: gate for gate in json.loads((results / "summary.json").read_text())["gates"]}
+def test_what_the_triangulation_and_the_calibration_say_decides_the_title(
+    protocol: Mapping[str, Any], results: Path
+) -> None:
+    summary = json.loads((results / "summary.json").read_text())
+    gates = {gate["name"]: gate for gate in summary["gates"]}
     assert gates["max_control_m_z"]["limit"] == 0.2
+    assert summary["calibration"]["verdict"] == "accepted"
+    # σ0 of the virtual images is 1.6 % below the stated σ, the test allows 1.5 %.
+    (sigma0,) = facts(protocol)["sigma0"]
+    lower, upper = (cell["value"] for cell in facts(protocol)["global_test_limits"])
+    assert not lower < sigma0["value"] < upper
+    assert protocol["verdict"] == "restricted"
+    assert protocol["sentence"].startswith("The block is adjusted, all ")
+    assert ", but " in protocol["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("triangulation", "calibration", "title"),
+    [
+        ("good", "accepted", "accepted"),
+        ("attention", "accepted", "restricted"),
+        ("good", "restricted", "restricted"),
+        ("failed", "accepted", "refused"),
+        ("good", "refused", "refused"),
+    ],
+)
+def test_the_worse_of_two_verdicts_is_the_title(triangulation: Tone, calibration: str, title: str) -> None:
+    assert title_verdict(triangulation, calibration) == title
 
 
 def test_page_and_paper_are_written_from_the_same_content(protocol: Mapping[str, Any], results: Path) -> None:

@@ -1,7 +1,7 @@
 """The burn-in protocol: platform calibration and triangulation of the virtual images.
 
-Made of the sections of the certificate, with a published protocol next to it. A limit that is not met decides
-the title.
+Made of the sections of the certificate, with a published protocol next to it. The title weighs all evidence:
+the report's verdict on the triangulation, and the verdict of the platform calibration.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from tasks.calibration.record import Verdict
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.documents.certificate.content import (
     Block,
@@ -25,9 +26,12 @@ from tasks.documents.certificate.content import (
 )
 from tasks.documents.certificate.origin_section import software_table
 from tasks.documents.certificate.statistics_section import facts_of, statistics_section, statistics_table
+from tasks.documents.report.causes import causes
 from tasks.documents.report.figures import gate_words
+from tasks.documents.report.key_figures import Tone, verdict
 from tasks.documents.report.material import Material
 from tasks.quantities import KINDS, unit_words, with_unit
+from tasks.results.calibration_figures import CalibrationFigures
 from tasks.results.quality_gates import GateResult
 from tasks.settings.published_sweep import PublishedTable
 
@@ -39,6 +43,7 @@ _SYMBOLS = ("ω", "φ", "κ")
 def burn_in_content(
     results: Material,
     platform: pd.DataFrame,
+    calibration: CalibrationFigures,
     published: PublishedTable | None,
     code: str,
     software: Mapping[str, str],
@@ -49,13 +54,14 @@ def burn_in_content(
     ----------
     results : of the triangulation with the virtual images.
     platform : platform.parquet.
+    calibration : verdict of the platform calibration.
     published : a protocol to compare with; None: without comparison.
     code : digest of what the protocol is made from.
     """
-    missed = [gate for gate in results.summary.gates if not gate.passed]
     name = str(platform["platform"].iloc[0])
+    missed = _missed(results.summary.gates, calibration)
     sections = [
-        *([] if not missed else [_reasons(missed)]),
+        *([Section("reasons", "Verdict", (Sentences("Not met", missed),))] if missed else []),
         _camera(results, name),
         _platform(platform, published),
         _flight(results),
@@ -63,16 +69,15 @@ def burn_in_content(
         *([] if published is None else [_comparison(results, published)]),
         _origin(software),
     ]
-    words = (
-        "All limits of the project are met."
-        if not missed
-        else f"{len(missed)} limits of the project are not met."
-    )
+    found = verdict(results, causes(results))
+    sentence = found.sentence
+    if calibration.verdict != "accepted":
+        sentence += f" The platform calibration is {calibration.verdict}."
     return CertificateContent(
         camera=name,
         project=results.project.project.name,
-        verdict="refused" if missed else "accepted",
-        sentence=words if results.summary.gates else "The project sets no limits.",
+        verdict=title_verdict(found.tone, calibration.verdict),
+        sentence=sentence,
         code=code,
         sections=tuple(sections),
         kind="burn_in",
@@ -80,13 +85,22 @@ def burn_in_content(
     )
 
 
-def _reasons(missed: Sequence[GateResult]) -> Section:
-    items = tuple(
+def title_verdict(triangulation: Tone, calibration: str) -> Verdict:
+    """The worse of what the report says of the triangulation and the verdict of the platform calibration."""
+    if triangulation == "failed" or calibration == "refused":
+        return "refused"
+    return "accepted" if triangulation == "good" and calibration == "accepted" else "restricted"
+
+
+def _missed(gates: Sequence[GateResult], calibration: CalibrationFigures) -> tuple[str, ...]:
+    """Limits of the project that are not met, and what speaks against the platform calibration."""
+    of_gates = (
         f"{gate_words(gate.name)}: {gate.value if gate.value is None else format(gate.value, '.3f')}, limit "
         f"{with_unit(gate.limit, unit_words(gate.unit))}"
-        for gate in missed
+        for gate in gates
+        if not gate.passed
     )
-    return Section("reasons", "Verdict", (Sentences("Not met", items),))
+    return (*of_gates, *calibration.reasons, *calibration.restrictions)
 
 
 def _camera(results: Material, name: str) -> Section:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
 from tasks.documents.report.causes import Cause, by_place
@@ -12,6 +12,8 @@ from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
 from tasks.results.quality_gates import GateResult
+
+Tone: TypeAlias = Literal["good", "attention", "failed"]
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Verdict:
     sentence : for people.
     """
 
-    tone: Literal["good", "attention", "failed"]
+    tone: Tone
     sentence: str
 
 
