@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from tasks.deliveries.fiducials import measured_marks
 from tasks.errors import InputError
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ImagePointsInput
@@ -38,6 +37,9 @@ def orient_film(
     InputError
         If a film image has no measured marks; see `tasks.deliveries.fiducials`.
     """
+    # A run that finds the output stored never loads what computes it.
+    from tasks.deliveries.fiducials import measured_marks
+
     delivered = read_table(exposures)
     marks = measured_marks(sources, delivered, read_table(cameras), given)
     found = marks.orientations()
