@@ -118,6 +118,7 @@ def standing_alone(simulated: SimulatedBlock) -> tuple[Block, Observations]:
                 body_from_camera=alone.body_from_camera,
                 stochastic=_of(group.stochastic, rows),
                 turning=None,
+                motion=None if group.motion is None else group.motion.of(rows),
             )
         groups.append(group)
     return alone, Observations(replace(given.image_points, event_of_image=None), tuple(groups))
