@@ -13,7 +13,6 @@ from tasks.settings.inputs import ImagePointsInput
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.places import places_of
 from tasks.tables.schemas import FILM_ORIENTATIONS, IMAGE_POINTS
 
 
@@ -39,6 +38,7 @@ def orient_film(
     # A run that finds the output stored never loads what computes it.
     from tasks.deliveries.fiducials import measured_marks
     from tasks.tables.parquet import read_table, write_table
+    from tasks.tables.places import places_of
 
     delivered = read_table(exposures)
     marks = measured_marks(sources, delivered, read_table(cameras), given)
