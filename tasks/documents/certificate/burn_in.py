@@ -100,7 +100,8 @@ def _missed(gates: Sequence[GateResult], calibration: CalibrationFigures) -> tup
         for gate in gates
         if not gate.passed
     )
-    return (*of_gates, *calibration.reasons, *calibration.restrictions)
+    against = (*calibration.reasons, *calibration.restrictions)
+    return (*of_gates, *(f"Platform calibration: {sentence}" for sentence in against))
 
 
 def _camera(results: Material, name: str) -> Section:
