@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import sys
 
-from docs.generate.example_figures import ROOT, with_figures
+from docs.generate.example_figures import ROOT, write_figures
 
 RESULTS = ROOT / "benchmarks" / "results.jsonl"
 _OPERATIONAL = "2,448 images"
@@ -85,9 +85,7 @@ def figures() -> dict[str, float]:
 def main() -> int:
     """Write the figures into the pages."""
     measured = figures()
-    for page, sentence in SENTENCES:
-        path = ROOT / page
-        path.write_text(with_figures(path.read_text(encoding="utf-8"), sentence, measured), encoding="utf-8")
+    write_figures(SENTENCES, measured)
     return 0
 
 

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from docs.generate.example_figures import ROOT, with_figures
+from docs.generate.example_figures import ROOT, write_figures
 
 README = ROOT / "README.md"
 _SHOWN = re.compile(r"(ends with:\n\n```\n)(.*?)(^```$)", re.DOTALL | re.MULTILINE)
@@ -118,9 +118,7 @@ def main() -> int:
     readme = README.read_text(encoding="utf-8")
     README.write_text(_SHOWN.sub(lambda match: match[1] + printed + match[3], readme), encoding="utf-8")
     figures = figures_of(printed)
-    for page, sentence in SENTENCES:
-        path = ROOT / page
-        path.write_text(with_figures(path.read_text(encoding="utf-8"), sentence, figures), encoding="utf-8")
+    write_figures(SENTENCES, figures)
     return 0
 
 

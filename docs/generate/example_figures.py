@@ -11,6 +11,7 @@ import json
 import re
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,13 @@ def with_figures(text: str, sentence: str, figures: dict[str, float]) -> str:
     return text
 
 
+def write_figures(sentences: Iterable[tuple[str, str]], figures: dict[str, float]) -> None:
+    """Write figures into sentences (page, sentence) of pages, each page named from the project's folder."""
+    for page, sentence in sentences:
+        path = ROOT / page
+        path.write_text(with_figures(path.read_text(encoding="utf-8"), sentence, figures), encoding="utf-8")
+
+
 def main() -> int:
     """Run the example, keep its figures, and write them into the pages."""
     summaries = {}
@@ -99,9 +107,7 @@ def main() -> int:
             summaries[name] = json.loads((Path(folder) / "summary.json").read_text(encoding="utf-8"))
     figures = figures_of(summaries)
     FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    for page, sentence in SENTENCES:
-        path = ROOT / page
-        path.write_text(with_figures(path.read_text(encoding="utf-8"), sentence, figures), encoding="utf-8")
+    write_figures(SENTENCES, figures)
     return 0
 
 
