@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings, one_of
-from tasks.settings.published_sweep import published_names
+from tasks.settings.published_sweep import published_protocols
 
 
 class BurnInSettings(Settings):
@@ -23,6 +23,6 @@ class BurnInSettings(Settings):
         description="System parameters estimated in the triangulation; by default shift and drift of GNSS "
         "and INS in each strip.",
     )
-    compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = Field(
-        default=None, description="Published protocol to show next to the results."
-    )
+    compare_with: (
+        Annotated[str, AfterValidator(one_of(published_protocols, "published burn-in protocol"))] | None
+    ) = Field(default=None, description="Published protocol to show next to the results.")

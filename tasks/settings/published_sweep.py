@@ -103,6 +103,11 @@ def published_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml")))
 
 
+def published_protocols() -> tuple[str, ...]:
+    """Names of those that contain the statistics of a burn-in protocol."""
+    return tuple(name for name in published_names() if published_table(name).statistics)
+
+
 def published_table(name: str) -> PublishedTable:
     """A published table by its name.
 

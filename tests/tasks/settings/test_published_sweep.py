@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tasks.errors import InputError
+from tasks.settings.load_simulation import load_simulation
 from tasks.settings.published_sweep import PublishedPart, published_names, published_table
 from tasks.tables.schemas import SWEEP
 
@@ -39,3 +41,12 @@ def test_a_number_that_is_not_printed_does_not_exist() -> None:
 def test_a_row_that_does_not_fit_its_columns_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit"):
         PublishedPart(title="t", control="c", columns=("block", "variant"), rows=(("a",),))
+
+
+@pytest.mark.parametrize("name", ["uce-2012", "dmc-burn-in-2011"])
+def test_a_burn_in_is_compared_only_with_a_published_protocol(name: str) -> None:
+    with pytest.raises(InputError) as refused:
+        load_simulation("dmc-protocol", (f'burn_in.compare_with="{name}"',))
+    assert refused.value.what.endswith(f"There is no published burn-in protocol '{name}'.")
+    assert refused.value.entity == "burn_in.compare_with"
+    assert "dmc-burn-in-2010" in str(refused.value.remedy)
