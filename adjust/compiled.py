@@ -2,7 +2,7 @@
 
 numba's own cache looks at the file of a kernel only: after a change in a callee elsewhere it would
 serve stale machine code. The cache folder therefore carries a digest of every source file of
-``adjust`` in its name, so any change compiles afresh.
+``adjust`` in its name, so any change compiles afresh. Copies of the same sources share the folder.
 
 Processes that need the same kernel at the same time compile it once: one compiles, the others wait for
 its machine code. numba's own cache would have each compile it, and the last one to end would drop from the
@@ -23,18 +23,20 @@ from typing import Any
 
 import numba
 import platformdirs
+from numba.core import caching
 from numba.core.compiler_lock import global_compiler_lock
 
 #: How often it is looked whether another process has compiled a kernel, s.
 _LOOK_S = 0.02
 
+_SOURCES = Path(__file__).resolve().parent
+
 
 def source_digest() -> str:
     """Digest (16 hex digits) of the names and contents of all source files of ``adjust``."""
-    root = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode())
+    for path in sorted(_SOURCES.rglob("*.py")):
+        digest.update(path.relative_to(_SOURCES).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -58,6 +60,30 @@ def _cache_folder() -> Path:
 
 CACHE_FOLDER = _cache_folder()
 numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
+
+
+class KernelPlace(caching.UserProvidedCacheLocator):
+    """Where in the cache folder a kernel lies: by the place of its file in ``adjust``.
+
+    numba goes by the whole path, so that every clone and every installation would compile for itself.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Name of the folder for the kernels of a file."""
+        return "_".join(Path(py_file).resolve().relative_to(_SOURCES).parts[:-1])
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
+        """The place of a kernel; None for functions of others, which numba then looks after itself."""
+        ours = Path(py_file).resolve().is_relative_to(_SOURCES)
+        return super().from_function(py_func, py_file) if ours else None  # type: ignore[no-untyped-call]
+
+
+# As NUMBA_CACHE_LOCATOR_CLASSES would set it.
+numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
+    [f"{__name__}.KernelPlace", *(place.__name__ for place in caching.CacheImpl._locator_classes)]
+)
 
 
 def is_warm() -> bool:

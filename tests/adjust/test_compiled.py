@@ -34,6 +34,7 @@ import numpy as np
 from adjust.caller_kernel import heights
 from adjust.compiled import CACHE_FOLDER
 print(CACHE_FOLDER.name, *np.round(heights(np.array([1000.0, 2000.0])), 6))
+print("compiled:", sum(heights.stats.cache_misses.values()))
 """
 
 
@@ -56,8 +57,8 @@ def environment_of(folder: Path, cache: Path) -> dict[str, str]:
     return {**os.environ, **own}
 
 
-def run(folder: Path, cache: Path) -> tuple[str, list[float]]:
-    """Name of the cache folder and the heights, from a fresh process."""
+def run(folder: Path, cache: Path, compiled: bool = True) -> tuple[str, list[float]]:
+    """Name of the cache folder and the heights, from a fresh process that has to compile or not."""
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM],
         cwd=folder,
@@ -67,7 +68,9 @@ def run(folder: Path, cache: Path) -> tuple[str, list[float]]:
         check=True,
         timeout=120,
     )
-    name, *numbers = done.stdout.split()
+    heights, compilations = done.stdout.splitlines()
+    assert compilations == f"compiled: {int(compiled)}"
+    name, *numbers = heights.split()
     return name, [float(number) for number in numbers]
 
 
@@ -81,7 +84,9 @@ def test_a_changed_callee_of_a_kernel_is_compiled_afresh(tmp_path: Path) -> None
     assert second_name != first_name
     assert second == [101.0, 201.0]
     replace_in(folder / "adjust" / "callee_kernel.py", CHANGED, SOUND)
-    assert run(folder, cache) == (first_name, first)
+    assert run(folder, cache, compiled=False) == (first_name, first)
+    copy = copy_of_adjust(tmp_path / "copy")
+    assert run(copy, cache, compiled=False) == (first_name, first), "copies share machine code"
 
 
 def test_without_the_digest_in_the_folder_name_stale_code_would_be_served(tmp_path: Path) -> None:
@@ -92,7 +97,7 @@ def test_without_the_digest_in_the_folder_name_stale_code_would_be_served(tmp_pa
     )
     _, first = run(folder, cache)
     replace_in(folder / "adjust" / "callee_kernel.py", SOUND, CHANGED)
-    _, second = run(folder, cache)
+    _, second = run(folder, cache, compiled=False)
     assert first == second == [100.0, 200.0]
 
 
