@@ -18,6 +18,7 @@ STAGE_LABELS: Mapping[str, str] = {
     "import_image_points": "image points",
     "approximate_values": "approximate",
     "bundle_adjustment": "adjustment",
+    "remarks": "remarks",
     "judgement": "judgement",
     "calibrated_cameras": "cameras",
     "two_step": "two steps",

@@ -9,11 +9,19 @@ from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.settings.trust_map import TrustMapSettings
-from tasks.stages import bundle_adjustment_stage, delivery, report, statements, trust_map_stage
+from tasks.stages import (
+    bundle_adjustment_stage,
+    delivery,
+    remarks_stage,
+    report,
+    statements,
+    trust_map_stage,
+)
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store
 
 adjust_bundle = stage(bundle_adjustment_stage.adjust_bundle)
+describe_adjustment = stage(remarks_stage.describe_adjustment)
 draw_trust_map = stage(trust_map_stage.draw_trust_map)
 write_statements = stage(statements.write_statements)
 write_report = stage(report.write_report)
@@ -25,7 +33,8 @@ def aerial_triangulation(project: Project, store: Store) -> Summary:
     """Read the files, find approximate values, adjust the bundle, report, publish and deliver the result."""
     block = prepare_block(project, store)
     adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
-    stages = (*block.stages, adjusted, *trust_map_of(project, store, adjusted))
+    remarks = remarks_on(adjusted, store)
+    stages = (*block.stages, adjusted, remarks, *trust_map_of(project, store, adjusted))
     stages = (*stages, *statements_of(project, store, stages))
     summary = publish(store, project, (*stages, report_of(project, store, stages)))
     return deliver(store, project, summary)
@@ -64,6 +73,17 @@ def adjusted_block(
         adjustment=project.adjustment,
         calibrated=calibrated,
         trust_map=trust_map,
+    )
+
+
+def remarks_on(adjusted: Outputs, store: Store) -> Outputs:
+    """The findings on an adjusted block, and what the user should know about it, in sentences."""
+    return describe_adjustment(
+        store,
+        notes=adjusted["notes"],
+        model_alternatives=adjusted["model_alternatives"],
+        distance_residuals=adjusted["distance_residuals"],
+        residual_autocorrelation=adjusted["residual_autocorrelation"],
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block
+from flows.stories.aerial_triangulation import adjusted_block, remarks_on
 from flows.stories.block_preparation import PreparedBlock, approximate_block
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import published_table
@@ -61,7 +61,8 @@ def burn_in_protocol_of(
     )
     virtual = PreparedBlock(composed, block.control, composed, approximate)
     adjusted = adjusted_block(own, store, virtual)
-    stages: tuple[Mapping[str, Artifact], ...] = (composed, block.control, approximate, adjusted)
+    remarks = remarks_on(adjusted, store)
+    stages: tuple[Mapping[str, Artifact], ...] = (composed, block.control, approximate, adjusted, remarks)
     comparison = project.burn_in.compare_with
     protocol = write_burn_in_protocol(
         store,

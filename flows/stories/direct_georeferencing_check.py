@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of
+from flows.stories.aerial_triangulation import adjusted_block, deliver, remarks_on, report_of
 from flows.stories.block_preparation import prepare_block
 from tasks.documents.report.provenance import delivered_names
 from tasks.georeferencing import approved_calibrations as choosing
@@ -27,7 +27,10 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
     """
     block = prepare_block(project, store)
     adjusts = project.direct_georeferencing.calibration.adjustment
-    stages = (*block.stages, adjusted_block(project, store, block)) if adjusts else block.stages
+    stages = block.stages
+    if adjusts:
+        adjusted = adjusted_block(project, store, block)
+        stages = (*stages, adjusted, remarks_on(adjusted, store))
     stages = (*stages, checked_block(project, store, stages))
     page_outputs = page_of_check(project, store, stages)
     if not adjusts:

@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flows.runs.stage import stage
-from flows.stories.aerial_triangulation import adjusted_block, deliver, report_of, statements_of
+from flows.stories.aerial_triangulation import (
+    adjusted_block,
+    deliver,
+    remarks_on,
+    report_of,
+    statements_of,
+)
 from flows.stories.block_preparation import PreparedBlock, prepare_block
 from flows.stories.burn_in import burn_in_protocol_of
 from flows.stories.direct_georeferencing_check import checked_block, page_of_check
@@ -24,7 +30,7 @@ from tasks.files.json_text import JSON
 from tasks.georeferencing.registered_cameras import with_initial_calibrations
 from tasks.results import publish as publishing
 from tasks.results.figures import figures_of
-from tasks.results.summary import Summary
+from tasks.results.summary import Summary, merged_figures
 from tasks.settings.project import Project
 from tasks.stages import calibrated_cameras as applied_cameras
 from tasks.stages import calibration as describe
@@ -49,12 +55,13 @@ class OneStep:
     Attributes
     ----------
     project : with the settings of the last adjustment; its own calibration is what is checked.
-    adjusted : outputs of that adjustment.
+    adjusted, remarks : outputs of that adjustment, and the findings on it.
     releases : what was free at each stage and what was held after it.
     """
 
     project: Project
     adjusted: Outputs
+    remarks: Outputs
     releases: tuple[JSON, ...]
 
 
@@ -77,7 +84,7 @@ def system_calibration(project: Project, store: Store) -> Summary:
     block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)
     two = second_step(one, store, block)
-    stages = (*block.stages, one.adjusted, *two.outputs)
+    stages = (*block.stages, one.adjusted, one.remarks, *two.outputs)
     # Approximate exposures are nothing that could be checked.
     checked = is_georeferenced(project) and not project.has_heads
     if checked:
@@ -133,13 +140,15 @@ def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> On
             held = {**held, **found}
         undetermined = undetermined_after(judged)
     # First with the stated σ: estimated ones would hide an error of the model as noise of its group.
-    found_first = figures_of(read_notes(adjusted["notes"]).figures)
+    remarks = remarks_on(adjusted, store)
+    found_first = figures_of(merged_figures([read_notes(one["notes"]) for one in (adjusted, remarks)]))
     calibration = used.calibration
     if calibration.variance_components and not model_refuses(found_first, calibration.limits):
         weighting = used.adjustment.model_copy(update={"variance_components": True})
         used = used.model_copy(update={"adjustment": weighting})
         adjusted = adjusted_block(used, store, block)
-    return OneStep(used, adjusted, tuple(history))
+        remarks = remarks_on(adjusted, store)
+    return OneStep(used, adjusted, remarks, tuple(history))
 
 
 def _judged(
@@ -231,7 +240,7 @@ def described_calibration(
     return describe_calibration(
         store,
         stages=stages,
-        adjusted=one.adjusted["notes"],
+        adjusted=(one.adjusted["notes"], one.remarks["notes"]),
         means=two.outputs[0]["orientation_difference_means"] if two.outputs else None,
         releases=one.releases,
         remarks=remarks,

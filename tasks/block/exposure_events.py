@@ -13,6 +13,7 @@ from adjust.rig import EventMotion, Rig
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.strip_motion import strip_motion
 from tasks.errors import InputError
+from tasks.results.figures import SharedMoments
 
 # Heads of one event are exposed within this time, s.
 _ONE_EVENT_S = 1e-3
@@ -85,17 +86,14 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
     return ExposureEvents(rig, events)
 
 
-def about_events(rig: Rig) -> tuple[str, ...]:
-    """A sentence about heads that were joined to events; nothing where every image is one."""
+def joined_to_events(rig: Rig) -> SharedMoments | None:
+    """Images of heads that were joined to events; None where every image is one."""
     images = np.bincount(rig.event_of_image)
     joined = images[images > 1]
     if not len(joined):
-        return ()
-    return (
-        f"{int(joined.sum()):,} images of {len(np.unique(rig.camera_of_image))} heads were exposed at "
-        f"{len(joined):,} events, based on their times: each has one position and attitude, and one GNSS "
-        "and INS observation.",
-    )
+        return None
+    heads = len(np.unique(rig.camera_of_image))
+    return SharedMoments(images=int(joined.sum()), moments=len(joined), heads=heads)
 
 
 def _motion(events: GivenOrientations) -> EventMotion:

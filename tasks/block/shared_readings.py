@@ -7,6 +7,7 @@ import pandas as pd
 
 from adjust.arrays import Ints
 from tasks.block.given_orientations import GivenOrientations
+from tasks.results.figures import SharedMoments
 
 # Heads of one body lie within it, metres.
 _ONE_BODY_M = 10.0
@@ -26,13 +27,10 @@ def heads_of_reading(given: GivenOrientations) -> Ints:
     return heads
 
 
-def about_shared_readings(given: GivenOrientations) -> tuple[str, ...]:
-    """A sentence where heads share readings."""
+def shared_readings(given: GivenOrientations) -> SharedMoments | None:
+    """Images of heads that share readings; None where every image has its own."""
     heads = heads_of_reading(given)
     if (heads == 1).all():
-        return ()
+        return None
     moments = round(float((1.0 / heads[heads > 1]).sum()))
-    return (
-        f"{int((heads > 1).sum()):,} images were exposed at {moments:,} times by several heads: each "
-        "GNSS and INS observation is used once, shared among them.",
-    )
+    return SharedMoments(images=int((heads > 1).sum()), moments=moments)

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from tasks.evaluation.variance_figures import part_words
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
+from tasks.remarks.observation_sigmas import part_words
 from tasks.results.calibration_figures import StepComparisonFigure
 from tasks.results.figures import AdjustmentFigures
 from tasks.results.quality_gates import GateResult

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
-from tasks.evaluation.separability import listed
+from tasks.remarks.separability import listed
 
 
 def heading_words(heading: float) -> str:

@@ -18,7 +18,8 @@ import pandas as pd
 from adjust.calibration.flight_pattern import FlightPattern
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.record import Verdict
-from tasks.evaluation.separability import (
+from tasks.quantities import COMPONENTS, KINDS, is_calibrated, kind_of, named, quantity_words, written_sigma
+from tasks.remarks.separability import (
     HEADINGS,
     HEIGHTS,
     OBSERVATIONS,
@@ -27,7 +28,6 @@ from tasks.evaluation.separability import (
     percent,
     separating,
 )
-from tasks.quantities import COMPONENTS, KINDS, is_calibrated, kind_of, named, quantity_words, written_sigma
 from tasks.settings.calibration import AcceptanceLimits
 
 ParameterVerdictWord: TypeAlias = Literal["determined", "weak", "not_determinable", "held"]

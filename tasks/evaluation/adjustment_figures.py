@@ -1,4 +1,4 @@
-"""The adjustment in figures for summary.json and in sentences."""
+"""The adjustment in figures for summary.json."""
 
 from __future__ import annotations
 
@@ -7,37 +7,20 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
-from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.global_test import GlobalTest
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlation_matrix
-from tasks.evaluation.free_network_figures import free_network_figures, free_network_sentences
-from tasks.evaluation.remark_words import (
-    global_test_words,
-    misfit_words,
-    rejected_control_words,
-    some_names,
-)
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.evaluation.surveyed_differences import (
     left_out_figures,
     rejected_control,
     surveyed_differences,
 )
-from tasks.evaluation.variance_figures import (
-    correlation_figures,
-    correlation_sentences,
-    variance_figures,
-    variance_sentences,
-)
-from tasks.evaluation.weak_modes import weak_mode_sentences
+from tasks.evaluation.variance_figures import correlation_figures, variance_figures
+from tasks.evaluation.weak_parameters import weak_parameters
 from tasks.files.json_text import JSON
-from tasks.quantities import group_words
-from tasks.results.figures import DatumFigure, GlobalTestFigure, GroupFigure
+from tasks.results.figures import DatumFigure, FreeNetworkFigure, GlobalTestFigure, GroupFigure
 from tasks.settings.adjustment import AdjustmentSettings
-
-# Fewer rejected observations are gross errors, whatever part of their group they are.
-_SEVERAL = 3
 
 
 def adjustment_figures(
@@ -82,6 +65,7 @@ def adjustment_figures(
         "taken_back": result.taken_back,
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
+        "rejected_control": list(rejected_control(adjusted)),
         "global_test": _global_test(test).to_json(),
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
@@ -90,7 +74,13 @@ def adjustment_figures(
             DatumFigure(direction=share.direction, sigma=share.sigma, held_by=dict(share.shares)).to_json()
             for share in result.datum
         ],
-        "free_network": free_network_figures(result),
+        "free_network": _free_network(result),
+        "weak_parameters": [
+            item.to_json()
+            for item in weak_parameters(
+                result.layout.border_quantities, correlation_matrix(adjusted.cofactor.reduced.corner)
+            )
+        ],
         "frame": adjusted.map_frame.description,
     }
 
@@ -109,7 +99,19 @@ def _group_figure(group: GroupResult) -> GroupFigure:
         sigma0=group.sigma0,
         rejected=group.rejected,
         uncontrolled=uncontrolled(group),
+        rows=int(group.group.stochastic.taking_part.sum()),
+        rejected_rows=int((group.status == ObservationStatus.REJECTED).any(axis=1).sum()),
     )
+
+
+def _free_network(result: AdjustmentResult) -> JSON:
+    """Which directions of the datum are open, and which approximate values fix them; null if not free."""
+    free = result.free_network
+    if free is None:
+        return None
+    return FreeNetworkFigure(
+        inner_constraints=free.constrained, defect=free.defect, open=tuple(map(str, free.directions))
+    ).to_json()
 
 
 def uncontrolled(group: GroupResult) -> int:
@@ -145,77 +147,3 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
         known: Floats = table[column].dropna().to_numpy(np.float64)
         values.append(figure(known) if len(known) else None)
     return values
-
-
-def adjustment_problems(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> tuple[str, ...]:
-    """What the user should know about the result, most serious first."""
-    result = adjusted.result
-    problems = free_network_sentences(result)
-    test = result.test
-    if test.redundancy <= 0:
-        problems.append("The block has no redundancy: no observation is checked by others.")
-    elif not test.passed:
-        problems.append(global_test_words(test.sigma0, _global_test(test)))
-    problems += _mostly_rejected(result)
-    problems += [words for group in result.groups if (words := misfit_words(_group_figure(group)))]
-    problems += variance_sentences(result)
-    problems += correlation_sentences(result, settings.correlation_times_s)
-    problems += _correlated(adjusted) + _rejected(adjusted, settings) + _uncontrolled(adjusted)
-    return tuple(problems)
-
-
-def _correlated(adjusted: AdjustedBlock) -> list[str]:
-    """Sentences about the system parameters that the block separates least."""
-    parameters = adjusted.result.layout.border_quantities
-    return weak_mode_sentences(parameters, correlation_matrix(adjusted.cofactor.reduced.corner))
-
-
-def _mostly_rejected(result: AdjustmentResult) -> list[str]:
-    """Groups of which most was rejected: that is one error of all, and no gross error of each."""
-    sentences = []
-    for group in result.groups:
-        count = int(group.group.stochastic.taking_part.sum())
-        part = int((group.status == ObservationStatus.REJECTED).any(axis=1).sum())
-        if count and part >= _SEVERAL and part > 0.5 * count:
-            words = group_words(group.group.name)
-            sentences.append(
-                f"{part:,} of {count:,} {words} were rejected, so they hardly contribute to the result. So "
-                "many must have a common cause, such as their datum, height system, lever arm or σ."
-            )
-    return sentences
-
-
-def _rejected(adjusted: AdjustedBlock, settings: AdjustmentSettings) -> list[str]:
-    result = adjusted.result
-    if settings.rejection.critical_value is None:
-        return []
-    counts = [
-        f"{group.rejected:,} {group_words(group.group.name)}" for group in result.groups if group.rejected
-    ]
-    if not counts:
-        return []
-    back = f"; {result.taken_back:,} that had been rejected were accepted again" if result.taken_back else ""
-    sentences = [
-        f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
-        f"{settings.rejection.critical_value:g}){back}."
-    ]
-    if rejected := rejected_control(adjusted):
-        sentences.append(rejected_control_words(rejected))
-    if len(result.given_up):
-        names = [adjusted.block.points[point] for point in result.given_up]
-        sentences.append(
-            f"{len(names):,} object points were removed, because the wrong one of their image points cannot "
-            f"be identified: {some_names(names)}."
-        )
-    return sentences
-
-
-def _uncontrolled(adjusted: AdjustedBlock) -> list[str]:
-    count = uncontrolled(adjusted.result.groups[0])
-    if count == 0:
-        return []
-    return [
-        f"{count:,} image coordinates are uncontrolled (redundancy number below {UNCONTROLLED:g}, such as "
-        "points with two rays along the base): a gross error in them would not be detected. They were not "
-        "tested."
-    ]

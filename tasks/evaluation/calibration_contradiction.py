@@ -75,16 +75,3 @@ def contradiction_figures(found: tuple[CameraContradiction, ...]) -> dict[str, J
         ],
         "registered_calibration": min((item.test.probability for item in found), default=None),
     }
-
-
-def contradiction_sentences(found: tuple[CameraContradiction, ...]) -> tuple[str, ...]:
-    """What the user must know: which calibration does not fit the block."""
-    return tuple(
-        f"The block contradicts the calibration of camera {item.known.camera} in the registry: T is "
-        f"{item.test.statistic:.1f} with {item.test.freedom} degrees of freedom, a value exceeded by chance "
-        f"in {100.0 * item.test.probability:.2g} % of all blocks. The camera or its mounting has changed, or "
-        "the block has an error of its control or GNSS, or σ that are too small: find the cause, or "
-        "recalibrate."
-        for item in found
-        if item.contradicted
-    )

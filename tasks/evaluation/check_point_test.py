@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.georeferencing.predicted_rms import rms_of_covariance
 from adjust.quality.control_checks import spread_folds
@@ -26,7 +26,6 @@ from tasks.tables.places import places_of
 #: Check points of a larger number are tested at so many, spread over the area: their joint cofactors take
 #: three solutions each.
 MOST_TESTED = 300
-WAYS = ("east", "north", "up")
 _AXES = ("dx_m", "dy_m", "dz_m")
 
 
@@ -104,42 +103,3 @@ def _over_limit(axes: Sequence[Mapping[str, float | None]]) -> float:
         for found, limit in (("rmse_m", "predicted_high_m"), ("mean_m", "mean_limit_m"))
     ]
     return max(abs(found) / limit for found, limit in pairs if found is not None and limit is not None)
-
-
-def check_point_sentences(test: CheckPointTest | None) -> list[str]:
-    """Root mean squares and means that the standard deviations do not let expect, too small ones as well."""
-    if test is None:
-        return []
-    found = (test.rmse_m, test.predicted_low_m, test.predicted_high_m, test.mean_m, test.mean_limit_m)
-    rms, low, high, mean, limit = (np.array(values, dtype=np.float64) for values in found)
-    with_probability = f"{100 * test.confidence:g} % for all directions together"
-    beyond = [
-        *(
-            f"RMS {WAYS[k]} {rms[k]:.3f} m, expected {low[k]:.3f} to {high[k]:.3f} m"
-            for k in _where(rms > high)
-        ),
-        *(
-            f"mean {WAYS[k]} {mean[k]:+.3f} m, expected within ±{limit[k]:.3f} m"
-            for k in _where(np.abs(mean) > limit)
-        ),
-    ]
-    small = [f"{WAYS[k]} {rms[k]:.3f} m, expected {low[k]:.3f} to {high[k]:.3f} m" for k in _where(rms < low)]
-    sentences = []
-    if beyond:
-        sentences.append(
-            f"The check points are beyond their limits: {'; '.join(beyond)} ({with_probability}, from the σ "
-            "of the adjusted points and of the survey). The cause is an error that the stated σ do not "
-            "include: check datum, height system and survey of the check points against those of control "
-            "and GNSS, and the interior orientation."
-        )
-    if small:
-        sentences.append(
-            "The differences at the check points are smaller than expected from their σ: RMS "
-            f"{'; '.join(small)} ({with_probability}). The σ of the survey or of the observations are stated "
-            "too large, or the check points are not independent of the control."
-        )
-    return sentences
-
-
-def _where(chosen: Bools) -> list[int]:
-    return [int(k) for k in np.flatnonzero(chosen)]

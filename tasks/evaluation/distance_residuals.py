@@ -74,7 +74,7 @@ def distance_figures(table: pd.DataFrame, confidence: float) -> DistanceFigures 
     if len(table) == 0:
         return None
     used, check = (table[table["status"] == status] for status in ("used", "check"))
-    beyond = _over_limit(check, confidence)
+    beyond = over_limit(check, confidence)
     return DistanceFigures(
         used=len(used),
         rejected=int((table["status"] == "rejected").sum()),
@@ -87,37 +87,11 @@ def distance_figures(table: pd.DataFrame, confidence: float) -> DistanceFigures 
     )
 
 
-def distance_sentences(table: pd.DataFrame, confidence: float) -> list[str]:
-    """Check distances that are beyond their limits, and distances that were rejected."""
-    check = table[table["status"] == "check"]
-    beyond = check[_over_limit(check, confidence) > 1.0]
-    found = []
-    if len(beyond):
-        found.append(
-            f"Check distances are beyond their limits ({100 * confidence:g} % for all {len(check)}): "
-            f"{_listed(beyond)}. Check scale, names of the targets and interior orientation."
-        )
-    rejected = table[table["status"] == "rejected"]
-    if len(rejected):
-        found.append(f"Distances were rejected as gross errors: {_listed(rejected)}.")
-    return found
-
-
-def _over_limit(check: pd.DataFrame, confidence: float) -> pd.Series:
+def over_limit(check: pd.DataFrame, confidence: float) -> pd.Series:
     """|difference| over its limit, of each check distance."""
     each = (1.0 - confidence) / max(len(check), 1)
     limit = float(special.ndtri(1.0 - 0.5 * each)) * check["sigma_difference_m"]
     return check["difference_m"].abs() / limit
-
-
-def _listed(table: pd.DataFrame) -> str:
-    rows = table.head(5).to_dict("records")
-    words = [
-        f"{row['point']} to {row['other_point']} {1e3 * row['difference_m']:+.3g} mm "
-        f"(σ {1e3 * row['sigma_difference_m']:.3g} mm)"
-        for row in rows
-    ]
-    return "; ".join(words) + ("; …" if len(table) > len(rows) else "")
 
 
 def _rms(table: pd.DataFrame) -> float | None:

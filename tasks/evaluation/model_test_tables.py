@@ -14,8 +14,8 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
+from tasks.evaluation.alternative_words import POWER, alternative_words
 from tasks.evaluation.model_alternatives import Alternative
-from tasks.evaluation.model_findings import POWER, alternative_words
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
@@ -246,11 +246,10 @@ class ExaminedModel:
         return np.array(factors, dtype=np.float64)
 
 
-def write_model_alternatives(folder: Path, examined: ExaminedModel) -> pd.DataFrame:
-    """Both tables; returns that of the alternatives."""
-    table = examined.table()
+def write_model_alternatives(folder: Path, examined: ExaminedModel) -> None:
+    """Write both tables."""
     for schema, rows in (
-        (schemas.MODEL_ALTERNATIVES, table),
+        (schemas.MODEL_ALTERNATIVES, examined.table()),
         (schemas.MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
     ):
         columns = {
@@ -258,4 +257,3 @@ def write_model_alternatives(folder: Path, examined: ExaminedModel) -> pd.DataFr
             for column in schema.columns
         }
         write_table(folder / f"{schema.name}.parquet", schema, columns)
-    return table

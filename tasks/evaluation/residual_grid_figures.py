@@ -1,4 +1,4 @@
-"""Mean residuals in figures for summary.json, in sentences, and their correlation as a table."""
+"""Mean residuals in figures for summary.json, and their correlation as a table."""
 
 from __future__ import annotations
 
@@ -27,18 +27,6 @@ from tasks.tables.parquet import write_table
 
 _MM = 1e-3
 _UM = 1e-6
-# Chance makes the share of significant sub-areas scatter; beyond so many of its σ it is not chance.
-_NOT_BY_CHANCE = 4.0
-# Correlations of neighbours up to this distance are what the model should have taken out.
-_NEIGHBOURS_M = 4e-3
-# Weaker ones are of no consequence.
-_LEAST_CORRELATION = 0.05
-_REASONS = {
-    "nothing_to_model": "chance alone explains the mean residuals",
-    "cross_validation": "another correction would have increased the mean residuals of the images left out",
-    "settled": "another correction would have changed nothing",
-    "limit": "the maximum number of corrections was reached",
-}
 
 
 def write_residual_autocorrelation(folder: Path, cameras: tuple[FrameCamera, ...], grids: BlockGrids) -> None:
@@ -94,6 +82,7 @@ def _camera_figure(
         residuals=tuple(int(count) for count in grid.count.sum(axis=0)),
         known=int(grid.known.sum()),
         significant=int(grid.significant(confidence).sum()),
+        confidence=confidence,
         expected_by_chance=grid.expected_by_chance(confidence),
         significant_jointly=int(grid.jointly_significant(confidence).sum()),
         largest_um=grid.largest / _UM,
@@ -114,7 +103,6 @@ def _iteration_figure(iteration: GridIteration | None) -> GridIterationFigure | 
     return GridIterationFigure(
         taken=iteration.taken,
         reason=iteration.reason,
-        stopped_because=_REASONS[iteration.reason],
         gain=iteration.gain,
         steps=tuple(
             GridStepFigure(
@@ -127,56 +115,3 @@ def _iteration_figure(iteration: GridIteration | None) -> GridIterationFigure | 
             for step in iteration.cross_validation
         ),
     )
-
-
-def residual_grid_sentences(
-    cameras: tuple[FrameCamera, ...], grids: BlockGrids, confidence: float
-) -> list[str]:
-    """What the user should know: what was corrected, what is left, and correlated neighbours."""
-    sentences = _corrected(grids.iteration)
-    for camera, grid, own in zip(cameras, grids.grids, grids.autocorrelations, strict=True):
-        if grid is not None:
-            sentences += _systematic(camera.name, grid, confidence)
-        if own is not None:
-            sentences += _correlated(camera.name, own)
-    return sentences
-
-
-def _corrected(iteration: GridIteration | None) -> list[str]:
-    if iteration is None:
-        return []
-    reason = _REASONS[iteration.reason]
-    if iteration.taken == 0:
-        return [f"The image coordinates were not corrected by their mean residuals: {reason}."]
-    first, last = iteration.steps[0], iteration.steps[-1]
-    times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
-    return [
-        f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
-        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
-    ]
-
-
-def _systematic(camera: str, grid: ResidualGrid, confidence: float) -> list[str]:
-    known, found = int(grid.known.sum()), int(grid.significant(confidence).sum())
-    expected = grid.expected_by_chance(confidence)
-    if found <= expected + _NOT_BY_CHANCE * np.sqrt(expected * confidence) or known == 0:
-        return []
-    return [
-        f"Systematic image residuals of camera {camera}: up to {grid.largest / _UM:.1f} µm in sub-areas of "
-        f"the image, significant in {100 * found / known:.0f} % of {known} (by chance: "
-        f"{100 * (1 - confidence):.0f} %)."
-    ]
-
-
-def _correlated(camera: str, own: Autocorrelation) -> list[str]:
-    near = own.upper <= _NEIGHBOURS_M
-    found = np.where(own.flagged & near[:, None], np.nan_to_num(own.correlation), 0.0)
-    strongest = float(found.max())
-    if strongest < _LEAST_CORRELATION:
-        return []
-    reach = own.upper[np.argmax(found.max(axis=1))] / _MM
-    return [
-        f"Residuals of neighbouring image points of camera {camera} are correlated (up to {strongest:.2f} "
-        f"below {reach:g} mm). Their common errors are not modelled, and the standard deviations are too "
-        "small."
-    ]

@@ -1,4 +1,4 @@
-"""What became of the additional parameters: self_calibration.parquet, figures and sentences."""
+"""What became of the additional parameters: self_calibration.parquet and figures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from tasks.tables.parquet import write_table
 
 # α of the tests of whole groups of parameters and of the difference between flights.
 _ERROR_PROBABILITY = 0.01
-_MOST_NAMES = 8
 
 
 def write_self_calibration(
@@ -129,6 +128,10 @@ def _verdict(selection: SelectedAdjustment, column: int) -> str:
     return selection.elimination.verdict(column)
 
 
+def _is_gone(selection: SelectedAdjustment, decision: Decision) -> bool:
+    return selection.elimination is not None and bool(selection.elimination.eliminated[decision.parameter])
+
+
 def eliminated_parameters(table: pd.DataFrame) -> frozenset[tuple[str, str]]:
     """(parameter, entity) of what was taken out, from self_calibration.parquet."""
     gone = table[table["decision"] == "is eliminated"]
@@ -151,6 +154,11 @@ def self_calibration_figures(
         decisions=tuple(
             DecisionFigure(parameter=item.name, action=item.action.value, reason=item.reason)
             for item in decisions
+        ),
+        not_determinable=tuple(
+            item.name
+            for item in decisions
+            if item.criterion is Criterion.DETERMINABILITY and _is_gone(selection, item)
         ),
         groups=tuple(_group_tests(selection, settings.self_calibration.parameters)),
         flights=tuple(_differences_of_flights(selection)),
@@ -204,22 +212,3 @@ def _differences_of_flights(selection: SelectedAdjustment) -> Iterator[FlightTes
 
 def _additional(selection: SelectedAdjustment) -> tuple[SystemParameters, ...]:
     return tuple(p for p in selection.offered.system if p.family.name == ADDITIONAL_PARAMETERS)
-
-
-def self_calibration_sentences(selection: SelectedAdjustment) -> list[str]:
-    """What a user must know about the selection."""
-    if selection.elimination is None:
-        return []
-    lost = [
-        decision.name
-        for decision in selection.elimination.decisions
-        if decision.criterion is Criterion.DETERMINABILITY
-        and selection.elimination.eliminated[decision.parameter]
-    ]
-    if not lost:
-        return []
-    names = ", ".join(dict.fromkeys(lost[:_MOST_NAMES])) + (" …" if len(lost) > _MOST_NAMES else "")
-    return [
-        f"{len(lost)} additional parameters are not determinable in this block and were removed: {names} "
-        "(self_calibration.parquet lists the parameters from which each cannot be separated)."
-    ]

@@ -75,22 +75,6 @@ def write_trust_map(
     )
 
 
-def trust_map_problems(grid: TrustMapGrid | None) -> tuple[str, ...]:
-    """A sentence where there is no map, or not of the whole area."""
-    if grid is not None and grid.unmapped:
-        return (
-            f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map are not "
-            "mapped: fewer than two images see them, or there are no object points around. They count as "
-            "exceeding every limit.",
-        )
-    if grid is not None:
-        return ()
-    return (
-        "There is no trust map: the object points span no area that is covered by two images, or a free "
-        "network leaves the datum undetermined.",
-    )
-
-
 def new_sigma(adjusted: AdjustedBlock, settings: TrustMapSettings) -> float:
     """σ of an image coordinate of a new point, m: as set, or that of the block's own, times σ0."""
     if settings.sigma_image_um is not None:

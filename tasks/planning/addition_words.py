@@ -6,8 +6,8 @@ import numpy as np
 
 from adjust.planning.additions import Addition, ProposedLines
 from tasks.calibration.pattern_words import heading_words
-from tasks.evaluation.separability import listed
 from tasks.files.json_text import JSON
+from tasks.remarks.separability import listed
 
 
 def addition_words(addition: Addition) -> str:

@@ -14,14 +14,16 @@ from tasks.store.store import Store
 StageState: TypeAlias = Literal["done", "reused", "failed", "running", "waiting"]
 
 _PREPARATION = ("import_exposures", "import_control", "import_image_points", "approximate_values")
+_ADJUSTMENT = ("bundle_adjustment", "remarks")
 _CHECK = ("direct_georeferencing", "georeferencing_page")
 #: The stages of each story, in the order in which it comes to them for the first time.
 STAGES_OF: Mapping[str, tuple[str, ...]] = {
-    "aerial-triangulation": (*_PREPARATION, "bundle_adjustment", "report"),
+    "aerial-triangulation": (*_PREPARATION, *_ADJUSTMENT, "report"),
     "system-calibration": (
         *_PREPARATION,
         "bundle_adjustment",
         "judgement",
+        "remarks",
         "calibrated_cameras",
         "two_step",
         "calibration",
@@ -29,7 +31,7 @@ STAGES_OF: Mapping[str, tuple[str, ...]] = {
         "report",
         "certificate",
     ),
-    "direct-georeferencing-check": (*_PREPARATION, "bundle_adjustment", *_CHECK, "report"),
+    "direct-georeferencing-check": (*_PREPARATION, *_ADJUSTMENT, *_CHECK, "report"),
     "image-quality": (
         "import_exposures",
         "image_quality",
@@ -54,7 +56,7 @@ STAGES: tuple[str, ...] = (
 #: Those that a story may do without, as the project file wants it.
 _OPTIONAL: Mapping[str, frozenset[str]] = {
     "system-calibration": frozenset(("calibrated_cameras", "two_step")),
-    "direct-georeferencing-check": frozenset(("bundle_adjustment", "report")),
+    "direct-georeferencing-check": frozenset((*_ADJUSTMENT, "report")),
     SWEEP: frozenset(("sub_block", "control_roles")),
     "image-quality": frozenset(STAGES_OF["image-quality"]) - {"image_quality_page"},
 }

@@ -14,7 +14,13 @@ from tasks.results.figure import Figure, Values
 
 
 class GroupFigure(Figure):
-    """An observation group; ``sigma0`` is null without redundancy."""
+    """An observation group; ``sigma0`` is null without redundancy.
+
+    Attributes
+    ----------
+    observations, rejected, uncontrolled : single coordinates and angles.
+    rows, rejected_rows : points, positions, …, and those of which a component was rejected.
+    """
 
     group: str
     observations: int
@@ -22,6 +28,8 @@ class GroupFigure(Figure):
     sigma0: float | None = None
     rejected: int = 0
     uncontrolled: int = 0
+    rows: int = 0
+    rejected_rows: int = 0
 
 
 class GlobalTestFigure(Figure):
@@ -100,6 +108,7 @@ class SelfCalibrationFigures(Figure):
     kept: int
     sigma0_of_all: float | None = None
     decisions: tuple[DecisionFigure, ...] = ()
+    not_determinable: tuple[str, ...] = ()
     groups: tuple[GroupTestFigure, ...] = ()
     flights: tuple[FlightTestFigure, ...] = ()
 
@@ -126,7 +135,7 @@ class GridIterationFigure(Figure):
 
     taken: int
     reason: str
-    stopped_because: str
+    stopped_because: str = ""
     gain: float | None
     steps: tuple[GridStepFigure, ...]
     cross_validation: tuple[CrossStepFigure, ...] = ()
@@ -141,6 +150,7 @@ class CameraGridFigure(Figure):
     residuals: tuple[int, ...]
     known: int
     significant: int
+    confidence: float
     expected_by_chance: float
     significant_jointly: int
     largest_um: float | None
@@ -212,6 +222,37 @@ class VarianceFigures(Figure):
     rounds: int
     confidence: float
     components: tuple[ComponentFigure, ...]
+
+
+class CorrelationTimeFigure(Figure):
+    """The correlation time of a group, as stated and as used, s; limits are null where there are none.
+
+    ``verdict`` is that of `adjust.quality.correlation_time`; ``tested``: it was to be estimated.
+    """
+
+    group: str
+    stated_s: float
+    correlation_s: float
+    lower_s: float | None = None
+    upper_s: float | None = None
+    verdict: str
+    tested: bool = False
+
+
+class WeakParameters(Figure):
+    """System parameters that the block hardly separates; ``correlation`` of a pair, null of a combination."""
+
+    parameters: tuple[str, ...]
+    entities: tuple[str, ...]
+    correlation: float | None = None
+
+
+class SharedMoments(Figure):
+    """Images that several cameras took at one moment; ``heads``: of a rig, null of cameras on their own."""
+
+    images: int
+    moments: int
+    heads: int | None = None
 
 
 class RegisteredCalibrationFigure(Figure):
@@ -322,11 +363,17 @@ class AdjustmentFigures(Figure):
     image_rms_px: Values | None = None
     critical_value: float | None = None
     rejected_per_pass: tuple[int, ...] = ()
+    taken_back: int = 0
+    given_up_points: tuple[str, ...] = ()
+    rejected_control: tuple[str, ...] = ()
     sigma_scaled_by: float | None = None
     self_calibration: SelfCalibrationFigures | None = None
     residual_grid: ResidualGridFigure = ResidualGridFigure()
     calibration: CalibrationFigures | None = None
     variance_components: VarianceFigures | None = None
+    correlation_times: tuple[CorrelationTimeFigure, ...] | None = None
+    weak_parameters: tuple[WeakParameters, ...] = ()
+    shared_moments: SharedMoments | None = None
     model_findings: tuple[ModelFinding, ...] = ()
     strip_scatter: tuple[StripScatter, ...] = ()
     restored_groups: tuple[RestoredGroup, ...] = ()

@@ -20,35 +20,22 @@ from adjust.selection.parameter_selection import SelectedAdjustment, adjust_with
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.system import Observations
 from tasks.block.assembled_block import AssembledBlock, DeliveredTables, assembled_block
-from tasks.block.exposure_events import about_events
+from tasks.block.exposure_events import joined_to_events
 from tasks.block.residual_grid import BlockGrids, block_grids
 from tasks.block.residual_grid_file import write_residual_grid
-from tasks.block.shared_readings import about_shared_readings
+from tasks.block.shared_readings import shared_readings
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import NotComputableError
-from tasks.evaluation.adjustment_figures import adjustment_figures, adjustment_problems
-from tasks.evaluation.calibration_contradiction import (
-    contradiction_figures,
-    contradiction_sentences,
-    contradictions_of,
-)
-from tasks.evaluation.check_point_test import check_point_sentences, check_point_test, tested_points
-from tasks.evaluation.distance_residuals import (
-    distance_figures,
-    distance_sentences,
-    write_distance_residuals,
-)
+from tasks.evaluation.adjustment_figures import adjustment_figures
+from tasks.evaluation.calibration_contradiction import contradiction_figures, contradictions_of
+from tasks.evaluation.check_point_test import check_point_test, tested_points
+from tasks.evaluation.distance_residuals import distance_figures, write_distance_residuals
 from tasks.evaluation.influence_table import write_parameter_influences
 from tasks.evaluation.model_alternatives import model_alternatives
-from tasks.evaluation.model_findings import model_findings
 from tasks.evaluation.model_test_tables import ExaminedModel, write_model_alternatives
 from tasks.evaluation.neighbour_table import write_neighbouring_images
 from tasks.evaluation.parameter_tables import write_parameters
-from tasks.evaluation.residual_grid_figures import (
-    residual_grid_figures,
-    residual_grid_sentences,
-    write_residual_autocorrelation,
-)
+from tasks.evaluation.residual_grid_figures import residual_grid_figures, write_residual_autocorrelation
 from tasks.evaluation.residual_table import write_residuals
 from tasks.evaluation.result_tables import (
     AdjustedBlock,
@@ -58,13 +45,12 @@ from tasks.evaluation.result_tables import (
 from tasks.evaluation.self_calibration_tables import (
     eliminated_parameters,
     self_calibration_figures,
-    self_calibration_sentences,
     write_self_calibration,
 )
 from tasks.evaluation.single_errors import single_errors
 from tasks.evaluation.strip_error_table import write_strip_errors
 from tasks.evaluation.surveyed_differences import write_control_residuals
-from tasks.evaluation.trust_map import trust_map_problems, write_trust_map
+from tasks.evaluation.trust_map import write_trust_map
 from tasks.evaluation.variance_figures import with_estimated_sigmas
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
@@ -167,7 +153,7 @@ def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estim
 def _written(
     folder: Path, prepared: AssembledBlock, estimated: _Estimated, settings: AdjustmentSettings
 ) -> Notes:
-    """Write the tables; returns figures and remarks."""
+    """Write the tables; returns the figures, and what looks wrong with the lever arms."""
     adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
     cameras = adjusted.block.cameras
     # The large tables are written next to the tests of the model, which leave a processor half of the time.
@@ -182,45 +168,32 @@ def _written(
     write_control_residuals(folder, adjusted)
     distances = write_distance_residuals(folder, adjusted)
     eliminated: frozenset[tuple[str, str]] = frozenset()
-    problems: tuple[str, ...] = ()
     own_figures: JSON = None
     if prepared.calibration is not None and selection is not None:
         offered = write_self_calibration(folder, selection, prepared.calibration, adjusted.sigma0)
         eliminated = eliminated_parameters(offered)
         own_figures = self_calibration_figures(selection, offered, settings).to_json()
-        problems = tuple(self_calibration_sentences(selection))
     parameters = write_parameters(folder, adjusted, settings.confidence, eliminated)
     write_parameter_influences(folder, adjusted, _options(settings))
-    findings = model_findings(write_model_alternatives(folder, examined))
+    write_model_alternatives(folder, examined)
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
     write_residual_autocorrelation(folder, cameras, grids)
     slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
     contradictions = contradictions_of(adjusted, prepared.known)
     checked = check_point_test(adjusted, settings.confidence)
     of_distances = distance_figures(distances, settings.confidence)
-    said = (
-        *slips,
-        *contradiction_sentences(contradictions),
-        *check_point_sentences(checked),
-        *distance_sentences(distances, settings.confidence),
-        *(item.sentence for item in findings),
-        *adjustment_problems(adjusted, settings),
-        *_about_heads(prepared),
-        *problems,
-        *residual_grid_sentences(cameras, grids, settings.confidence),
-    )
     tests = [item for item in (checked, of_distances) if item is not None]
     figures = adjustment_figures(adjusted, settings, parameters) | {
         "check_point_test": None if checked is None else checked.model_dump(mode="json"),
         "distances": None if of_distances is None else of_distances.model_dump(mode="json"),
         "check_over_limit": max((item.over_limit for item in tests if item.over_limit), default=None),
         "self_calibration": own_figures,
-        "model_findings": [item.to_json() for item in findings],
+        "shared_moments": _shared_moments(prepared),
         **examined.figures(),
         **contradiction_figures(contradictions),
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),
     }
-    return Notes(said, figures, slips)
+    return Notes(slips, figures, slips)
 
 
 def _with_trust_map(
@@ -232,14 +205,16 @@ def _with_trust_map(
 ) -> Notes:
     """Write the cells of the trust map; returns the notes with its grid."""
     grid = write_trust_map(folder, adjusted, trust_map, _options(settings))
-    figures = {**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
-    return replace(notes, problems=(*notes.problems, *trust_map_problems(grid)), figures=figures)
+    return replace(
+        notes, figures={**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
+    )
 
 
-def _about_heads(prepared: AssembledBlock) -> tuple[str, ...]:
+def _shared_moments(prepared: AssembledBlock) -> JSON:
     """How images of one moment were taken: as events of a rig, or as readings that several cameras share."""
     rig = prepared.block.rig
-    return about_shared_readings(prepared.given) if rig is None else about_events(rig)
+    shared = shared_readings(prepared.given) if rig is None else joined_to_events(rig)
+    return None if shared is None else shared.to_json()
 
 
 def _examined_model(

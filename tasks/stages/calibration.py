@@ -56,7 +56,7 @@ def describe_calibration(
     folder: Path,
     *,
     stages: tuple[Mapping[str, Artifact], ...],
-    adjusted: Artifact,
+    adjusted: tuple[Artifact, ...],
     means: Artifact | None,
     releases: tuple[JSON, ...],
     remarks: tuple[str, ...],
@@ -74,7 +74,7 @@ def describe_calibration(
     Parameters
     ----------
     stages : the outputs of all stages so far by name, in the order in which they ran.
-    adjusted : notes of the adjustment.
+    adjusted : notes of the adjustment, and of the remarks on it.
     means : orientation_difference_means of the two-step calibration; None without one.
     releases : what was free at each stage and what was held after it, see `tasks.calibration.release`.
     remarks : sentences of the story, such as why there is no second step.
@@ -90,7 +90,7 @@ def describe_calibration(
         mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
         table, pairs = known.parameters, known.correlations
         steps = compared_steps(table, pairs, read_table(means), mountings)
-    summary = merged_figures([read_notes(adjusted)])
+    summary = merged_figures([read_notes(notes) for notes in adjusted])
     evidence = _evidence(stages, outputs, figures_of(summary), gates, steps)
     found = _found(known, images, cameras, evidence, settings, _held(releases))
     origin = Origin(

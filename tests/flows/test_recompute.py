@@ -21,6 +21,7 @@ STAGES = [
     "import_image_points",
     "approximate_values",
     "bundle_adjustment",
+    "remarks",
     "report",
 ]
 
@@ -75,7 +76,7 @@ def test_only_what_a_change_reaches_is_computed_again(block: Path) -> None:
     assert computed(block) == []
     # A gate is looked at after the adjustment; the report names it.
     assert computed(block, "gates.sigma0.max=1.4") == ["report"]
-    assert computed(block, "adjustment.confidence=0.99") == ["bundle_adjustment", "report"]
+    assert computed(block, "adjustment.confidence=0.99") == ["bundle_adjustment", "remarks", "report"]
     assert computed(block, "adjustment.confidence=0.99") == []
     # Both results are kept.
     assert computed(block) == []
@@ -91,6 +92,7 @@ def test_a_byte_of_the_tie_points_repeats_everything_that_depends_on_it(warm_blo
         "import_image_points",
         "approximate_values",
         "bundle_adjustment",
+        "remarks",
         "report",
     ]
 
@@ -129,6 +131,14 @@ def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_on
     edit(warm_block, 'name = "two strips"', 'name = "renamed"')
     assert computed(warm_block) == ["report"]
     assert "<h1>renamed</h1>" in (warm_block.parent / "results" / "report.html").read_text()
+
+
+def test_another_wording_of_a_remark_repeats_no_adjustment(warm_block: Path, tree: Path) -> None:
+    remarks = tree / "tasks" / "remarks" / "adjustment.py"
+    edit(remarks, "image coordinates are uncontrolled", "image coordinates have no control")
+    assert computed(warm_block, tree=tree) == ["remarks", "report"]
+    problems = json.loads((warm_block.parent / "results" / "summary.json").read_text())["problems"]
+    assert any("image coordinates have no control" in sentence for sentence in problems)
 
 
 @pytest.mark.slow

@@ -10,8 +10,8 @@ from tasks.coordinates.crs import MapFrame
 from tasks.document_kit.table import Number, decimals_for, numbers
 from tasks.documents.certificate.content import Fact, Facts, Section
 from tasks.documents.certificate.material import CertificateMaterial
-from tasks.evaluation.variance_figures import part_words
 from tasks.quantities import KINDS, unit_words
+from tasks.remarks.observation_sigmas import part_words
 from tasks.settings.adjustment import AdjustmentSettings
 
 _NONE = "none"

@@ -17,8 +17,8 @@ from scipy import special
 
 from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
 from tasks.documents.report.surveyed_differences import AXES
-from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
 from tasks.quantities import group_words, unit_words
+from tasks.remarks.adjustment import global_test_words, misfit_words, rejected_control_words
 from tasks.results.figures import ModelFinding
 
 #: Places on the first screen; more are in the tables.

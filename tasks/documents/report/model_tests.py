@@ -10,7 +10,7 @@ import pandas as pd
 
 from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
 from tasks.documents.report.material import Material
-from tasks.evaluation.model_findings import alternative_words
+from tasks.evaluation.alternative_words import alternative_words
 from tasks.quantities import entity_words, shown
 
 #: Rows of each table.

@@ -18,6 +18,7 @@ ADJUSTED = (
     "import_image_points",
     "approximate_values",
     "bundle_adjustment",
+    "remarks",
     "report",
 )
 

@@ -130,6 +130,7 @@ def test_stages_of_a_run_in_work_are_read_from_its_folder(records: Records, tmp_
         "import_image_points": "running",
         "approximate_values": "waiting",
         "bundle_adjustment": "waiting",
+        "remarks": "waiting",
         "report": "waiting",
     }
 

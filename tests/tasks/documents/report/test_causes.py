@@ -14,8 +14,8 @@ from tasks.documents.report.causes import by_place, causes, remarks
 from tasks.documents.report.first_screen import places, ring_id
 from tasks.documents.report.key_figures import verdict
 from tasks.documents.report.material import Material
-from tasks.evaluation.remark_words import global_test_words, misfit_words, rejected_control_words
 from tasks.files.json_text import JSON
+from tasks.remarks.adjustment import global_test_words, misfit_words, rejected_control_words
 from tasks.results.figures import GlobalTestFigure, GroupFigure
 from tasks.results.summary import summary_of
 from tasks.settings.project import Project

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import pandas as pd
 
+from tasks.evaluation.alternative_words import POWER, alternative_words, where
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding
-
-#: Beyond the critical value, in σ: what is found with a probability of 80 %.
-POWER = NormalDist().inv_cdf(0.8)
 
 
 @dataclass(frozen=True)
@@ -153,11 +150,6 @@ def _runner_up(alternatives: pd.DataFrame) -> str:
     return f"; next: {alternative_words(row)}{of} with t = {abs(row['t']):.1f}"
 
 
-def alternative_words(row: Mapping[Hashable, object]) -> str:
-    """What a row of model_alternatives.parquet is about: ``GNSS shift z at the height 780 m``."""
-    return f"{quantity_words(str(row['quantity']))}{_where(str(row['scope']), str(row['part']))}"
-
-
 def _kind_and_axis(quantity: str) -> tuple[str, str]:
     """The kind of a quantity and its axis; of an additional parameter its set and name."""
     if quantity in COMPONENTS:
@@ -177,7 +169,7 @@ def _finding(
     text = words.words.format(
         entity=entity,
         of_entity=f" of flight {entity}" if entity else "",
-        where=_where(scope, part),
+        where=where(scope, part),
         size=", ".join(map(_displacement if words.place else _size, rows))
         + (_computed_minus_given(rows) if words.place else ""),
     )
@@ -214,16 +206,6 @@ def _finding(
 
 def _t(row: Mapping[Hashable, object]) -> float:
     return float(str(row["explained"])) / float(str(row["explained_sigma"]))
-
-
-def _where(scope: str, part: str) -> str:
-    return {
-        "all": "",
-        "flight": f" in flight {part}",
-        "height": f" at the height {part}",
-        "direction": f" in the direction {part}",
-        "strip": f" in strip {part}",
-    }[scope]
 
 
 def _size(row: Mapping[Hashable, object]) -> str:

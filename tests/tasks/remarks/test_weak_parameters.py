@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from adjust.parameters import Quantity
-from tasks.evaluation.weak_modes import weak_mode_sentences
+from tasks.evaluation.weak_parameters import weak_parameters
+from tasks.remarks.weak_parameters import weak_parameter_sentences
 
 
 def parameters(*names: str) -> tuple[Quantity, ...]:
     return tuple(
         Quantity(name, flight="1") if "gnss" in name else Quantity(name, camera="C") for name in names
     )
+
+
+def sentences(names: tuple[Quantity, ...], matrix: np.ndarray) -> list[str]:
+    return weak_parameter_sentences(weak_parameters(names, matrix))
 
 
 def correlation(size: int, **pairs: float) -> np.ndarray:
@@ -39,7 +44,7 @@ def correlation(size: int, **pairs: float) -> np.ndarray:
     ],
 )
 def test_a_correlated_pair_comes_with_what_separates_it(names: tuple[str, str], remedy: str) -> None:
-    (sentence,) = weak_mode_sentences(parameters(*names), correlation(2, p0_1=-0.993))
+    (sentence,) = sentences(parameters(*names), correlation(2, p0_1=-0.993))
     assert str(parameters(*names)[0]) in sentence
     assert str(parameters(*names)[1]) in sentence
     assert "are 99.3 % correlated" in sentence
@@ -47,9 +52,7 @@ def test_a_correlated_pair_comes_with_what_separates_it(names: tuple[str, str], 
 
 
 def test_nearly_complete_correlation_is_never_said_to_be_complete() -> None:
-    (sentence,) = weak_mode_sentences(
-        parameters("focal_length", "lever_arm_z"), correlation(2, p0_1=0.9999999)
-    )
+    (sentence,) = sentences(parameters("focal_length", "lever_arm_z"), correlation(2, p0_1=0.9999999))
     assert "99.99 % correlated" in sentence
 
 
@@ -60,13 +63,13 @@ def test_three_parameters_that_only_together_are_weak_are_named_together() -> No
     scale = 1.0 / np.sqrt(np.diagonal(covariance))
     matrix = covariance * np.outer(scale, scale)
     assert np.abs(matrix - np.eye(3)).max() < 0.98
-    (sentence,) = weak_mode_sentences(parameters("gnss_shift_x", "principal_point_x", "lever_arm_x"), matrix)
+    (sentence,) = sentences(parameters("gnss_shift_x", "principal_point_x", "lever_arm_x"), matrix)
     assert "are hardly determined individually" in sentence
     assert "strips flown in opposite or crossing directions and a second flying height" in sentence
     assert "hold all but one" in sentence
 
 
 def test_separated_parameters_give_no_sentence() -> None:
-    assert weak_mode_sentences(parameters("focal_length", "gnss_shift_z"), correlation(2, p0_1=0.9)) == []
-    assert weak_mode_sentences(parameters("focal_length"), np.eye(1)) == []
-    assert weak_mode_sentences((), np.zeros((0, 0))) == []
+    assert sentences(parameters("focal_length", "gnss_shift_z"), correlation(2, p0_1=0.9)) == []
+    assert sentences(parameters("focal_length"), np.eye(1)) == []
+    assert sentences((), np.zeros((0, 0))) == []

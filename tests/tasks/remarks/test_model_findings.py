@@ -11,9 +11,10 @@ from scipy import stats
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
-from tasks.evaluation.model_findings import POWER, alternative_words, model_findings
+from tasks.evaluation.alternative_words import POWER, alternative_words
 from tasks.evaluation.model_test_tables import ERROR_PROBABILITY
 from tasks.quantities import shown
+from tasks.remarks.model_findings import model_findings
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 

@@ -1,0 +1,27 @@
+"""What an alternative of the model is about, as tables name it, and from which size it is found."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from statistics import NormalDist
+
+from tasks.quantities import quantity_words
+
+#: Beyond the critical value, in σ: what is found with a probability of 80 %.
+POWER = NormalDist().inv_cdf(0.8)
+
+
+def alternative_words(row: Mapping[Hashable, object]) -> str:
+    """What a row of model_alternatives.parquet is about: ``GNSS shift z at the height 780 m``."""
+    return f"{quantity_words(str(row['quantity']))}{where(str(row['scope']), str(row['part']))}"
+
+
+def where(scope: str, part: str) -> str:
+    """In which part of the block an alternative applies; empty: in all of it."""
+    return {
+        "all": "",
+        "flight": f" in flight {part}",
+        "height": f" at the height {part}",
+        "direction": f" in the direction {part}",
+        "strip": f" in strip {part}",
+    }[scope]

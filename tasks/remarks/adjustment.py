@@ -1,0 +1,187 @@
+"""Remarks on the whole of an adjustment: global test, groups, rejections, datum, events.
+
+Those that the report does not repeat where it has already named their cause are functions of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from adjust.quality.detectability import UNCONTROLLED
+from tasks.quantities import group_words
+from tasks.results.figures import (
+    AdjustmentFigures,
+    FreeNetworkFigure,
+    GlobalTestFigure,
+    GroupFigure,
+    RegisteredCalibrationFigure,
+    SharedMoments,
+    TrustMapGrid,
+)
+
+# σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
+_LIMITS = (0.7, 1.4)
+_LEAST_REDUNDANCY = 10.0
+# Fewer rejected observations are gross errors, whatever part of their group they are.
+_SEVERAL = 3
+_MOST_NAMES, _MOST_PARAMETERS = 5, 8
+_CONSTRAINED = {
+    "object_points": "object points",
+    "projection_centres": "projection centres",
+    "both": "object points and projection centres",
+}
+
+
+def global_test_sentences(figures: AdjustmentFigures, sigma0: float, redundancy: float) -> Iterator[str]:
+    """That the block has no redundancy, or fails the global test."""
+    test = figures.global_test
+    if redundancy <= 0:
+        yield "The block has no redundancy: no observation is checked by others."
+    elif test is not None and not test.passed:
+        yield global_test_words(sigma0, test)
+
+
+def global_test_words(sigma0: float, test: GlobalTestFigure) -> str:
+    """That the global test fails."""
+    return (
+        f"The global test fails: σ0 is {sigma0:.3f}, expected from the stated σ: {test.lower:.3f} to "
+        f"{test.upper:.3f} ({100 * test.confidence:g} %)."
+    )
+
+
+def group_sentences(figures: AdjustmentFigures) -> Iterator[str]:
+    """Groups of which most was rejected, which is one error of all of them, and groups that do not fit."""
+    for group in figures.groups:
+        if group.rows and group.rejected_rows >= _SEVERAL and group.rejected_rows > 0.5 * group.rows:
+            yield (
+                f"{group.rejected_rows:,} of {group.rows:,} {group_words(group.group)} were rejected, so "
+                "they hardly contribute to the result. So many must have a common cause, such as their "
+                "datum, height system, lever arm or σ."
+            )
+    for group in figures.groups:
+        if words := misfit_words(group):
+            yield words
+
+
+def misfit_words(group: GroupFigure) -> str | None:
+    """That the σ of a group do not fit its residuals; None: they do, or nothing is known."""
+    sigma0, redundancy = group.sigma0, group.redundancy or 0.0
+    if sigma0 is None or redundancy < _LEAST_REDUNDANCY or _LIMITS[0] <= sigma0 <= _LIMITS[1]:
+        return None
+    verdict = "worse" if sigma0 > 1.0 else "better"
+    return (
+        f"The {group_words(group.group)} fit {verdict} than their σ predict: σ0 of the group is {sigma0:.2f} "
+        f"(redundancy {redundancy:,.0f})."
+    )
+
+
+def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
+    """What was rejected as gross errors, and what could not be tested."""
+    counts = [f"{group.rejected:,} {group_words(group.group)}" for group in figures.groups if group.rejected]
+    if figures.critical_value is not None and counts:
+        taken_back = figures.taken_back
+        back = f"; {taken_back:,} that had been rejected were accepted again" if taken_back else ""
+        yield (
+            f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
+            f"{figures.critical_value:g}){back}."
+        )
+        if figures.rejected_control:
+            yield rejected_control_words(figures.rejected_control)
+        if names := figures.given_up_points:
+            yield (
+                f"{len(names):,} object points were removed, because the wrong one of their image points "
+                f"cannot be identified: {some_names(names)}."
+            )
+    uncontrolled = figures.groups[0].uncontrolled if figures.groups else 0
+    if uncontrolled:
+        yield (
+            f"{uncontrolled:,} image coordinates are uncontrolled (redundancy number below {UNCONTROLLED:g}, "
+            "such as points with two rays along the base): a gross error in them would not be detected. "
+            "They were not tested."
+        )
+
+
+def rejected_control_words(names: Sequence[str]) -> str:
+    """Which control points were rejected."""
+    return (
+        f"Rejected control points: {some_names(names)}. They were not used as control; check their "
+        "coordinates and their measurement in the images."
+    )
+
+
+def free_network_sentences(free: FreeNetworkFigure | None) -> Iterator[str]:
+    """What the user should know about coordinates whose datum is that of approximate values."""
+    if free is not None and free.defect == 0:
+        yield (
+            "A free network was requested (adjustment.datum), but the observations determine the whole "
+            "datum: the result is an ordinary adjustment."
+        )
+    elif free is not None:
+        number = "1 direction" if free.defect == 1 else f"{free.defect} directions"
+        yield (
+            f"Free network: the observations do not determine {number} of the datum "
+            f"({', '.join(free.open)}). The approximate values of the {_CONSTRAINED[free.inner_constraints]} "
+            "fix them (minimum norm of the corrections). In these directions, coordinates, differences at "
+            "check points and their standard deviations have no meaning outside the block; residuals and "
+            "redundancy numbers do not depend on them."
+        )
+
+
+def registered_calibration_sentences(found: Sequence[RegisteredCalibrationFigure]) -> Iterator[str]:
+    """Which calibration of the registry does not fit the block."""
+    for item in found:
+        if item.contradicted:
+            yield (
+                f"The block contradicts the calibration of camera {item.camera} in the registry: T is "
+                f"{item.statistic:.1f} with {item.freedom} degrees of freedom, a value exceeded by chance in "
+                f"{100.0 * item.probability:.2g} % of all blocks. The camera or its mounting has changed, or "
+                "the block has an error of its control or GNSS, or σ that are too small: find the cause, or "
+                "recalibrate."
+            )
+
+
+def self_calibration_sentences(figures: AdjustmentFigures) -> Iterator[str]:
+    """Which additional parameters the block does not determine."""
+    lost = () if figures.self_calibration is None else figures.self_calibration.not_determinable
+    if lost:
+        names = ", ".join(dict.fromkeys(lost[:_MOST_PARAMETERS]))
+        yield (
+            f"{len(lost)} additional parameters are not determinable in this block and were removed: {names}"
+            f"{' …' if len(lost) > _MOST_PARAMETERS else ''} (self_calibration.parquet lists the parameters "
+            "from which each cannot be separated)."
+        )
+
+
+def shared_moment_sentences(shared: SharedMoments | None) -> Iterator[str]:
+    """How images of one moment were taken: as events of a rig, or as readings that cameras share."""
+    if shared is not None and shared.heads is not None:
+        yield (
+            f"{shared.images:,} images of {shared.heads} heads were exposed at {shared.moments:,} events, "
+            "based on their times: each has one position and attitude, and one GNSS and INS observation."
+        )
+    elif shared is not None:
+        yield (
+            f"{shared.images:,} images were exposed at {shared.moments:,} times by several heads: each GNSS "
+            "and INS observation is used once, shared among them."
+        )
+
+
+def trust_map_sentences(grid: TrustMapGrid | None) -> Iterator[str]:
+    """That there is no trust map, though one was requested, or not of the whole area."""
+    if grid is None:
+        yield (
+            "There is no trust map: the object points span no area that is covered by two images, or a free "
+            "network leaves the datum undetermined."
+        )
+    elif grid.unmapped:
+        yield (
+            f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map are not "
+            "mapped: fewer than two images see them, or there are no object points around. They count as "
+            "exceeding every limit."
+        )
+
+
+def some_names(names: Sequence[str], most: int = _MOST_NAMES) -> str:
+    """The first names, and how many more there are."""
+    more = len(names) - most
+    return f"{', '.join(names[:most])}{f' and {more:,} more' if more > 0 else ''}"

@@ -1,0 +1,81 @@
+"""Mean residuals in sub-areas of the images, and correlated neighbours, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import sqrt
+
+import numpy as np
+import pandas as pd
+
+from tasks.results.figures import CameraGridFigure, GridIterationFigure, ResidualGridFigure
+
+# Chance makes the share of significant sub-areas scatter; beyond so many of its σ it is not chance.
+_NOT_BY_CHANCE = 4.0
+# Correlations of neighbours up to this distance are what the model should have taken out.
+_NEIGHBOURS_MM = 4.0
+# Weaker ones are of no consequence.
+_LEAST_CORRELATION = 0.05
+_REASONS = {
+    "nothing_to_model": "chance alone explains the mean residuals",
+    "cross_validation": "another correction would have increased the mean residuals of the images left out",
+    "settled": "another correction would have changed nothing",
+    "limit": "the maximum number of corrections was reached",
+}
+
+
+def stopped_because(iteration: GridIterationFigure) -> str:
+    """Why there was no further correction."""
+    return _REASONS[iteration.reason]
+
+
+def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFrame) -> Iterator[str]:
+    """What was corrected, what is left, and correlated neighbours.
+
+    Parameters
+    ----------
+    autocorrelation : residual_autocorrelation.parquet.
+    """
+    if grid.iteration is not None:
+        yield _corrected(grid.iteration)
+    of_camera = {figure.camera: figure for figure in grid.cameras}
+    for camera in dict.fromkeys((*of_camera, *autocorrelation["camera"])):
+        if camera in of_camera:
+            yield from _systematic(of_camera[camera])
+        yield from _correlated(camera, autocorrelation[autocorrelation["camera"] == camera])
+
+
+def _corrected(iteration: GridIterationFigure) -> str:
+    reason = stopped_because(iteration)
+    if iteration.taken == 0:
+        return f"The image coordinates were not corrected by their mean residuals: {reason}."
+    first, last = iteration.steps[0], iteration.steps[-1]
+    times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
+    return (
+        f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
+        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
+    )
+
+
+def _systematic(grid: CameraGridFigure) -> Iterator[str]:
+    by_chance = grid.expected_by_chance + _NOT_BY_CHANCE * sqrt(grid.expected_by_chance * grid.confidence)
+    if grid.significant > by_chance and grid.known > 0:
+        share, expected = 100 * grid.significant / grid.known, 100 * (1 - grid.confidence)
+        yield (
+            f"Systematic image residuals of camera {grid.camera}: up to {grid.largest_um:.1f} µm in "
+            f"sub-areas of the image, significant in {share:.0f} % of {grid.known} (by chance: "
+            f"{expected:.0f} %)."
+        )
+
+
+def _correlated(camera: str, rows: pd.DataFrame) -> Iterator[str]:
+    near = rows[rows["correlated"] & (rows["distance_to_mm"] <= _NEIGHBOURS_MM)]
+    correlation = near["correlation"].to_numpy(np.float64)
+    strongest = float(correlation.max(initial=0.0))
+    if strongest >= _LEAST_CORRELATION:
+        reach = near["distance_to_mm"].to_numpy(np.float64)[np.argmax(correlation)]
+        yield (
+            f"Residuals of neighbouring image points of camera {camera} are correlated (up to "
+            f"{strongest:.2f} below {reach:g} mm). Their common errors are not modelled, and the standard "
+            "deviations are too small."
+        )

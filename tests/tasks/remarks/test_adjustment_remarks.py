@@ -1,0 +1,209 @@
+"""Sentences about an adjustment follow from its figures alone."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from tasks.remarks.adjustment import (
+    free_network_sentences,
+    global_test_sentences,
+    group_sentences,
+    rejection_sentences,
+    self_calibration_sentences,
+    shared_moment_sentences,
+    trust_map_sentences,
+)
+from tasks.remarks.observation_sigmas import correlation_time_sentences, variance_sentences
+from tasks.remarks.residual_grid import residual_grid_sentences
+from tasks.results.figures import (
+    AdjustmentFigures,
+    CameraGridFigure,
+    ComponentFigure,
+    CorrelationTimeFigure,
+    FreeNetworkFigure,
+    GlobalTestFigure,
+    GroupFigure,
+    ResidualGridFigure,
+    SelfCalibrationFigures,
+    SharedMoments,
+    TrustMapGrid,
+    VarianceFigures,
+    figures_of,
+)
+
+
+def control(**changed: float) -> GroupFigure:
+    usual = {"group": "control_points", "observations": 30, "redundancy": 25.0, "sigma0": 1.0, "rows": 10}
+    return GroupFigure.model_validate({**usual, **changed})
+
+
+def test_a_sound_adjustment_gives_no_sentence() -> None:
+    test = GlobalTestFigure(lower=0.9, upper=1.1, confidence=0.95, passed=True)
+    figures = AdjustmentFigures(groups=(control(),), global_test=test, critical_value=4.13)
+    assert not [*global_test_sentences(figures, 1.0, 25.0), *group_sentences(figures)]
+    assert not [*rejection_sentences(figures), *self_calibration_sentences(figures)]
+    assert not [*variance_sentences(None), *correlation_time_sentences(None)]
+    assert not [*free_network_sentences(None), *shared_moment_sentences(None)]
+
+
+def test_no_redundancy_is_named_before_a_failed_test() -> None:
+    failed = GlobalTestFigure(lower=0.9, upper=1.1, confidence=0.95, passed=False)
+    figures = AdjustmentFigures(global_test=failed)
+    (sentence,) = global_test_sentences(figures, 1.3, 25.0)
+    assert sentence == (
+        "The global test fails: σ0 is 1.300, expected from the stated σ: 0.900 to 1.100 (95 %)."
+    )
+    (sentence,) = global_test_sentences(figures, 1.3, 0.0)
+    assert "no redundancy" in sentence
+
+
+@pytest.mark.parametrize(("rejected", "named"), [(2, False), (5, False), (6, True)])
+def test_a_group_that_is_mostly_rejected_has_a_common_cause(rejected: int, named: bool) -> None:
+    found = [*group_sentences(AdjustmentFigures(groups=(control(rejected_rows=rejected),)))]
+    assert [text.startswith(f"{rejected} of 10 control points were rejected") for text in found] == (
+        [True] if named else []
+    )
+
+
+@pytest.mark.parametrize(("sigma0", "verdict"), [(1.5, "worse"), (0.6, "better")])
+def test_a_group_that_does_not_fit_is_named(sigma0: float, verdict: str) -> None:
+    (sentence,) = group_sentences(AdjustmentFigures(groups=(control(sigma0=sigma0),)))
+    assert sentence.startswith(f"The control points fit {verdict} than their σ predict")
+    assert not [*group_sentences(AdjustmentFigures(groups=(control(sigma0=sigma0, redundancy=9.0),)))]
+
+
+def test_rejections_name_control_points_and_given_up_points() -> None:
+    rays = GroupFigure(group="image_points", observations=100, rejected=7, uncontrolled=4)
+    figures = AdjustmentFigures(
+        groups=(rays, control(rejected=3)),
+        critical_value=4.13,
+        taken_back=2,
+        rejected_control=("C1",),
+        given_up_points=tuple(f"P{k}" for k in range(7)),
+    )
+    first, points, given_up, uncontrolled = rejection_sentences(figures)
+    assert "7 image points, 3 control points" in first
+    assert "above 4.13); 2 that had been rejected were accepted again" in first
+    assert points.startswith("Rejected control points: C1.")
+    assert given_up.startswith("7 object points were removed")
+    assert "P0, P1, P2, P3, P4 and 2 more" in given_up
+    assert uncontrolled.startswith("4 image coordinates are uncontrolled")
+    (only,) = rejection_sentences(figures.model_copy(update={"critical_value": None}))
+    assert only == uncontrolled
+
+
+def test_parameters_that_cannot_be_determined_are_counted_and_named() -> None:
+    lost = SelfCalibrationFigures(
+        parameters="bluh:1-12",
+        elimination="bluh",
+        offered=12,
+        kept=3,
+        not_determinable=tuple(f"bluh:{k}" for k in range(1, 10)),
+    )
+    (sentence,) = self_calibration_sentences(AdjustmentFigures(self_calibration=lost))
+    assert sentence.startswith("9 additional parameters are not determinable")
+    assert "bluh:8 … (" in sentence
+
+
+def test_datum_events_and_trust_map() -> None:
+    free = FreeNetworkFigure(inner_constraints="both", defect=1, open=("scale",))
+    (sentence,) = free_network_sentences(free)
+    assert "do not determine 1 direction of the datum (scale)" in sentence
+    (sentence,) = free_network_sentences(free.model_copy(update={"defect": 0}))
+    assert "the result is an ordinary adjustment" in sentence
+    (of_rig,) = shared_moment_sentences(SharedMoments(images=300, moments=60, heads=5))
+    (alone,) = shared_moment_sentences(SharedMoments(images=4, moments=2))
+    assert "300 images of 5 heads were exposed at 60 events" in of_rig
+    assert "4 images were exposed at 2 times by several heads" in alone
+    grid = {"west_m": 0.0, "north_m": 0.0, "cell_m": 1.0, "rows": 2, "columns": 2, "sigma_image_um": 1.0}
+    mapped = TrustMapGrid.model_validate({**grid, "added_pairs": 0, "cells": 3, "area_cells": 4})
+    (unmapped,) = trust_map_sentences(mapped)
+    assert unmapped.startswith("1 of the 4 cells")
+    (none,) = trust_map_sentences(None)
+    assert none.startswith("There is no trust map")
+
+
+def component(part: str, **changed: object) -> ComponentFigure:
+    usual = {"estimated": True, "factor": 2.0, "factor_lower": 1.5, "factor_upper": 2.5}
+    rest = {"sigma": 0.1, "unit": "m", "redundancy": 9.0, "degrees_of_freedom": 8.0}
+    return ComponentFigure.model_validate({"part": part, **usual, **rest, **changed})
+
+
+def test_stated_standard_deviations_that_do_not_agree_are_named() -> None:
+    parts = (
+        component("gnss_positions height"),
+        component("image_points", factor=1.1, factor_lower=0.9, factor_upper=1.3),
+        component("control_points plan", estimated=False, factor_lower=None, factor_upper=None),
+        component("ins_attitudes", factor_upper=None),
+    )
+    figures = VarianceFigures(rounds=3, confidence=0.95, components=parts)
+    height, attitudes, kept = variance_sentences(figures)
+    assert height.startswith("The stated σ of GNSS positions in height do not agree with the residuals")
+    assert "2.00 (1.50 to inf) times as large" in attitudes
+    assert kept.endswith("the σ of control points in plan; they remain as stated.")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "limits", "said"),
+    [
+        ("stated", (None, None), "it stays at 30 s"),
+        ("undetermined", (0.0, None), "do not show whether"),
+        ("none", (0.0, 4.0), "correlation time below 4 s"),
+        ("longer", (90.0, None), "It is longer than 90 s"),
+        ("estimated", (25.0, 35.0), "25 to 35 s), not 20 s as stated"),
+        ("estimated", (15.0, 35.0), None),
+    ],
+)
+def test_every_verdict_on_a_correlation_time_has_its_sentence(
+    verdict: str, limits: tuple[float | None, float | None], said: str | None
+) -> None:
+    figure = CorrelationTimeFigure(
+        group="gnss_positions",
+        stated_s=20.0,
+        correlation_s=30.0,
+        lower_s=limits[0],
+        upper_s=limits[1],
+        verdict=verdict,
+        tested=True,
+    )
+    found = [*correlation_time_sentences((figure,))]
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
+    assert not [*correlation_time_sentences((figure.model_copy(update={"tested": False}),))]
+
+
+def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> None:
+    grid = CameraGridFigure(
+        camera="A",
+        columns=25,
+        rows=25,
+        residuals=(9000, 9000),
+        known=600,
+        significant=120,
+        confidence=0.95,
+        expected_by_chance=30.0,
+        significant_jointly=20,
+        largest_um=1.24,
+        rms_um=(0.3, 0.3),
+        noise_um=(0.2, 0.2),
+        signal_um=(0.2, 0.2),
+        correction_rms_um=None,
+    )
+    rows = pd.DataFrame(
+        {
+            "camera": ["A", "A", "A", "B"],
+            "distance_to_mm": [2.0, 4.0, 8.0, 2.0],
+            "correlation": [0.11, 0.21, 0.6, 0.3],
+            "correlated": [True, True, True, False],
+        }
+    )
+    systematic, neighbours = residual_grid_sentences(ResidualGridFigure(cameras=(grid,)), rows)
+    assert "camera A: up to 1.2 µm in sub-areas of the image, significant in 20 % of 600" in systematic
+    assert "camera A are correlated (up to 0.21 below 4 mm)" in neighbours
+    by_chance = grid.model_copy(update={"significant": 51})
+    assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(by_chance,)), rows[3:])]
+
+
+def test_figures_of_earlier_versions_are_read() -> None:
+    assert figures_of({"groups": [{"group": "image_points", "observations": 2}]}).groups[0].rows == 0
