@@ -184,18 +184,20 @@ class GivenOrientations:
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
 
     def _at_the_antenna(self, reduced: Bools) -> Self:
-        """The same with the lever arms added to the observed positions (n,) that were reduced by them.
+        """The same with the lever arms added to the positions (n,) that were reduced by them.
+
+        Approximate positions without attitude are left as they are.
 
         Raises
         ------
         InputError
             If such a position has no attitude, with which it was reduced.
         """
-        reduced = reduced & self.position_observed
+        reduced = reduced & (self.position_observed | self.has_attitude)
         arm = np.where(reduced[:, None], self.mountings.reduced_by[self.camera], 0.0)
         if not arm.any():
             return self
-        unknown = arm.any(axis=1) & ~self.attitude_observed
+        unknown = arm.any(axis=1) & self.position_observed & ~self.attitude_observed
         if unknown.any():
             raise InputError(
                 "The position was reduced to the projection centre, and there is no attitude to undo this.",

@@ -15,6 +15,7 @@ from tasks.coordinates.conformality import refuse_distorted_angles
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
+from tasks.deliveries.angles_of_heads import of_the_body
 from tasks.deliveries.declared_flights import with_declared_flights
 from tasks.deliveries.declared_strips import with_declared_names
 from tasks.deliveries.exposure_angles import (
@@ -75,6 +76,7 @@ def exposure_columns(
     cameras: tuple[str, ...],
     project: MapFrame,
     frames: Mapping[str, FrameCamera] | None = None,
+    heads: Mapping[str, Floats] | None = None,
 ) -> ExposureColumns:
     """Columns of ``exposures.parquet``, further columns of the files, notes, and the trajectories.
 
@@ -83,6 +85,7 @@ def exposure_columns(
     cameras : names of the cameras of the project.
     project : CRS and heights of the project.
     frames : the cameras themselves; needed for orientations that were adjusted in a map.
+    heads : of `body_from_heads`; needed where cameras are heads of rigs.
 
     Raises
     ------
@@ -90,7 +93,7 @@ def exposure_columns(
         For a camera the project does not have, an image given twice, positions outside the CRS or the geoid
         grid, angles that cannot be in the declared unit or grid, standard deviations that are not positive.
     """
-    inputs = [_converted(source, cameras, project, frames or {}) for source in sources]
+    inputs = [_converted(source, cameras, project, frames or {}, heads or {}) for source in sources]
     records = [entry.records for entry in inputs]
     places = Places.of_files([r.file for r in records], [r.line for r in records])
     image = pa.concat_arrays([r.image for r in records])
@@ -126,7 +129,11 @@ def exposure_columns(
 
 
 def _converted(
-    source: ExposuresInput, cameras: tuple[str, ...], project: MapFrame, frames: Mapping[str, FrameCamera]
+    source: ExposuresInput,
+    cameras: tuple[str, ...],
+    project: MapFrame,
+    frames: Mapping[str, FrameCamera],
+    heads: Mapping[str, Floats],
 ) -> _Converted:
     delivered, path = _delivered(source)
     delivered = with_image_names(delivered, source.image_names)
@@ -142,6 +149,7 @@ def _converted(
     camera = _known_cameras(records, cameras, places)
     refuse_impossible_angles(records, source.angles, places)
     records = true_orientations(records, source, frame, camera, frames)
+    records = of_the_body(records, source, camera, heads)
     refuse_sigmas(places, records.sigma_position, records.image, METRES)
     refuse_sigmas(places, records.sigma_angles, records.image, _ANGLES[source.angles.unit])
     refuse_outside_area(frame, records.position, places, records.image, "exposure")
@@ -195,7 +203,8 @@ def _delivered(source: ExposuresInput) -> tuple[ExposureRecords, TrajectoryPath 
     """The exposures of a file, and the trajectory they were taken from."""
     if source.format in TRAJECTORY_FORMATS:
         return exposures_of_trajectory(source)
-    return read_exposures(source.format, source.file, source.angles.order, source.layout), None
+    records = read_exposures(source.format, source.file, source.angles.order, source.layout, source.rigs)
+    return records, None
 
 
 def turned_sigmas(transfer: Transfer, sigma: Floats, position: Floats, converted: Floats) -> Floats:

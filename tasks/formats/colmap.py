@@ -1,4 +1,4 @@
-"""COLMAP models: ``images`` (orientations and image points) and ``cameras``, as text or binary.
+"""COLMAP models: ``images`` (orientations and image points), ``cameras``, rigs and frames, text or binary.
 
 The world is Cartesian: declare crs = "local". Camera axes are x right, y down, z forward; X_camera = R X + t.
 Image points are pixels from the corner of the first one; only those of a 3D point are read, under its number.
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.files.delivered_file import file_limits
+from tasks.formats.colmap_rigs import colmap_events, colmap_heads
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_records import (
     CV_AXES,
@@ -34,7 +35,9 @@ from tasks.formats.plain_records import (
     number_of,
     numbers_of,
 )
+from tasks.formats.quaternions import rotations_of_quaternions
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords, PixelCamera
+from tasks.formats.rigs import rigs_of, with_rigs
 from tasks.formats.text_table import read_bytes
 
 _NONE = 2**64 - 1
@@ -58,6 +61,7 @@ _POINT = np.dtype([("x", "<f8"), ("y", "<f8"), ("point", "<u8")])
 class _Image:
     """An oriented image with its points."""
 
+    number: int
     name: str
     camera: str
     pose: list[float]
@@ -66,30 +70,45 @@ class _Image:
     point: NDArray[np.uint64]
 
 
-def read_colmap_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
+def read_colmap_exposures(
+    path: Path, _order: AngleOrder, rigs: tuple[Path, Path] | None = None
+) -> ExposureRecords:
     """Read the orientations of a file ``images.txt`` or ``images.bin``.
+
+    Parameters
+    ----------
+    rigs : files ``rigs`` and ``frames`` of the same model.
 
     Raises
     ------
     InputError
-        If the file is damaged, or a quaternion is none.
+        If the file is damaged, or a quaternion is none; as of `tasks.formats.rigs`.
     """
     name: list[str] = []
+    numbers: list[int] = []
     cameras: list[str] = []
     known: dict[str, str] = {}
     poses, line = array("d"), array("q")
     for one in _images(path):
         name.append(one.name)
+        numbers.append(one.number)
         cameras.append(known.setdefault(one.camera, one.camera))
         poses.extend(one.pose)
         line.append(one.line)
     pose = table_of(poses, 7)
-    camera_from_world = _rotations(path, pose[:, :4], name, line)
+    camera_from_world = rotations_of_quaternions(path, pose[:, :4], name, line)
     world_from_camera = np.swapaxes(camera_from_world, 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, pose[:, 4:])
     angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, name, line)
     states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=states)
+    records = exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=states)
+    if rigs is None:
+        return records
+    events = colmap_events(
+        rigs[1], dict(zip(numbers, name, strict=True)), dict(zip(name, cameras, strict=True))
+    )
+    found = rigs_of(rigs[1], colmap_heads(rigs[0]), events, set(name))
+    return with_rigs(records, found, centre, world_from_camera)
 
 
 def read_colmap_image_points(path: Path) -> ImagePointRecords:
@@ -225,7 +244,8 @@ def _images_text(path: Path, content: bytes) -> Iterator[_Image]:
         if len(words) < 10:
             raise InputError("The image has no name.", "Deliver the file again.", file=path, line=number)
         xy, point = _points_of_line(path, text, line)
-        yield _Image(words[9].strip(), words[8], pose, number, xy, point)
+        image = number_of(path, words[0], number, "the number of the image")
+        yield _Image(int(image), words[9].strip(), words[8], pose, number, xy, point)
         waiting = None
     if waiting is not None:
         raise InputError(
@@ -256,7 +276,7 @@ def _points_of_line(path: Path, text: str, line: int) -> tuple[Floats, NDArray[n
 def _images_binary(path: Path, content: bytes) -> Iterator[_Image]:
     count, at = _unpacked(path, "<Q", content, 0)
     for entry in range(1, int(count) + 1):
-        _, *pose, camera, at = _unpacked(path, "<I7dI", content, at)
+        number, *pose, camera, at = _unpacked(path, "<I7dI", content, at)
         end = content.find(b"\0", at)
         if end < 0:
             raise _cut_off(path, entry)
@@ -272,7 +292,7 @@ def _images_binary(path: Path, content: bytes) -> Iterator[_Image]:
         xy = np.column_stack([table["x"], table["y"]])
         if not (np.isfinite(pose).all() and (np.abs(xy) < 1e15).all()):
             raise _cut_off(path, entry)
-        yield _Image(name, str(camera), list(pose), entry, xy, table["point"])
+        yield _Image(number, name, str(camera), list(pose), entry, xy, table["point"])
     file_limits().require_rows(path, int(count))
 
 
@@ -297,25 +317,3 @@ def _text_lines(content: bytes) -> Iterator[tuple[int, str]]:
     """Lines without limit of their length: one of them holds all points of an image."""
     text = content.decode("utf-8", errors="replace")
     yield from enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1)
-
-
-def _rotations(path: Path, quaternion: Floats, name: list[str], line: array[int]) -> Floats:
-    """Rotations (n, 3, 3) of quaternions w, x, y, z (n, 4)."""
-    length = np.linalg.norm(quaternion, axis=1)
-    bad = ~(np.abs(length - 1.0) < 1e-3)
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise InputError(
-            f"The quaternion has the length {length[row]:.6g}; that of a rotation must be 1.",
-            "Deliver the file again.",
-            file=path,
-            line=line[row],
-            entity=name[row],
-        )
-    w, x, y, z = (quaternion / length[:, None]).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.asarray(np.moveaxis(np.array(rows), -1, 0))

@@ -50,6 +50,15 @@ class JsonValue:
         for k, one in enumerate(self.value):
             yield JsonValue(self.file, f"{self.where}[{k}]", one)
 
+    def entries(self) -> list[tuple[str, JsonValue]]:
+        """The keys of an object with their values."""
+        if not isinstance(self.value, dict):
+            raise self._trouble("This is not an object.")
+        return [
+            (key, JsonValue(self.file, f"{self.where}.{key}".lstrip("."), one))
+            for key, one in self.value.items()
+        ]
+
     def taken(self) -> Iterator[JsonValue]:
         """As `each`; the list forgets every element when the next one is required."""
         for k, one in enumerate(self.each()):

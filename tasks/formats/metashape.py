@@ -4,6 +4,7 @@
 |---|---|
 | ``sensor/calibration`` (adjusted before initial) | f, cx, cy, distortion; in pixels, cx and cy from the middle of the image |
 | ``camera/transform`` | camera (x right, y down, z forward) to chunk, row by row |
+| ``sensor`` and ``camera`` with ``master_id`` | heads and events of a rig (``metashape_rigs``) |
 | ``component/transform`` or ``chunk/transform`` | chunk to geocentric WGS 84: read as longitude, latitude, ellipsoidal height, angles against true north |
 | without such a transform | local coordinates |
 | ``marker/reference`` | coordinates of a marker, in the CRS of the markers |
@@ -26,6 +27,7 @@ from adjust.arrays import Floats
 from tasks.errors import InputError
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,
@@ -44,6 +46,7 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
+from tasks.formats.rigs import Rigs, with_rigs
 from tasks.formats.xml_text import parsed_xml
 
 _LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "k4": "k4", "p1": "p2", "p2": "p1"}
@@ -59,6 +62,7 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     root = parsed_xml(path)
     sensors = _sensor_names(root)
+    rigs = MetashapeRigs.of(path, root, sensors)
     placed = {
         item.get("id"): similarity
         for item in root.iter("component")
@@ -69,14 +73,17 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     pose, at = array("d"), array("q")
     for number, item in enumerate(root.iter("camera"), start=1):
         transform = item.findtext("transform")
-        if transform is None or item.get("enabled") in ("false", "0") or "label" not in item.attrib:
+        own = rigs.placed(item, number) if transform is None else transform_of(path, transform, number)
+        if own is None or item.get("enabled") in ("false", "0") or "label" not in item.attrib:
             continue
-        pose.extend(numbers_of(path, transform.split(), 16, number, "a 4 × 4 transform"))
+        pose.extend(own.ravel())
         image.append(item.attrib["label"])
         camera.append(sensors.get(item.get("sensor_id", "")))
         to_earth.append(placed.get(item.get("component_id"), of_chunk))
         at.append(number)
     matrix = table_of(pose, 16).reshape(-1, 4, 4)
+    scales = {1.0 if one is None else one[2] for one in to_earth}
+    found = rigs.rigs(image, scales) if rigs.cameras else Rigs()
     # Its elements have been taken apart.
     root.clear()
     rotation, centre = matrix[:, :3, :3] @ CV_AXES, matrix[:, :3, 3]
@@ -96,7 +103,10 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         degrees_of_rotations(path, rotation, image, at)
         centre, rotation = geographic_poses(moved + np.array([one[1] for one in earthly]), rotation)
     angles = degrees_of_rotations(path, rotation, image, at)
-    return exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+    records = exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+    if not (found.heads or found.remarks):
+        return records
+    return with_rigs(records, found, max(scales) * matrix[:, :3, 3], matrix[:, :3, :3])
 
 
 def _similarity(path: Path, item: ElementTree.Element | None) -> tuple[Floats, Floats, float] | None:

@@ -2,7 +2,7 @@
 
 | file | read |
 |---|---|
-| ``reconstruction.json`` | shots as longitude, latitude, ellipsoidal height and angles against true north where it has a reference (its frame is east, north, up there), else local; cameras perspective and brown, in pixels |
+| ``reconstruction.json`` | shots as longitude, latitude, ellipsoidal height and angles against true north where it has a reference (its frame is east, north, up there), else local; cameras perspective and brown, in pixels; rig cameras and rig instances as heads and events |
 | ``tracks.csv`` | image points from the middle of the image, in parts of its longer side: unit = "longer-side" |
 | ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are distinguished by their coordinates |
 | ``geo.txt`` | CRS in the first line, then image x y z and, not read, angles |
@@ -27,6 +27,7 @@ from tasks.errors import InputError
 from tasks.files.json_text import from_json
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.opensfm_rigs import opensfm_rigs
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
@@ -46,6 +47,7 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
+from tasks.formats.rigs import Rigs, with_rigs
 from tasks.formats.text_table import read_bytes
 
 _CHECK = "CHK-"
@@ -75,17 +77,23 @@ def read_opensfm_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     # Altitudes are whatever the images came with.
     on_earth, local = replace(GEOGRAPHIC, heights=None), FileStatement(crs="local", order="omega-phi-kappa")
     states = on_earth if shots.reference else local
-    return exposures_of(path, image, centre, angles, at, camera=shots.camera, unit="deg", states=states)
+    records = exposures_of(path, image, centre, angles, at, camera=shots.camera, unit="deg", states=states)
+    if not (shots.rigs.heads or shots.rigs.remarks):
+        return records
+    world_from_camera = np.swapaxes(exp(shots.turn), 1, 2)
+    where = -np.einsum("nij,nj->ni", world_from_camera, shots.shift)
+    return with_rigs(records, shots.rigs, where, world_from_camera)
 
 
 class _Shots(NamedTuple):
-    """Shots: rotation (axis and angle) and translation camera from world (n, 3), place of the origin."""
+    """Shots: rotation (axis, angle) and translation camera from world (n, 3), place of the origin, rigs."""
 
     image: list[str]
     camera: list[str | None]
     turn: Floats
     shift: Floats
     reference: list[float]
+    rigs: Rigs
 
 
 def _shots(path: Path) -> _Shots:
@@ -99,12 +107,14 @@ def _shots(path: Path) -> _Shots:
         turn.extend(_vector(path, shot, "rotation", name))
         shift.extend(_vector(path, shot, "translation", name))
         camera.append(str(shot["camera"]) if "camera" in shot else None)
+    found = opensfm_rigs(path, one, dict(zip(shots, camera, strict=True)))
+    camera = [found.camera.get(image, own) for image, own in zip(shots, camera, strict=True)]
     reference: list[float] = []
     if "reference_lla" in one:
         place = _table(path, one, "reference_lla")
         names = ("latitude", "longitude", "altitude")
         reference = [_number(path, place.get(name), f"reference_lla.{name}") for name in names]
-    return _Shots(list(shots), camera, table_of(turn, 3), table_of(shift, 3), reference)
+    return _Shots(list(shots), camera, table_of(turn, 3), table_of(shift, 3), reference, found.rigs)
 
 
 def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -116,7 +126,8 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
         If the file is not a reconstruction, or a camera is neither perspective nor brown.
     """
     found = {}
-    for name, given in _table(path, _reconstruction(path), "cameras").items():
+    one = _reconstruction(path)
+    for name, given in _table(path, one, "cameras").items():
         camera = _as_table(path, given, name)
         kind = camera.get("projection_type")
         if kind not in ("perspective", "brown"):
@@ -142,7 +153,18 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
         x0, y0 = (longer * _number(path, camera.get(key, 0.0), f"{name}.{key}") for key in ("c_x", "c_y"))
         known = {f"brown-forward:{key}": value for key, value in values.items() if value}
         found[name] = PixelCamera(columns, rows, longer * c, (x0, 0.0 - y0), known)
-    return found
+    # Heads with the same camera model have it each.
+    heads = opensfm_rigs(path, one, _models(one)).models
+    return {**found, **{name: found[model] for name, model in heads.items() if model in found}}
+
+
+def _models(one: Mapping[str, object]) -> dict[str, str | None]:
+    """Shot → its camera model."""
+    shots = one.get("shots")
+    return {
+        name: str(shot["camera"]) if isinstance(shot, dict) and "camera" in shot else None
+        for name, shot in (shots.items() if isinstance(shots, dict) else ())
+    }
 
 
 def read_opensfm_tracks(path: Path) -> ImagePointRecords:

@@ -11,7 +11,7 @@
 | sparse cloud of ``calibration`` | tie points with their matches, called tie1, tie2, … in its order |
 
 Images go by their file names. Yaw, pitch and roll of captures are not read: how the axes of the body lie is
-not in the file. Cameras of a rig are read as they are calibrated, each for itself.
+not in the file. Captures of several calibrated cameras are events of a rig (``opf_rigs``).
 """  # noqa: E501
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from tasks.formats.json_value import JsonValue
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.opf_captures import captures_of, projected_captures_of
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
+from tasks.formats.opf_rigs import opf_rigs
 from tasks.formats.plain_records import (
+    CV_AXES,
     control_of,
     degrees_of_rotations,
     distances_of,
@@ -45,6 +47,7 @@ from tasks.formats.records import (
     ImagePointRecords,
     PixelCamera,
 )
+from tasks.formats.rigs import with_rigs
 
 _IN_MAP = (
     "The orientations of this OPF project were adjusted in map coordinates treated as Cartesian: they "
@@ -75,10 +78,11 @@ def read_opf_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         camera.append(named(one["sensor_id"], sensors))
         position.extend(one["position"].numbers(3))
         angles.extend(one["orientation_deg"].numbers(3))
-    del calibrated
-    at = range(1, len(image) + 1)
     scene = project.one("scene_reference_frame", "scene-reference-frame")
     shift = canonical_shift(scene)
+    rigs = opf_rigs(path, project, calibrated, names, sensors)
+    del calibrated
+    at = range(1, len(image) + 1)
     crs = crs_of(scene["crs"])
     local = crs.is_engineering
     states = FileStatement(crs="local" if local else crs.to_wkt(), order="omega-phi-kappa")
@@ -89,9 +93,12 @@ def read_opf_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         degrees[piece] = degrees_of_rotations(path, turn, image[piece], at[piece])
     remarks = (*(() if local else (_IN_MAP,)), *_gps_bias(project))
     centre = table_of(position, 3) - shift
-    return exposures_of(
+    records = exposures_of(
         path, image, centre, degrees, at, camera=camera, unit="deg", states=states, remarks=remarks
     )
+    if not (rigs.heads or rigs.remarks):
+        return records
+    return with_rigs(records, rigs, centre, from_omega_phi_kappa(np.radians(stated)) @ CV_AXES)
 
 
 def read_opf_cameras(path: Path) -> Mapping[str, PixelCamera]:

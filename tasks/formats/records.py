@@ -70,6 +70,22 @@ class ImagePointRecords:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HeadRecord:
+    """How a head of a rig sits beside its reference head, as a file describes it.
+
+    Attributes
+    ----------
+    reference : name of the camera that is the reference head.
+    rotation : (3, 3) reference head from head, axes of both x right, y down, z forward.
+    position : (3,) projection centre of the head in these axes of the reference head, metres.
+    """
+
+    reference: str
+    rotation: Floats
+    position: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ExposureRecords:
     """Exposures as read.
 
@@ -94,6 +110,7 @@ class ExposureRecords:
     velocity : (n, 3) true east, north, up, m/s, of the point that the positions are of; None: not known, NaN
         where an exposure has none.
     event : names of the events that images of heads of a rig belong to, text (n,); None: the file has none.
+    heads : by the names of cameras, the heads that are not the reference of their rig.
     """
 
     file: Path
@@ -115,6 +132,7 @@ class ExposureRecords:
     solution: pa.Array | None = None
     velocity: Floats | None = None
     event: pa.Array | None = None
+    heads: Mapping[str, HeadRecord] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

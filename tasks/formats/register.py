@@ -210,8 +210,12 @@ def read_image_points(name: str, path: Path, layout: TableLayout) -> ImagePointR
     return read_csv_image_points(path, layout) if name == TABLE else IMAGE_POINT_FORMATS[name](path)
 
 
-def read_exposures(name: str, path: Path, order: AngleOrder, layout: TableLayout) -> ExposureRecords:
-    """Read exposures of a format of the register; the layout is that of a table."""
+def read_exposures(
+    name: str, path: Path, order: AngleOrder, layout: TableLayout, rigs: tuple[Path, Path] | None = None
+) -> ExposureRecords:
+    """Read exposures of a format of the register; the layout is that of a table, the rigs of COLMAP."""
+    if rigs is not None:
+        return read_colmap_exposures(path, order, rigs)
     return read_csv_exposures(path, order, layout) if name == TABLE else EXPOSURE_FORMATS[name](path, order)
 
 

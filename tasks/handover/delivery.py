@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -100,6 +100,7 @@ class DeliveryFormat:
     straight : whether they are freed of refraction, too, and count from the format centre.
     grid : whether it takes distortion grids.
     oriented : whether it has orientations or points, and so a world.
+    rigs : what it has of rigs: nothing, all events, or those with an image of the reference head.
     """
 
     name: str
@@ -114,6 +115,7 @@ class DeliveryFormat:
     straight: bool = False
     grid: bool = False
     oriented: bool = True
+    rigs: Literal["none", "all", "with-reference"] = "none"
 
     @property
     def worlds(self) -> tuple[World, ...]:

@@ -22,9 +22,12 @@ import numpy as np
 
 from tasks.errors import InputError
 from tasks.files.toml_text import TomlValue, toml_text
+from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.plain_records import NothingInFileError
-from tasks.formats.records import ExposureRecords, PixelCamera
-from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, EXPOSURE_FORMATS
+from tasks.formats.records import ExposureRecords, HeadRecord, PixelCamera
+from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, read_exposures
+from tasks.formats.rigs import declared_head
+from tasks.formats.table_layout import TableLayout
 from tasks.settings.coordinates import LOCAL
 
 # Of a file, where its kind shows.
@@ -41,6 +44,7 @@ class RecognisedBlock:
     exposures, cameras, image_points : files.
     unit, pixel_origin : of its image points.
     image_names : table of names that the format has cut; None: there is none.
+    rigs : files of the rigs and frames of COLMAP; None: there are none.
     """
 
     format: str
@@ -50,6 +54,7 @@ class RecognisedBlock:
     unit: str = "px"
     pixel_origin: str = "corner"
     image_names: Path | None = None
+    rigs: tuple[Path, Path] | None = None
 
 
 def recognised(given: Path) -> RecognisedBlock | None:
@@ -90,7 +95,12 @@ def _folder(folder: Path) -> RecognisedBlock | None:
         if images.is_file() and cameras.is_file():
             names = folder / "images.csv"
             return RecognisedBlock(
-                "colmap", images, cameras, images, image_names=names if names.is_file() else None
+                "colmap",
+                images,
+                cameras,
+                images,
+                image_names=names if names.is_file() else None,
+                rigs=colmap_rig_files(images),
             )
     found, tracks = folder / "reconstruction.json", folder / "tracks.csv"
     if found.is_file() and tracks.is_file():
@@ -111,13 +121,13 @@ def project_text(block: RecognisedBlock, name: str, pixel_um: float | None) -> s
     InputError
         If a file of it cannot be read, or the size of a pixel is missing.
     """
-    exposures = EXPOSURE_FORMATS[block.format](block.exposures, "omega-phi-kappa")
+    exposures = read_exposures(block.format, block.exposures, "omega-phi-kappa", TableLayout(), block.rigs)
     crs = exposures.states.crs or LOCAL
     place: dict[str, TomlValue] = {"crs": crs} if crs == LOCAL else {"crs": crs, "heights": "ellipsoidal"}
     content: dict[str, TomlValue] = {
         "version": 1,
         "project": {**place, "name": name, "crs": _crs_of_results(exposures, crs)},
-        "cameras": _cameras(block, pixel_um),
+        "cameras": _cameras(block, pixel_um, exposures.heads),
         "inputs": {
             "image_points": {
                 "file": str(block.image_points.absolute()),
@@ -136,6 +146,7 @@ def project_text(block: RecognisedBlock, name: str, pixel_um: float | None) -> s
                     "reference": exposures.states.reference or "grid",
                 },
                 **_names(block),
+                **_rigs(block, exposures.heads),
             },
             **_control(block, place),
         },
@@ -147,6 +158,11 @@ def _names(block: RecognisedBlock) -> Mapping[str, TomlValue]:
     return {} if block.image_names is None else {"image_names": str(block.image_names.absolute())}
 
 
+def _rigs(block: RecognisedBlock, heads: Mapping[str, HeadRecord]) -> Mapping[str, TomlValue]:
+    used = block.rigs if block.rigs is not None and heads else ()
+    return {"rigs": [str(file.absolute()) for file in used]} if used else {}
+
+
 def _crs_of_results(exposures: ExposureRecords, crs: str) -> str:
     """The CRS of the file; of a geographic one the UTM zone of its middle."""
     if not crs.startswith("+proj=longlat"):
@@ -156,7 +172,9 @@ def _crs_of_results(exposures: ExposureRecords, crs: str) -> str:
     return f"EPSG:{(32600 if latitude >= 0.0 else 32700) + zone}"
 
 
-def _cameras(block: RecognisedBlock, pixel_um: float | None) -> dict[str, TomlValue]:
+def _cameras(
+    block: RecognisedBlock, pixel_um: float | None, heads: Mapping[str, HeadRecord]
+) -> dict[str, TomlValue]:
     found: dict[str, TomlValue] = {}
     for name, camera in CAMERA_FORMATS[block.format](block.cameras).items():
         in_pixels = isinstance(camera, PixelCamera)
@@ -174,6 +192,7 @@ def _cameras(block: RecognisedBlock, pixel_um: float | None) -> dict[str, TomlVa
             "pixel_origin": block.pixel_origin,
             "mount_deg": 0,
             **({"pixel_um": float(pixel_um)} if in_pixels and pixel_um is not None else {}),
+            **({"head": {**declared_head(heads[name])}} if name in heads else {}),
         }
     return found
 

@@ -10,6 +10,7 @@ from adjust.camera.additional.conversion import NOTEWORTHY
 from adjust.geometry.earth import TopocentricFrame
 from adjust.handover.cartesian_map import EARTH_RADIUS_M
 from tasks.handover.delivery import Delivery, DeliveryFormat
+from tasks.handover.formats.rigs import written_rigs
 from tasks.handover.lens import LensModel
 from tasks.handover.receiver import WARNED_PX
 from tasks.settings.deliver import World
@@ -52,6 +53,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjuste
         *([] if adjusted else [_AS_DELIVERED]),
         *_about_world(delivery, form),
         *_about_lens(delivery, form),
+        *(_about_rigs(delivery, form) if form.oriented else ()),
         *_about_mean_residuals(delivery, form),
         *_about_grids(delivery, form),
         *(_about_fit(delivery) if form.oriented else ()),
@@ -136,6 +138,30 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
             "the program must use a camera without distortion whose principal point is 0, 0."
         )
     return found
+
+
+def _about_rigs(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    """Whether heads of rigs are heads there."""
+    if delivery.results.heads is None:
+        return []
+    alone, found = "Heads of rigs are written as cameras that stand alone", written_rigs(delivery)
+    if form.rigs == "none":
+        return [f"{alone}: the format has no rigs, or none that is written."]
+    if found is None:
+        return [
+            f"{alone}: they do not sit beside their reference head alike in all events (offsets of their "
+            "shutters), or the reference head has no images."
+        ]
+    heads = int(np.count_nonzero(np.bincount(found.reference)[found.reference] > 1))
+    text = f"Rigs: {heads} heads, {len(found.events):,} events."
+    without = sum(len(images) for images in found.events) - sum(
+        len(images)
+        for first, images in found.with_reference()
+        if found.reference[found.camera[first]] == found.camera[first]
+    )
+    if form.rigs == "with-reference" and without:
+        text += f" {without:,} images of events without an image of the reference head stand alone."
+    return [text]
 
 
 def _contained(form: DeliveryFormat) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import cast
 
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
-from tasks.formats.records import CameraRecord, ExposureRecords, PixelCamera
+from tasks.formats.records import CameraRecord, ExposureRecords, HeadRecord, PixelCamera
+from tasks.formats.rigs import declared_head
 from tasks.formats.trajectory_records import EventRecords
 from tasks.inventory.recognition import FoundFile
 from tasks.settings.declare import open_value
@@ -50,7 +51,27 @@ def camera_sections(files: Sequence[FoundFile], folder: Path) -> tuple[CameraSec
     names = list(dict.fromkeys(name for file in files for name in _named(file)))
     if not names:
         names = list(dict.fromkeys(one.name or _NO_NAME for one in delivered)) or [_NO_NAME]
-    return tuple(_section(name, names, delivered, folder, _origin(files)) for name in names)
+    heads = {
+        name: one for file in files for records in _exposures(file) for name, one in records.heads.items()
+    }
+    return tuple(_in_rig(_section(name, names, delivered, folder, _origin(files)), heads) for name in names)
+
+
+def _in_rig(section: CameraSection, heads: Mapping[str, HeadRecord]) -> CameraSection:
+    """The same with what the file says of a head, and the mounting for which this holds."""
+    if section.name not in heads and all(one.reference != section.name for one in heads.values()):
+        return section
+    values = {**section.values, "mount_deg": 0}
+    remarks = section.remarks
+    if section.name in heads:
+        values["head"] = declared_head(heads[section.name])
+        remarks = (*remarks, "The head is as the file has it; it holds with mount_deg = 0 of both cameras.")
+    return CameraSection(section.name, values, remarks)
+
+
+def _exposures(file: FoundFile) -> list[ExposureRecords]:
+    records = (content.records for content in file.contents)
+    return [one for one in records if isinstance(one, ExposureRecords)]
 
 
 def _delivered(files: Sequence[FoundFile]) -> list[_Delivered]:

@@ -15,8 +15,10 @@ import pyarrow.parquet as pq
 
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
+from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.crs_definition import known_crs
-from tasks.formats.register import CAMERA_FORMATS, EXPOSURE_FORMATS
+from tasks.formats.register import CAMERA_FORMATS, read_exposures
+from tasks.formats.table_layout import TableLayout
 from tasks.formats.text_table import read_bytes
 from tasks.plain_text import quoted
 
@@ -35,15 +37,17 @@ _MARKS: tuple[tuple[re.Pattern[bytes], Callable[[Path], object]], ...] = (
     (re.compile(rb"\s*sensor\s*:(?=[\s\S]*focal_length\s*:)"), CAMERA_FORMATS["ossim"]),
     (
         re.compile(rb"\s*# Image list with two lines of data per image"),
-        lambda path: EXPOSURE_FORMATS["colmap"](path, "omega-phi-kappa"),
+        lambda path: read_exposures("colmap", path, "omega-phi-kappa", TableLayout(), colmap_rig_files(path)),
     ),
 )
+_RIGS = "rigs or frames of COLMAP: they are read with its images"
 #: Words at the beginning of a text, and what it is.
 _TEXTS: tuple[tuple[re.Pattern[bytes], str], ...] = (
     (
         re.compile(rb"\s*# 3D point list with one line of data per point"),
         "object points of COLMAP: they are computed again from the image points",
     ),
+    (re.compile(rb"\s*# (?:Rig calib|Frame) list with one line"), _RIGS),
     (re.compile(rb"(?:#.*\n)*\s*\w+: .*(?:\n.*)*bundle_\w+:"), "settings of OpenSfM: not a delivery"),
 )
 _CRS = re.compile(r"\s*(?:\+proj=|(?:PROJ|GEOG|GEOD|BOUND|COMPOUND|COMPD)(?:CRS|CS)\[)", re.IGNORECASE)
@@ -51,7 +55,7 @@ _FOCAL, _PIXEL = re.compile(r"focal", re.IGNORECASE), re.compile(r"pixel|pitch|p
 _TITLES = re.compile(r"[\w\s\"'#%()./-]+(?:[,;\t|][\w\s\"'#%()./-]*)+")
 _NOTES = {"readme", "license", "licence", "copying", "notice", "changelog"}
 _LONGEST_LINE, _MOST_HEADINGS = 2_000, 12
-_POINTS = "points3d.bin"
+_POINTS, _RIG_FILES = "points3d.bin", ("rigs.bin", "frames.bin")
 
 
 def crs_of_file(beginning: bytes) -> str | None:
@@ -76,6 +80,8 @@ def known_as(path: Path, beginning: bytes) -> str | None:
         return _parquet(path)
     if beginning.lstrip()[:1] in (b"{", b"["):
         return _json(path)
+    if path.name.lower() in _RIG_FILES:
+        return _RIGS
     if path.name.lower() == _POINTS:
         return "object points of COLMAP: they are computed again from the image points"
     if b"\0" in beginning:

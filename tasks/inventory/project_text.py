@@ -9,6 +9,7 @@ from typing import TypeAlias, cast
 import numpy as np
 import pyarrow as pa
 
+from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.meanings import ADJUSTED, IMAGE_POINT_MEANINGS, IN_A_MAP, WITHOUT_REFRACTION
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
 from tasks.formats.register import TABLE
@@ -124,7 +125,7 @@ def _input(
     if isinstance(records, ImagePointRecords):
         yield from _image_points(content, records)
     elif isinstance(records, ExposureRecords):
-        yield from _exposures(content, records, cameras, beside)
+        yield from _exposures(file, content, folder, cameras, beside)
     elif isinstance(records, ControlRecords):
         points = f"{len(records.line)} points"
         yield from place_lines(records.states, records.position, points, beside=beside)
@@ -144,8 +145,9 @@ def _image_points(content: Content, records: ImagePointRecords) -> Iterator[str]
 
 
 def _exposures(
-    content: Content, records: ExposureRecords, cameras: Sequence[CameraSection], beside: str | None
+    file: FoundFile, content: Content, folder: Path, cameras: Sequence[CameraSection], beside: str | None
 ) -> Iterator[str]:
+    records = cast(ExposureRecords, content.records)
     states = records.states
     yield from place_lines(states, records.position, f"{len(records.line):,} exposures", beside=beside)
     adjusted = content.format in ADJUSTED
@@ -163,6 +165,9 @@ def _exposures(
             'adjusted_in = { world = "map-cartesian", ground_m = 0.0 }, with the height of the ground.'
         )
     table = content.format == TABLE
+    rigs = colmap_rig_files(file.path) if content.format == "colmap" and records.heads else None
+    if rigs is not None:
+        yield key_line("rigs", [one.relative_to(folder).as_posix() for one in rigs])
     if len(cameras) > 1 or table:
         yield from camera_lines(records.camera, cameras)
     if table and "strip" in content.layout.elsewhere:

@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias
 from adjust.errors import ExtensionError
 from tasks.errors import InputError
 from tasks.files.delivered_file import opened
+from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.meanings import WITHOUT_MARK
 from tasks.formats.records import (
     AngleOrder,
@@ -191,7 +192,8 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
         if kind == "camera":
             records = read_cameras(name, path, layout)
         elif kind == "exposures":
-            records = read_exposures(name, path, order or "omega-phi-kappa", layout)
+            rigs = colmap_rig_files(path) if name == "colmap" else None
+            records = read_exposures(name, path, order or "omega-phi-kappa", layout, rigs)
         elif kind == "image_points":
             records = read_image_points(name, path, layout)
         elif kind == "control":

@@ -159,6 +159,12 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
         "name in the project, for formats that number images or truncate their names, "
         "e.g. the `patb_images.csv` of an export.",
     )
+    rigs: tuple[InputPath, InputPath] | None = Field(
+        default=None,
+        description="For `colmap`: the files `rigs` and `frames` of the same model, e.g. "
+        '`["rigs.txt", "frames.txt"]`, which join the images of [heads](rigs.md) to events. Other formats '
+        "have this in the file itself.",
+    )
     camera: Name | None = Field(
         default=None,
         description="Camera of all exposures of this file, regardless of the file; for files that "
@@ -205,6 +211,15 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
             raise trouble(
                 "Orientations adjusted in a map (adjusted_in) cannot have positions of an antenna or IMU.",
                 'Declare position = "projection_centre", or leave adjusted_in out.',
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _rigs_of_colmap(self) -> ExposuresInput:
+        if self.rigs is not None and self.format != "colmap":
+            raise trouble(
+                f"rigs are files of a COLMAP model, and the format is {self.format}.",
+                "Leave them out: other formats have their rigs in the file itself.",
             )
         return self
 

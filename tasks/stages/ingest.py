@@ -81,13 +81,17 @@ def _exposures(
     sources: tuple[ExposuresInput, ...], cameras: dict[str, CameraInput], frame: MapFrame
 ) -> ExposureColumns:
     """Columns of the exposures; empty ones without sources."""
+    from tasks.deliveries.angles_of_heads import body_from_heads
     from tasks.deliveries.cameras import camera_table, frame_cameras
     from tasks.deliveries.exposures import exposure_columns
 
     if sources:
         in_a_map = any(source.adjusted_in is not None for source in sources)
-        frames = frame_cameras(camera_table(cameras)) if in_a_map else {}
-        return exposure_columns(sources, tuple(cameras), frame, frames)
+        has_heads = any(camera.head is not None for camera in cameras.values())
+        table = camera_table(cameras) if in_a_map or has_heads else None
+        frames = frame_cameras(table) if in_a_map and table is not None else {}
+        heads = {} if table is None else body_from_heads(table)
+        return exposure_columns(sources, tuple(cameras), frame, frames, heads)
     notes = Notes((), {"counts": {"exposures": 0}})
     return {column.name: [] for column in EXPOSURES.columns}, {}, notes, ()
 

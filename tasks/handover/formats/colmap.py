@@ -13,10 +13,20 @@ from adjust.arrays import Floats
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import camera_from_world, exact, pixels, quaternions
 from tasks.handover.formats.numbers import METRES, fixed, table
+from tasks.handover.formats.rigs import written_rigs
 from tasks.handover.formats.short_names import renamed, without_blanks
 from tasks.handover.lens import LensModel, seen_pixels
 
 _GREY = "128 128 128"
+# By their first words COLMAP's own files are known, too.
+_RIGS = (
+    "# Rig calib list with one line of data per calib: RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, "
+    "SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])"
+)
+_FRAMES = (
+    "# Frame list with one line of data per frame: FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, "
+    "TZ], NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)"
+)
 _PIXEL_DECIMALS = 4
 
 
@@ -36,33 +46,20 @@ def write_colmap(delivery: Delivery) -> Files:
 
 def _rigs(delivery: Delivery) -> Files:
     """Rigs and frames of a block with heads that sit beside each other alike in all events."""
-    heads, camera = delivery.results.heads, delivery.results.images.camera
-    rotation, translation = camera_from_world(delivery)
-    relative = None if heads is None else heads.against_reference(camera, rotation, translation)
-    if heads is None or relative is None:
+    found = written_rigs(delivery)
+    if found is None:
         return {}
-    rigs, frames = (
-        ["# RIG_ID NUM_SENSORS REF_SENSOR_TYPE REF_SENSOR_ID, then the pose of each head"],
-        ["# FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS, then its images"],
-    )
-    turn, shift = relative
-    pose = np.hstack([quaternions(turn), shift])
-    references = np.unique(heads.reference)
+    rigs, frames = [_RIGS], [_FRAMES]
+    pose = np.hstack([quaternions(found.turn), found.shift])
+    references = np.unique(found.reference)
     for number, one in enumerate(references, start=1):
-        others = np.flatnonzero((heads.reference == one) & (np.arange(len(heads.reference)) != one))
+        others = np.flatnonzero((found.reference == one) & (np.arange(len(found.reference)) != one))
         sensors = [f"CAMERA {head + 1} 1 {' '.join(map(exact, pose[head]))}" for head in others]
         rigs.append(" ".join([f"{number} {len(others) + 1} CAMERA {one + 1}", *sensors]))
-    # The rig is its reference head: X_rig = R_relᵀ (R X + t − t_rel) by any of its images.
-    back = np.swapaxes(turn, 1, 2)[camera]
-    of_rig = np.hstack(
-        [quaternions(back @ rotation), np.einsum("nij,nj->ni", back, translation - shift[camera])]
-    )
-    order = np.argsort(heads.event, kind="stable")
-    for number, images in enumerate(
-        np.split(order, np.flatnonzero(np.diff(heads.event[order])) + 1), start=1
-    ):
-        rig = int(np.searchsorted(references, heads.reference[camera[images[0]]])) + 1
-        taken = [f"CAMERA {camera[k] + 1} {k + 1}" for k in images]
+    of_rig = np.hstack([quaternions(found.rig_turn), found.rig_shift])
+    for number, images in enumerate(found.events, start=1):
+        rig = int(np.searchsorted(references, found.reference[found.camera[images[0]]])) + 1
+        taken = [f"CAMERA {found.camera[k] + 1} {k + 1}" for k in images]
         values = " ".join(map(exact, of_rig[images[0]]))
         frames.append(f"{number} {rig} {values} {len(images)} {' '.join(taken)}")
     return {"rigs.txt": "\n".join(rigs) + "\n", "frames.txt": "\n".join(frames) + "\n"}

@@ -42,6 +42,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             seen=True,
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
             points=True,
+            rigs="all",
         ),
         DeliveryFormat(
             "opensfm",
@@ -50,6 +51,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             "17 digits; image points 1e-9 of the longer side",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
             points=True,
+            rigs="all",
         ),
         DeliveryFormat(
             "opf",
@@ -59,6 +61,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             seen=True,
             lens=LENS,
             points=True,
+            rigs="with-reference",
         ),
         DeliveryFormat(
             "openmvg",

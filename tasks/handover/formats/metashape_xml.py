@@ -4,7 +4,8 @@ The chunk is east, north, up of the middle of the block, and the transform of th
 geocentric WGS 84; a local block has none. A camera's transform is that of its axes x right, y down, z forward
 to the chunk, row by row. f is along rows; cx, cy count from the middle of the image, and P1, P2 are p2, p1.
 Markers are the surveyed points that were measured, in longitude, latitude, ellipsoidal height (local: in the
-chunk); check points are switched off, and pixels count from the corner of the first one.
+chunk); check points are switched off, and pixels count from the corner of the first one. Heads of a rig are
+slave sensors of their reference head, and their images slave cameras of its image.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from tasks.formats.plain_records import CV_AXES
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import exact, pixels
 from tasks.handover.formats.numbers import fixed
+from tasks.handover.formats.rigs import WrittenRigs, written_rigs
 from tasks.handover.lens import LensModel
 
 _LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "p1": "p2", "p2": "p1"}
@@ -37,8 +39,9 @@ def write_metashape_xml(delivery: Delivery) -> Files:
     document = ElementTree.Element("document", version="2.0.0")
     chunk = _add(document, "chunk", label=delivery.results.name, enabled="true")
     sensors = _add(chunk, "sensors")
+    rigs = written_rigs(delivery)
     for number, model in enumerate(delivery.lenses.models):
-        _add_sensor(sensors, number, model)
+        _add_mounting(_add_sensor(sensors, number, model), number, rigs)
     frame = delivery.results.images.frame
     component = _add(_add(chunk, "components", active_id="0"), "component", id="0", label="aerocal")
     if isinstance(frame, TopocentricFrame):
@@ -46,10 +49,14 @@ def write_metashape_xml(delivery: Delivery) -> Files:
     cameras, pose = _add(chunk, "cameras"), delivery.handed.pose
     matrix = np.tile(np.eye(4), (len(delivery.names), 1, 1))
     matrix[:, :3, :3], matrix[:, :3, 3] = pose.map_from_camera @ CV_AXES, pose.centre
+    events = [] if rigs is None else rigs.with_reference()
+    master = {int(k): first for first, images in events for k in images if k != first}
     for k, name in enumerate(delivery.names):
         known = {"id": str(k), "sensor_id": str(delivery.results.images.camera[k]), "component_id": "0"}
-        camera = _add(cameras, "camera", **known, label=name, enabled="true")
-        _add(camera, "transform").text = _numbers(matrix[k].ravel())
+        slave = {"master_id": str(master[k])} if k in master else {}
+        camera = _add(cameras, "camera", **known, **slave, label=name, enabled="true")
+        if not slave:
+            _add(camera, "transform").text = _numbers(matrix[k].ravel())
         _add(camera, "orientation").text = "1"
     return {"metashape_cameras.xml": _finished(document, chunk, frame), **_markers(delivery, frame)}
 
@@ -96,7 +103,17 @@ def _finished(document: ElementTree.Element, chunk: ElementTree.Element, frame: 
     return ElementTree.tostring(document, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_sensor(sensors: ElementTree.Element, number: int, model: LensModel) -> None:
+def _add_mounting(sensor: ElementTree.Element, number: int, rigs: WrittenRigs | None) -> None:
+    """The master of a head, and how it sits beside it."""
+    if rigs is None or rigs.reference[number] == number:
+        return
+    sensor.set("master_id", str(rigs.reference[number]))
+    turn, place = rigs.back
+    _add(sensor, "rotation", fixed="true").text = _numbers(turn[number].ravel())
+    _add(sensor, "location", fixed="true").text = _numbers(place[number])
+
+
+def _add_sensor(sensors: ElementTree.Element, number: int, model: LensModel) -> ElementTree.Element:
     size = {"width": str(model.columns), "height": str(model.rows)}
     pixel = exact(model.pixel_size * 1e3)
     (fx, fy), (column, row) = model.focal, model.principal_point
@@ -115,6 +132,7 @@ def _add_sensor(sensors: ElementTree.Element, number: int, model: LensModel) -> 
     }
     for name, value in values.items():
         _add(calibration, name).text = exact(value)
+    return sensor
 
 
 def _add_transform(component: ElementTree.Element, frame: TopocentricFrame) -> None:

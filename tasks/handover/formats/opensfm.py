@@ -2,7 +2,8 @@
 
 Cameras are ``brown``; lengths in the image are parts of its longer side, from its middle. Tracks go by the names of the points.
 A block on the earth has OpenDroneMap's ``gcp_list.txt``, with complete surveyed points (check points as ``CHK-NAME``), and ``geo.txt``, the
-positions of its images; both in longitude, latitude and ellipsoidal height.
+positions of its images; both in longitude, latitude and ellipsoidal height. A block with rigs has rig cameras and rig instances, also as
+``rig_cameras.json`` and ``rig_assignments.json``; the rig is its reference head.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from tasks.errors import InputError
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import camera_from_world, pixels
 from tasks.handover.formats.numbers import fixed
+from tasks.handover.formats.rigs import written_rigs
 from tasks.handover.lens import LensModel
 
 _GREY = [128.0, 128.0, 128.0]
@@ -58,11 +60,46 @@ def write_opensfm(delivery: Delivery) -> Files:
             "longitude": float(np.rad2deg(frame.longitude)),
             "altitude": float(frame.height_of_origin_m),
         }
+    rigs, assignments = _rigs(delivery)
     return {
-        "reconstruction.json": json.dumps([found], indent=1) + "\n",
+        "reconstruction.json": json.dumps([{**found, **rigs}], indent=1) + "\n",
         "tracks.csv": _tracks(delivery),
+        **assignments,
         **(_on_earth(delivery, frame) if isinstance(frame, TopocentricFrame) else {}),
     }
+
+
+def _rigs(delivery: Delivery) -> tuple[dict[str, object], dict[str, str]]:
+    """Rig cameras and instances of a reconstruction, and the files of its dataset that declare them."""
+    found = written_rigs(delivery)
+    if found is None:
+        return {}, {}
+    names, cameras = [model.name for model in delivery.lenses.models], delivery.camera_names
+    turn, of_rig = log(found.turn), log(found.rig_turn)
+    heads = {
+        name: {"rotation": turn[k].tolist(), "translation": found.shift[k].tolist()}
+        for k, name in enumerate(names)
+    }
+    instances = {
+        f"{number}": {
+            "rotation": of_rig[images[0]].tolist(),
+            "translation": found.rig_shift[images[0]].tolist(),
+            "rig_camera_ids": {delivery.names[k]: cameras[k] for k in images},
+        }
+        for number, images in enumerate(found.events, start=1)
+    }
+    assignments = {
+        f"{number}": [[delivery.names[k], cameras[k]] for k in images]
+        for number, images in enumerate(found.events, start=1)
+    }
+    models = {name: {**head, "camera": name} for name, head in heads.items()}
+    return (
+        {"rig_cameras": heads, "rig_instances": instances},
+        {
+            "rig_cameras.json": json.dumps(models, indent=1) + "\n",
+            "rig_assignments.json": json.dumps(assignments, indent=1) + "\n",
+        },
+    )
 
 
 def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:

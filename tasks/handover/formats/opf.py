@@ -3,7 +3,8 @@
 World is the frame of the adjustment as an engineering CRS, so nothing is approximated. Pixels count from the corner of the first one;
 angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points are in the same frame, as control or check points with
 their marks; a point without one of its coordinates is a manual tie point. Tie points are a cloud with their
-matches (``opf_cloud``).
+matches (``opf_cloud``). Heads of a rig are sensors with relatives, their events captures; those without an image of the reference
+head are captures of single cameras.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from importlib.metadata import version
 import numpy as np
 
 from adjust.geometry.earth import TopocentricFrame
+from adjust.geometry.rotation import to_omega_phi_kappa
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.formats.camera_axes import pixels
 from tasks.handover.formats.numbers import in_angles
 from tasks.handover.formats.opf_cloud import cloud_files, resources
+from tasks.handover.formats.rigs import WrittenRigs, written_rigs
 from tasks.handover.lens import LensModel
 
 _VERSION = "1.0"
@@ -52,7 +55,12 @@ def write_opf(delivery: Delivery) -> Files:
         {"id": k, "sensor_id": int(camera[k]), "position": centre.tolist(), "orientation_deg": turn.tolist()}
         for k, (centre, turn) in enumerate(zip(pose.centre, angles, strict=True))
     ]
-    sensors = [{"id": k, "internals": _internals(model)} for k, model in enumerate(delivery.lenses.models)]
+    rigs = written_rigs(delivery)
+    relatives = _relatives(rigs)
+    sensors = [
+        {"id": k, "internals": _internals(model), **relatives.get(k, {})}
+        for k, model in enumerate(delivery.lenses.models)
+    ]
     points = delivery.points
     adjusted = [
         {"id": points.names[k], "coordinates": points.local[k].tolist()}
@@ -67,7 +75,7 @@ def write_opf(delivery: Delivery) -> Files:
     frame = {"scale": [1.0, 1.0, 1.0], "shift": [0.0, 0.0, 0.0], "swap_xy": False}
     contents: dict[str, dict[str, object]] = {
         "camera-list": {"cameras": [{"id": k, "uri": name} for k, name in enumerate(delivery.names)]},
-        "input-cameras": {"sensors": _sensors(delivery), "captures": _captures(delivery)},
+        "input-cameras": {"sensors": _sensors(delivery), "captures": _captures(delivery, rigs)},
         "scene-reference-frame": {"crs": crs, "base_to_canonical": frame},
         "input-control-points": {"gcps": gcps, "mtps": mtps},
         "projected-control-points": {"projected_gcps": projected},
@@ -120,25 +128,42 @@ def _sensors(delivery: Delivery) -> list[dict[str, object]]:
     ]
 
 
-def _captures(delivery: Delivery) -> list[dict[str, object]]:
+def _relatives(rigs: WrittenRigs | None) -> dict[int, dict[str, object]]:
+    """Of the sensors that are secondary ones of a rig; axes x right, y down, z front."""
+    if rigs is None:
+        return {}
+    turn, place = rigs.back
+    angles = np.rad2deg(to_omega_phi_kappa(turn))
+    return {
+        int(k): {
+            "rig_relatives": {"translation": place[k].tolist(), "rotation_angles_deg": angles[k].tolist()}
+        }
+        for k in np.flatnonzero(rigs.reference != np.arange(len(rigs.reference)))
+    }
+
+
+def _captures(delivery: Delivery, rigs: WrittenRigs | None) -> list[dict[str, object]]:
     camera, time = delivery.results.images.camera, f"{delivery.results.needed_date.isoformat()}T00:00:00"
+    images = range(len(delivery.names))
+    events = [(k, np.array([k])) for k in images] if rigs is None else rigs.with_reference()
     return [
         {
-            "id": k,
+            "id": number,
             "cameras": [
                 {
-                    "id": k,
+                    "id": int(k),
                     "sensor_id": int(camera[k]),
                     "model_source": "user",
                     "pixel_type": "uint8",
                     "pixel_range": {"min": 0, "max": 255},
                 }
+                for k in taken
             ],
-            "reference_camera_id": k,
-            "rig_model_source": "not_applicable",
+            "reference_camera_id": first,
+            "rig_model_source": "user" if len(taken) > 1 else "not_applicable",
             "time": time,
         }
-        for k in range(len(delivery.names))
+        for number, (first, taken) in enumerate(events)
     ]
 
 

@@ -337,7 +337,8 @@ def test_the_parts_of_the_opf_example_say_what_they_are(samples, tmp_path):
     # Its arbitrary frame is left-handed (x north, y east) and says that it is not.
     scene = (samples / "more" / "opf" / "arbitrary-scene-reference-frame.json").read_text()
     cameras = (samples / "opf" / "camera-list.json").read_text()
-    listed = cameras.replace("84736329", "57282923").replace("86930102", "10000000")
+    # Its list of cameras lacks the second one of a capture.
+    listed = cameras.replace("28436394", "57282923")
     with pytest.raises(InputError, match="swap_xy"):
         read_opf_exposures(opf_example(samples, tmp_path, **{"camera-list": listed}), ORDER)
     right = {
@@ -352,6 +353,9 @@ def test_the_parts_of_the_opf_example_say_what_they_are(samples, tmp_path):
     assert records.position[0].tolist() == [483.054, 13.957, 28.12]
     np.testing.assert_allclose(records.angles[2], [1.4753, 10.5839, -2.94832])
     assert "shift 5.302, 3.089, -35.246 m" in records.remarks[0]
+    # Two rigs; what is said of their mountings is not what their cameras have, or missing.
+    assert records.event is None
+    assert [remark.partition(":")[0][-11:] for remark in records.remarks[1:]] == 2 * ["stand alone"]
     with pytest.raises(InputError, match="Only perspective"):
         read_opf_cameras(opf_example(samples, tmp_path, **right))
 

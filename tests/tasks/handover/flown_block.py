@@ -10,7 +10,7 @@ import pandas as pd
 
 from adjust.camera.interior import FrameCamera
 from adjust.geometry.earth import TopocentricFrame
-from adjust.geometry.rotation import about_x, about_z
+from adjust.geometry.rotation import about_x, about_z, from_omega_phi_kappa
 from tasks.block.self_calibration import additional_parameters_of, image_format_of
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
@@ -22,6 +22,7 @@ from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses
 from tasks.handover.receiver import hand_over
 from tasks.handover.results import CalibratedCamera, Results
+from tasks.handover.rig_heads import RigHeads
 from tasks.handover.rigorous import OrientedImages
 from tasks.settings.coordinates import Heights
 
@@ -35,7 +36,8 @@ NAMES = ("1 a.tif", "0002.tif", "III_3", "4")
 class Flight:
     """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion).
 
-    `binned` pixels of the camera are one, so that an image of it can be made.
+    `binned` pixels of the camera are one, so that an image of it can be made. `rig`: the second camera is
+    a head beside the first one, and two images each are of one event.
     """
 
     above: float = 1000.0
@@ -44,6 +46,12 @@ class Flight:
     corrections: bool = False
     longitude_deg: float = 9.3
     binned: int = 1
+    rig: bool = False
+
+
+#: The head of a rig against its reference head: image axes of both, metres.
+HEAD = from_omega_phi_kappa(np.radians([20.0, -2.0, 91.0]))
+BESIDE = np.array([0.2, -0.1, 0.05])
 
 
 def flown(case: Flight) -> tuple[Results, BlockPoints]:
@@ -56,9 +64,13 @@ def flown(case: Flight) -> tuple[Results, BlockPoints]:
     # An oblique camera looks to the same side of its image in every image.
     turn = about_z(np.array([0.0, np.pi, 1.2, -0.4])) @ about_x(np.deg2rad(case.tilt_deg))
     cameras = tuple(camera(name, case) for name in ("UC A", "B"))
+    turn = np.asarray(frame.local_from_enu(centre)) @ turn
+    heads = None
+    if case.rig:
+        turn[1::2], centre[1::2] = turn[::2] @ HEAD, centre[::2] + turn[::2] @ BESIDE
+        heads = RigHeads(np.array([0, 0]), np.array([0, 0, 1, 1]))
     images = OrientedImages(
-        NAMES, np.array([0, 1, 0, 1]), UTM, frame, centre,
-        np.asarray(frame.local_from_enu(centre)) @ turn,
+        NAMES, np.array([0, 1, 0, 1]), UTM, frame, centre, turn,
         np.array([item.frame.focal_length for item in cameras]),
         np.array([item.frame.half_format for item in cameras]),
         np.array([item.frame.pixel_size for item in cameras]), case.refracted,
@@ -69,7 +81,7 @@ def flown(case: Flight) -> tuple[Results, BlockPoints]:
     relief = 0.02 * case.above
     ground = np.tile([GROUND - relief, GROUND, GROUND + relief], (len(NAMES), 1))
     results = Results(
-        images, cameras, table, ("s1", "s1", "s 2", ""), ground, "flown", date(2026, 5, 24)
+        images, cameras, table, ("s1", "s1", "s 2", ""), ground, "flown", date(2026, 5, 24), heads
     )  # fmt: skip
     return results, points_of(results)
 

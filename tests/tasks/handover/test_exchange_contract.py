@@ -105,8 +105,8 @@ READ = {
         image_point_um=6e-5, control_m=6e-5, unit="mm", incomplete=True,
     ),
 }  # fmt: skip
-CASES = [Flight(), Flight(2000.0, 45.0), Flight(corrections=True)]
-IDS = ["forward distortion", "oblique", "correction polynomials"]
+CASES = [Flight(), Flight(2000.0, 45.0), Flight(corrections=True), Flight(rig=True)]
+IDS = ["forward distortion", "oblique", "correction polynomials", "rig"]
 
 
 @dataclass(frozen=True, eq=False)

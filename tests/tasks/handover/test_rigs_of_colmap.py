@@ -12,23 +12,16 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.formats.colmap import read_colmap_exposures
 from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.rig_heads import RigHeads, rig_heads
+from tasks.handover.rig_heads import rig_heads
 from tests.tasks.handover.flown_block import NAMES, Flight, delivered, flown
-
-HEAD = from_omega_phi_kappa(np.radians([45.0, -2.0, 91.0]))
-BESIDE = np.array([0.2, -0.1, 0.05])
 
 
 def rig_block(turned=0.0):
     """Two events of two heads; the second head sits otherwise in the second event by `turned` radians."""
-    results, _ = flown(Flight(2000.0))
-    turn, centre = results.images.local_from_camera.copy(), results.images.projection_centre.copy()
-    for head, one in ((1, HEAD), (3, HEAD @ from_omega_phi_kappa(np.array([turned, 0.0, 0.0])))):
-        turn[head] = turn[head - 1] @ one
-        centre[head] = centre[head - 1] + turn[head - 1] @ BESIDE
-    images = replace(results.images, local_from_camera=turn, projection_centre=centre)
-    heads = RigHeads(np.array([0, 0]), np.array([0, 0, 1, 1]))
-    return replace(results, images=images, heads=heads)
+    results, _ = flown(Flight(2000.0, rig=True))
+    turn = results.images.local_from_camera.copy()
+    turn[3] = turn[3] @ from_omega_phi_kappa(np.array([turned, 0.0, 0.0]))
+    return replace(results, images=replace(results.images, local_from_camera=turn))
 
 
 def pose_of(values):
