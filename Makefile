@@ -79,8 +79,8 @@ $(DOCS_STAMP): requirements-docs.lock
 
 # Every warning is an error: a broken link, a missing anchor, a docstring that cannot be read.
 docs: $(DOCS_STAMP) spelling
-	$(DOCS_VENV)/bin/sphinx-build -q -W --keep-going -E -a -b html -c docs . build/site
-	@echo "The documentation is in build/site/docs/index.html."
+	$(DOCS_VENV)/bin/python -m docs.generate.site
+	@echo "The documentation is in build/site/index.html."
 
 # The same without writing pages, for CI: links, anchors, pictures and docstrings are resolved as for the site.
 docs-lint: $(DOCS_STAMP) spelling

@@ -55,6 +55,17 @@ html_static_path = []
 # Which version and commit a site describes is on every page, below the title.
 templates_path = ["templates"]
 html_context = {"commit": _commit()}
+# Furo's own order, with the menu of versions below the title.
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "sidebar/versions.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
+    ]
+}
 html_show_sourcelink = False
 html_show_sphinx = False
 html_show_copyright = False
