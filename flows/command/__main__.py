@@ -19,7 +19,7 @@ from flows.command.interruption import end_on_signals
 
 
 def main() -> None:
-    """Run the command line; ends the process with the exit code of the contract."""
+    """Run the command line; ends the process with the documented exit code."""
     end_on_signals(_command_line)
 
 

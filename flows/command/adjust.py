@@ -1,4 +1,4 @@
-"""``aerocal adjust``: the aerial triangulation of a project, and nothing after it."""
+"""``aerocal adjust``: only the aerial triangulation of a project."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def _as_json(end: ProjectEnd) -> JSON:
 
 
 def _show(ends: Sequence[ProjectEnd]) -> None:
-    """A line for each project, and below why some have no result."""
+    """One line for each project; below, why some have no result."""
     console = Console()
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     table.add_column("project", overflow="fold")

@@ -34,7 +34,7 @@ def calibration_verdict(found: CalibrationFigures) -> RenderableType:
 
 
 def parameters_beside_limits(title: str, owner: str, value: str) -> Table:
-    """An empty table of parameters: whose they are, value, σ, limit, unit, verdict."""
+    """An empty table of parameters with entity, value, σ, limit, unit and verdict."""
     table = Table(
         title=title,
         title_justify="left",

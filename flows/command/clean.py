@@ -1,4 +1,4 @@
-"""``aerocal clean``: room on the disk, without touching anything that is published."""
+"""``aerocal clean``: free disk space without touching published results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carry out ``aerocal clean`` and show what went and what stays."""
+"""Carry out ``aerocal clean`` and show what was removed and what was kept."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def execute_clean_up(folders: Sequence[Path], older_than: int, act: Act, *, as_j
 
 
 def _table(done: CleanedFolders) -> Table:
-    """Folders from which something goes, one a row."""
+    """One row for each folder from which something is removed."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     table.add_column("output folder", overflow="fold")
     for heading in ("outputs", "leftovers", "freed", "kept"):

@@ -1,4 +1,4 @@
-"""``aerocal convert``: deliveries in a format of block exchange."""
+"""``aerocal convert``: deliveries in a block exchange format."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def convert_and_show(
     overrides: tuple[str, ...],
     data: Path | None,
 ) -> int:
-    """Convert and show the statement; wrong input leaves as an InputError."""
+    """Convert and show the statement; wrong input raises InputError."""
     chosen_world(world, chosen_format(to, EXCHANGE))
     show_progress()
     folder = given.absolute().parent / to if out is None else out

@@ -27,7 +27,7 @@ _MOST = 5
 def examine(
     project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None, *, as_json: bool
 ) -> int:
-    """Examine a project and print the findings; wrong input leaves as an InputError."""
+    """Examine a project and print the findings; wrong input raises InputError."""
     show_progress()
     request = RunRequest.of(project_file, out, overrides, data)
     project = request.project()
@@ -89,7 +89,7 @@ def _show_mistake(console: Console, number: int, mistake: ListedMistake) -> None
 
 
 def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]:
-    """Figures as rows of text; those inside a table of figures carry its name before theirs."""
+    """Figures as rows of text; the name of a nested figure starts with that of its table."""
     rows: list[tuple[str, str]] = []
     for name, value in figures.items():
         label = f"{above}{name.replace('_', ' ')}"
@@ -103,7 +103,7 @@ def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]
 
 
 def _largest(label: str, items: Sequence[Mapping[str, JSON]]) -> list[tuple[str, str]]:
-    """A line for each table of figures in a list, the largest values first, and no more than a few."""
+    """One line for each table of figures in a list: only the few with the largest values, largest first."""
 
     def size(item: Mapping[str, JSON]) -> float:
         return max((abs(value) for value in item.values() if isinstance(value, float)), default=0.0)
@@ -114,7 +114,7 @@ def _largest(label: str, items: Sequence[Mapping[str, JSON]]) -> list[tuple[str,
 
 
 def _in_one_line(item: Mapping[str, JSON]) -> str:
-    """Its name, and its figures behind that: ``C108: dx m -0.238, dy m 0.155``."""
+    """The name followed by its figures: ``C108: dx m -0.238, dy m 0.155``."""
     named = ", ".join(value for value in item.values() if isinstance(value, str))
     numbers = [
         f"{name.replace('_', ' ')} {_text(value)}"

@@ -1,4 +1,4 @@
-"""From what happened to the exit code of the contract, and to one line on the screen."""
+"""From the outcome of a command to its documented exit code and one line on the screen."""
 
 from __future__ import annotations
 
@@ -49,5 +49,5 @@ def complain(error: str) -> None:
 
 
 def remark(sentence: str) -> None:
-    """Print something worth knowing that is not an error in one line on stderr."""
+    """Print a remark, which is not an error, in one line on stderr."""
     typer.secho(f"Remark: {sentence}", err=True, fg=typer.colors.YELLOW)

@@ -21,7 +21,7 @@ from tasks.settings.deliver import AngleOrder, AngleUnit
 
 
 def list_formats() -> int:
-    """All formats with what they are for."""
+    """List all formats and what they are for."""
     console = Console()
     for title, register in (("Block exchange", EXCHANGE), ("Result delivery", DELIVERIES)):
         table = Table("format", "what", "usual kind", title=title, title_justify="left", title_style="bold")
@@ -37,7 +37,7 @@ def list_formats() -> int:
 def write_export(
     results: Path, to: str, out: Path | None, world: str | None, order: str, unit: str, *, force: bool
 ) -> int:
-    """Write and show the statement; wrong input leaves as an InputError."""
+    """Write and show the statement; wrong input raises InputError."""
     angles = Angles(
         cast(AngleOrder, _one_of(order, get_args(AngleOrder), "--angles")),
         cast(AngleUnit, _one_of(unit, get_args(AngleUnit), "--unit")),

@@ -1,4 +1,4 @@
-"""Libraries that come with an extra of the installation: which one, when one of them is missing."""
+"""Libraries that belong to an extra of the installation: name the extra when one of them is missing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXTRA_OF = {
 
 
 def missing_extra(error: ImportError) -> str | None:
-    """What to install where a library of an extra is missing, a sentence; None: it is no such library."""
+    """A sentence that says what to install for a missing library; None if it belongs to no extra."""
     library = (error.name or "").partition(".")[0]
     extra = EXTRA_OF.get(library)
     if extra is None:

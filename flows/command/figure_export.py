@@ -14,7 +14,7 @@ from tasks.stages.report import REPORT
 
 
 def write_figures(results: Path, out: Path) -> int:
-    """Write the figures of the report in a folder of results; without a report an InputError leaves."""
+    """Write the figures of the report in a folder of results; without a report InputError is raised."""
     files = export_figures(results / REPORT, output_folder(str(out)))
     console = Console()
     console.print(Text("\n".join(file.name for file in files)))

@@ -82,7 +82,7 @@ def _parallaxes(figures: CheckFigures) -> Table:
 
 
 def _empty() -> Table:
-    """A table with a rule under its head and no frame."""
+    """A table with a rule below its header and no frame."""
     return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
 
 

@@ -31,7 +31,7 @@ def execute_image_quality(
     *,
     as_json: bool,
 ) -> int:
-    """Run, and show the result; returns the exit code. Wrong settings leave as an InputError."""
+    """Run, and show the result; returns the exit code. Wrong settings raise InputError."""
     request = ExaminationRequest(source, out, overrides, data)
     address = server_to_report_to(server, remark)
     console = show_progress(on_screen=address is None)

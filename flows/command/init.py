@@ -1,4 +1,4 @@
-"""``aerocal init``: begin a project with a folder of delivered files."""
+"""``aerocal init``: start a project from a folder of delivered files."""
 
 from __future__ import annotations
 

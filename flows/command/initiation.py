@@ -26,7 +26,7 @@ _KINDS = {
 
 
 def initiate(folder: Path) -> int:
-    """Write the project file and show the files; wrong input leaves as an InputError."""
+    """Write the project file and show the files; wrong input raises InputError."""
     found = begin_project(folder)
     console = Console()
     console.print(_table(found))

@@ -45,7 +45,7 @@ _AT_ONCE = b"Ended without cleaning up, which took too long; " + _KEPT
 
 
 class TerminationError(BaseException):
-    """The process was asked to end (SIGTERM). Not an Exception: nothing may swallow it."""
+    """The process was asked to end (SIGTERM). No subclass of Exception, so that no handler swallows it."""
 
 
 def end_on_signals(command: Callable[[], object]) -> NoReturn:
@@ -97,7 +97,7 @@ def _on_each_signal(handler: Callable[[int, FrameType | None], object] | signal.
 
 
 def _start_watch() -> None:
-    """Have a thread see to the end once a signal has come."""
+    """Start the thread that ends the process after a signal."""
     signal.signal(_WAKING, lambda _number, _frame: None)
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -107,7 +107,7 @@ def _start_watch() -> None:
 
 
 def _watch(reading: int) -> NoReturn:
-    """Wait for a signal that asks for the end; wake the main thread until it ends, or end the process."""
+    """Wait for a signal to end; interrupt the main thread until it ends, or end the process."""
     while (number := os.read(reading, 1)[0]) not in _EXIT_CODES:
         pass
     main_thread = threading.main_thread().ident

@@ -1,4 +1,4 @@
-"""The living line of a run: which stage is in work, how much is done, and about how long the rest takes.
+"""The progress line of a run: its current stage, how much is done, and roughly how long the rest takes.
 
 It stands below the messages on a terminal once a run has taken some seconds, and nowhere else. How long
 stages take is known from the last time they were computed for the same output folder; the first time from how
@@ -74,17 +74,17 @@ class LivingLine(logging.Handler):
 
     @property
     def fraction(self) -> float:
-        """What is done of the work, 0 to 1."""
+        """Fraction of the work that is done, 0 to 1."""
         done = self._done + self._in_work()
         return done / whole if (whole := self._done + sum(self._left.values())) > 0.0 else 0.0
 
     @property
     def seconds_left(self) -> float:
-        """How long the rest takes if it continues as it did."""
+        """Time that the rest takes at the same pace, s."""
         return self._pace() * (sum(self._left.values()) - self._in_work())
 
     def __rich__(self) -> RenderableType:
-        """The line; nothing at first, and nothing between stages."""
+        """The line; empty at first and between stages."""
         if self._stage is None or self._clock() - self._start < _SHOWN_AFTER_S:
             return Group()
         line = Table.grid(padding=(0, 2))
@@ -94,11 +94,11 @@ class LivingLine(logging.Handler):
         return line
 
     def _pace(self) -> float:
-        """Seconds that an expected second takes."""
+        """Actual seconds for each expected second."""
         return self._took / self._done if self._done > 0.0 else 1.0
 
     def _in_work(self) -> float:
-        """What is done of the stage in work, in expected seconds."""
+        """Part of the current stage that is done, in expected seconds."""
         if self._stage is None:
             return 0.0
         expected = self._left.get(self._stage, 0.0)
@@ -113,7 +113,7 @@ def _expected_s(store: Store, stage: str) -> float:
 
 @contextmanager
 def living_line(console: Console, directory: Path, stages: Sequence[str]) -> Iterator[None]:
-    """Show the line while the stages of a story are carried out here for an output folder."""
+    """Show the line while this process runs the stages of a story for an output folder."""
     if not (sys.stderr.isatty() and console.is_interactive):
         yield
         return

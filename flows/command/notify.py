@@ -1,4 +1,4 @@
-"""``aerocal notify``: a test message to everybody who gets notices."""
+"""``aerocal notify``: a test message to everyone who receives notices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carry out ``aerocal plan``: a specification or a project, its network, and what that determines."""
+"""Carry out ``aerocal plan``: from a specification or a project to its network and what it determines."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PlanOptions:
 
 
 def _of_source(source: str) -> Callable[..., CalibrationPlan]:
-    """What plans a source; only its own modules are loaded."""
+    """The function that plans a source; only the modules it needs are loaded."""
     if is_project_file(source):
         from flows.stories.project_plan import plan_of_project
 
@@ -54,7 +54,7 @@ def _of_source(source: str) -> Callable[..., CalibrationPlan]:
 
 
 def execute_plan(options: PlanOptions, *, as_json: bool) -> int:
-    """Compute a plan and print it; wrong input leaves as an InputError."""
+    """Compute a plan and print it; wrong input raises InputError."""
     show_progress()
     free = None if options.free is None else free_from_text(options.free)
     plan = _of_source(options.source)(

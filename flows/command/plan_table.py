@@ -1,4 +1,4 @@
-"""A plan on the screen: the verdict, why, every quantity with its limit, correlations, and what to add."""
+"""A plan on the screen: verdict, reasons, every quantity with its limit, correlations, and what to add."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def plan_table(plan: CalibrationPlan) -> RenderableType:
 
 
 def _is_of_quantity(reason: str, here: Expectation) -> bool:
-    """Whether a reason is said of a quantity; the table has those."""
+    """Whether a reason concerns a single quantity; those are in the table."""
     return any(reason.startswith(f"{item} is ") for item in here.quantities)
 
 
@@ -86,7 +86,7 @@ def _quantities(here: Expectation) -> Table:
 
 
 def _correlations(here: Expectation) -> Table:
-    """The pairs that are correlated most, each once."""
+    """The most strongly correlated pairs, each once."""
     table = _titled("Strongest correlations")
     table.add_column("of", no_wrap=True)
     table.add_column("with", no_wrap=True)
@@ -131,7 +131,7 @@ def _proposals(plan: CalibrationPlan) -> Table:
 
 
 def _shown(plan: CalibrationPlan) -> list[Proposal]:
-    """The last ones: the one that suffices, and those just before it."""
+    """The last additions: the one that suffices, and those just before it."""
     return list(plan.proposals[-_SHOWN_PROPOSALS:])
 
 
@@ -152,7 +152,7 @@ def _cheapest(plan: CalibrationPlan) -> Text:
 
 
 def _titled(title: str) -> Table:
-    """An empty table with a rule under its head and no frame, to fit eighty columns."""
+    """An empty table with a rule below its header and no frame, for eighty columns."""
     return Table(
         title=title,
         title_justify="left",

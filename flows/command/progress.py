@@ -1,4 +1,4 @@
-"""Progress on stderr: what the stages tell the logger ``aerocal``."""
+"""Progress on stderr: the messages of the stages to the logger ``aerocal``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _ScreenHandler(logging.Handler):
 
 
 def show_progress(*, on_screen: bool = True) -> Console:
-    """Let the stages' messages through from now on.
+    """Show the stages' messages from now on.
 
     Parameters
     ----------

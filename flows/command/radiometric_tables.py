@@ -1,4 +1,4 @@
-"""Radiometric results of the registry on the screen: which there are, and how a camera has changed."""
+"""Radiometric results of the registry on the screen: their list, and how a camera has changed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def print_radiometric(results: Sequence[RadiometricResult]) -> None:
 
 
 def show_radiometric(results: Sequence[RadiometricResult], *, as_json: bool) -> None:
-    """The results of a camera, and every quantity from one to the next."""
+    """The results of a camera, and the change of every quantity from one to the next."""
     if as_json:
         print(json_text([one.record.model_dump(mode="json") for one in results], indent=2))
         return

@@ -174,7 +174,7 @@ def export(
     ] = None,
     address: Address = None,
 ) -> None:
-    """Write a calibration as JSON: exactly the bytes of which its verification code is the SHA-256."""
+    """Write a calibration as JSON: exactly the bytes whose SHA-256 is its verification code."""
     from flows.command.registry_actions import export_calibration
 
     end_with(lambda: export_calibration(number, out, address))

@@ -26,7 +26,7 @@ from tasks.settings.registry import registry_address
 
 
 def opened(address: str | None) -> Registry:
-    """The registry an option, the environment or the user's data folder names."""
+    """The registry: named by the option or the environment, otherwise in the user's data folder."""
     return Registry.at(registry_address(address))
 
 
@@ -47,7 +47,7 @@ def add_calibrations(
 
 
 def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) -> None:
-    """What was added, and what has changed since the result before it."""
+    """Report what was added, and what has changed since the previous result."""
     console, record = Console(), added.record
     console.print(Text(f"Added as radiometric result {added.id}: version {added.version} of {record.label}."))
     console.print(Text(f"Verification code {added.digest}"), soft_wrap=True)
@@ -92,7 +92,7 @@ def approve_calibration(
     although: str,
     address: str | None,
 ) -> int:
-    """Show how a calibration differs from what holds, then approve it."""
+    """Show how a calibration differs from the one in force, then approve it."""
     found = opened(address)
     approval = approval_of(found.contents(), number, Validity(*days), although)
     console = Console()
@@ -114,7 +114,7 @@ def approve_calibration(
 
 
 def show_comparison(approval: Approval, console: Console) -> None:
-    """The test of a calibration against the one that holds before it."""
+    """The test of a calibration against the one in force before it."""
     before, test = approval.predecessor, approval.test
     if before is None or test is None:
         console.print(
@@ -146,7 +146,7 @@ def export_calibration(number: str, out: Path | None, address: str | None) -> in
 
 
 def verify_registry(since: str | None, address: str | None, *, as_json: bool) -> int:
-    """Say whether everything is as it was written."""
+    """Report whether every record is as it was written."""
     found = opened(address)
     contents, results = found.verified(), found.radiometric()
     sentences = [finding.sentence for finding in contents.findings]

@@ -32,7 +32,7 @@ def show_due(
     *,
     as_json: bool,
 ) -> int:
-    """Print every camera, and why it needs a calibration; exit code as of a gate."""
+    """Print every camera and why it needs a calibration; returns the exit code of a gate."""
     wanted = DueLimits(within, max_age or None, drift_limits(sigma, limits), tuple(without))
     watch = watch_of(opened(address).contents(), date.today(), wanted)
     if as_json:
@@ -46,7 +46,7 @@ def show_due(
 
 
 def drift_limits(sigma: float | None, texts: Sequence[str]) -> DriftLimits:
-    """Limits as they are written on the command line.
+    """Limits from their notation on the command line.
 
     Raises
     ------

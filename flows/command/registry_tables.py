@@ -103,7 +103,7 @@ def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_j
 
 
 def _single(contents: Contents, what: str) -> StoredCalibration | None:
-    """The calibration that is meant; None: it may be a camera."""
+    """The calibration with this number; None: it may be the name of a camera."""
     try:
         return contents.calibration(what)
     except InputError:
@@ -137,7 +137,7 @@ def _say(console: Console, test: Compatibility) -> None:
 
 
 def _facts(item: StoredCalibration) -> Table:
-    """What a calibration is of and from, in two columns."""
+    """Camera and origin of a calibration, in two columns."""
     record, camera, flight = item.record, item.camera, item.record.flight
     heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
     headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)

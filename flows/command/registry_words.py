@@ -19,7 +19,7 @@ _STYLES = {"draft": "yellow", "approved": "green", "superseded": "dim"}
 
 
 def empty_table(*columns: str, right: Iterable[str] = ()) -> Table:
-    """A table with a rule under its head and no frame; words are wrapped, columns of numbers are not."""
+    """A table with a rule below its header and no frame; words are wrapped, columns of numbers are not."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for column in columns:
         numeric = column in set(right)
@@ -65,7 +65,7 @@ def calibrations_table(items: Sequence[StoredCalibration]) -> Table:
 
 
 def focal_length(item: StoredCalibration) -> str:
-    """The focal length, which every engineer knows of a camera."""
+    """The focal length, by which engineers recognise a camera."""
     for parameter in item.record.parameters:
         if (parameter.parameter, parameter.entity) == ("focal_length", item.record.camera.name):
             sigma = "held" if parameter.sigma is None else f"± {parameter.sigma * 1e3:.1f}"
@@ -103,7 +103,7 @@ def _days(validity: Validity | None) -> str:
 
 
 def history_table(item: StoredCalibration) -> Table:
-    """What happened to a calibration."""
+    """The history of a calibration."""
     table = empty_table("when (UTC)", "state", "flights of", "by", "note")
     for event in item.events:
         words = [event.note] if event.note else []

@@ -73,7 +73,7 @@ def result_table(outcome: RunOutcome) -> RenderableType:
 
 
 def where_results_are(outcome: RunOutcome, what: str) -> tuple[str, ...]:
-    """In words, where the results of a run are."""
+    """A sentence that says where the results of a run are."""
     here = f"{what} are in {outcome.directory}"
     if outcome.address is None:
         return (here,)
@@ -173,7 +173,7 @@ def _gates(summary: Summary) -> Table:
 
 
 def _titled(title: str) -> Table:
-    """An empty table with a rule under its head and no frame, to fit eighty columns."""
+    """An empty table with a rule below its header and no frame, for eighty columns."""
     return Table(
         title=title,
         title_justify="left",

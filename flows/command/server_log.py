@@ -27,7 +27,7 @@ _PREFECT_FORMATTER = "PREFECT_LOGGING_HANDLERS_CONSOLE_FORMATTER"
 
 
 def said_as(log_format: LogFormat) -> Callable[[str], None]:
-    """How a sentence is shown; the processes that are started after this write their logs alike.
+    """Set the format of messages; processes started later write their logs in the same format.
 
     On a screen, a text has no date: whoever reads it is there.
     """
@@ -40,11 +40,11 @@ def said_as(log_format: LogFormat) -> Callable[[str], None]:
 
 
 def dated(sentence: str, now: datetime) -> str:
-    """A sentence behind the date and time of this machine's zone; each of its lines."""
+    """A message with local date and time in front of each of its lines."""
     return "\n".join(f"{now:%Y-%m-%d %H:%M:%S%z} {line}" for line in sentence.splitlines() or [""])
 
 
 def as_json(sentence: str, now: datetime) -> str:
-    """A sentence as one line of JSON; time as ISO 8601, UTC."""
+    """A message as one line of JSON; time as ISO 8601, UTC."""
     said = {"time": now.isoformat(timespec="milliseconds"), "source": "aerocal", "message": sentence}
     return json.dumps(said, ensure_ascii=False)

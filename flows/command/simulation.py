@@ -14,7 +14,7 @@ from tasks.simulation.simulate import simulate_project
 
 
 def write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:
-    """Write the project of a simulation; a wrong specification leaves as an InputError."""
+    """Write the project of a simulation; a wrong specification raises InputError."""
     files = simulate_project(load_simulation(source, overrides, seed), output_folder(str(out)))
     console = Console()
     counts = (

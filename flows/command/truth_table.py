@@ -69,7 +69,7 @@ def _show_size(console: Console, summary: Summary) -> None:
 
 
 def _published(check: PublishedCheck) -> Text:
-    """What a paper says of the same check."""
+    """Published results of the same check."""
     parts = []
     if check.rmse_m is not None:
         parts.append(f"RMS {', '.join(f'{value:.3f}' for value in check.rmse_m)} m")

@@ -1,4 +1,4 @@
-"""``aerocal undistort``: images freed of their distortion."""
+"""``aerocal undistort``: images with their distortion removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carry out ``aerocal undistort``: how far it is on a terminal, and what was written."""
+"""Carry out ``aerocal undistort``: show the progress on a terminal, and what was written."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tasks.handover.undistorted.undistort import undistort
 def write_undistorted(
     results: Path, images: list[Path], out: Path | None, camera: str | None, resampling: str
 ) -> int:
-    """Write the images and show the statement; wrong input leaves as an InputError."""
+    """Write the images and show the statement; wrong input raises InputError."""
     console = show_progress()
     line = Progress(
         TextColumn("{task.description}"), BarColumn(30), TaskProgressColumn(), TimeRemainingColumn(),

@@ -1,4 +1,4 @@
-"""What the page asks its server for, and the answers."""
+"""Requests of the page to its server, and the answers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Answers:
     sources: Sources
 
     def register(self, app: Dash) -> None:
-        """Have the application give these answers."""
+        """Register these answers with the application."""
         app.callback(
             Output("news", "data"),
             Output("no-projects", "children"),
@@ -117,11 +117,11 @@ class Answers:
         )
 
     def detail_of_row(self, selected: list[dict[str, Any]] | None) -> Any:
-        """About the last run of the project whose row is selected."""
+        """Details of the latest run of the project whose row is selected."""
         return self._detail(str(selected[0].get("run"))) if selected else None
 
     def detail_of_point(self, _clicks: list[Any]) -> Any:
-        """About the run whose point of a trend was clicked."""
+        """Details of the run whose point in a trend was clicked."""
         point: dict[str, Any] = next(iter((ctx.triggered[0]["value"] or {}).get("points", ())), {})
         told = point.get("customdata")
         return self._detail(str(told[2])) if isinstance(told, list) and len(told) > 2 else no_update
@@ -170,7 +170,7 @@ def _state_of_server(reachable: bool, now: datetime) -> list[Any]:
 
 
 def _news(changes: Changes) -> Any:
-    """What the grid does not show yet; the browser knows best what it has and what it has not."""
+    """What the grid does not show yet, judged by what the browser says it has."""
     if changes.is_empty:
         return no_update
     rows = [row_data(row) for row in (*changes.added, *changes.updated)]

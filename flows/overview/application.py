@@ -1,4 +1,4 @@
-"""The page as an application: layout, answers, what it does by itself, and what protects it."""
+"""The page as an application: layout, answers, actions in the browser, and protection."""
 
 from __future__ import annotations
 

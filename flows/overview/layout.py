@@ -1,4 +1,4 @@
-"""The page: what is where."""
+"""The layout of the page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Part = Any
 
 
 def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
-    """The whole page with the rows there are.
+    """The whole page with its present rows.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _projects(rows: Sequence[ProjectRow], dashboard: str, roots: Sequence[str]) 
 
 
 def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
-    """What to do when nothing has been run yet."""
+    """What the page advises when nothing has been run yet."""
     return html.Div(
         [
             "No project has been run yet. Start one manually: ",
@@ -146,7 +146,7 @@ def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
 
 
 def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
-    """How many projects stand where; each shows only those when it is clicked.
+    """The number of projects in each state; a click on a card shows only those.
 
     Parameters
     ----------

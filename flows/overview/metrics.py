@@ -23,7 +23,7 @@ _MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
 def add_metrics(server: Flask, sources: Sources) -> None:
-    """Let a server answer a scraper; who may ask is the business of the door, as for every page."""
+    """Add ``/metrics`` to a server; the door controls access to it, as to every page."""
     registry = CollectorRegistry()
     registry.register(ProductionFigures(sources))
 
@@ -42,7 +42,7 @@ class ProductionFigures(Collector):
         self.sources = sources
 
     def describe(self) -> list[Metric]:
-        """Nothing: asking the records when the server starts would be in the way of its start."""
+        """Nothing: reading the records at the start would delay the server."""
         return []
 
     def collect(self) -> Iterator[Metric]:

@@ -147,7 +147,7 @@ def cameras_of(watch: RegistryWatch) -> list[dict[str, str]]:
 
 
 def series_figure(series: WatchedSeries, today: date) -> Figure:
-    """One parameter; values count from that of the first calibration that is shown, as people refer to it."""
+    """One parameter; values are differences from the first calibration shown, to which people refer."""
     points = series.series.points
     zero = points[0].value
     unit, factor, _ = shown(series.series.unit, "change")
@@ -188,7 +188,7 @@ def _held(point: SeriesPoint) -> str:
 
 
 def _validity(series: WatchedSeries, today: date) -> list[dict[str, Any]]:
-    """The days on which an approved calibration holds, as bars at the foot of the plot."""
+    """Periods of validity of approved calibrations, as bars at the bottom of the plot."""
     last = today + _OPEN_END
     return [
         {
@@ -203,7 +203,7 @@ def _validity(series: WatchedSeries, today: date) -> list[dict[str, Any]]:
 
 
 def _drift_lines(series: WatchedSeries, zero: float, factor: float) -> list[dict[str, Any]]:
-    """Within what the newest one should lie, counted from the calibrations it is compared with."""
+    """Limits of the newest calibration, counted from the calibrations it is compared with."""
     dashes = {"before": "dash", "first": "dot"}
     return [
         {

@@ -93,7 +93,7 @@ def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
 
 
 def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
-    """The columns; stages that no project comes to are hidden."""
+    """The columns; stages that no project has are hidden."""
     used = {stage for row in rows for stage in (*STAGES_OF.get(row.story, ()), *row.stages)}
     return [
         {"field": "project", "headerName": "Project", "pinned": "left", "width": 164, "tooltipField": "file",
@@ -168,7 +168,7 @@ _GATE_OF_COLUMN = {
 
 
 def row_data(row: ProjectRow) -> dict[str, Any]:
-    """A row as the browser gets it: plain values, times as ISO 8601, nothing that is not there."""
+    """A row as the browser gets it: plain values, times as ISO 8601, no missing values."""
     failed = row.failed_gates
     passed = len(row.gates) - len(failed)
     x, y, z = row.rmse_check_m

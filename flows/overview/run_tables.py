@@ -1,4 +1,4 @@
-"""Queue, failures, and what is told about one project: tables of plain texts and links."""
+"""Queue, failures, and details of one project: tables of plain text and links."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SHOWN = 25
 
 
 def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboard: str) -> Part:
-    """What runs and what waits, and what the inbox holds back."""
+    """Active and waiting runs, and deliveries held back in the inbox."""
     parts: list[Part] = []
     if view.queue:
         head = ("Run", "State", "Waits", "Runs for")
@@ -99,7 +99,7 @@ def failures_part(
 def detail_part(
     run: RunRecord, runs: Sequence[RunRecord], documents: Sequence[str], now: datetime, dashboard: str
 ) -> Part:
-    """What is told about one project: problems, gates, documents and older runs.
+    """Details of one project: problems, gates, documents and older runs.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def document_link(run: str, name: str) -> Part:
 
 
 class _Message(str):
-    """A text that needs room."""
+    """A message, which needs a wide column."""
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:

@@ -1,4 +1,4 @@
-"""What the production page is made from: records, server, registry, inbox."""
+"""The sources of the production page: records, server, registry, inbox."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LATE = timedelta(seconds=15)
 
 @dataclass(frozen=True)
 class QueuedRun:
-    """A run that waits, or is in work.
+    """A waiting or active run.
 
     Attributes
     ----------
@@ -47,12 +47,12 @@ class QueuedRun:
     begun: datetime | None
 
     def waiting_since(self, now: datetime) -> datetime | None:
-        """Since when it could have started; None: it has, or its time has not come."""
+        """Time since which it could have started; None: it has started, or is not due yet."""
         return None if self.begun is not None or self.due > now else self.due
 
 
 def queue_of_records(runs: Sequence[RunRecord]) -> tuple[QueuedRun, ...]:
-    """The queue as far as the records know it: without runs that were started in the dashboard and wait."""
+    """The queue according to the records, which lack waiting runs that were started in the dashboard."""
     return tuple(
         QueuedRun(run.id, f"{run.project} · {run.story}", run.state, run.scheduled, run.begun)
         for run in runs
@@ -61,7 +61,7 @@ def queue_of_records(runs: Sequence[RunRecord]) -> tuple[QueuedRun, ...]:
 
 
 def in_order(queue: Sequence[QueuedRun]) -> tuple[QueuedRun, ...]:
-    """Runs in work first, then what waits, in the order of their turn."""
+    """Active runs first, then waiting ones in the order of their turn."""
     return tuple(sorted(queue, key=lambda one: (one.begun is None, one.begun or one.due, one.run)))
 
 
@@ -131,7 +131,7 @@ _SERVER_S, _REGISTRY_S = 5.0, 60.0
 
 
 class Lasting(Generic[T]):
-    """An answer that is requested again only after a while; may be asked by several threads."""
+    """A cached answer, requested again only after a while; safe for several threads."""
 
     def __init__(self, ask: Callable[[], T], seconds: float) -> None:
         self._ask, self._seconds = ask, seconds
@@ -140,7 +140,7 @@ class Lasting(Generic[T]):
         self._until = -1.0
 
     def get(self) -> T:
-        """The answer, at most so old."""
+        """The answer, no older than allowed."""
         with self._lock:
             if self._answer is None or time.monotonic() > self._until:
                 self._answer = self._ask()
@@ -196,7 +196,7 @@ class Sources:
         object.__setattr__(self, "_calibrations", Lasting(self._read_registry, _REGISTRY_S))
 
     def server(self) -> ServerView:
-        """Whether the server answers, and its queue; else that of the records."""
+        """Whether the server answers, and its queue; without an answer, that of the records."""
         return self._server.get()
 
     def calibrations(self) -> Calibrations:

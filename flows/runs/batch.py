@@ -1,4 +1,4 @@
-"""Many projects with one story: each of them as if it had been run alone, several at a time."""
+"""Many projects with one story, several at a time: each as if it had been run alone."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ProjectEnd:
 def carry_out_batch(
     requests: Sequence[RunRequest], story: StoryName, count: int | None
 ) -> tuple[ProjectEnd, ...]:
-    """Run the story on every project, each in its own folder; one that fails stops no other.
+    """Run the story on every project, each in its own folder; one that fails does not stop the others.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ run_project = stage(_run_project)
 
 
 def in_one_line(request: RunRequest, end: Attempt[ProjectEnd]) -> str:
-    """What became of a project, for the progress on the screen."""
+    """The outcome of a project, for the progress on the screen."""
     name = f"{request.project_file.parent.name}/{request.project_file.name}"
     if not isinstance(end, ProjectEnd) or end.summary is None:
         return f"{name}: failed"

@@ -36,7 +36,7 @@ class CleanedFolders:
 
     @property
     def freed(self) -> int:
-        """Bytes."""
+        """Bytes that were freed."""
         return sum(one.freed for one in self.folders)
 
     @property
@@ -46,7 +46,7 @@ class CleanedFolders:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Totals, what stays and why, and what stood in the way."""
+        """Totals, what was kept and why, and what prevented removals."""
         return tuple(self._sentences())
 
     def _sentences(self) -> Iterator[str]:

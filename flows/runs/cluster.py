@@ -1,4 +1,4 @@
-"""A Dask cluster: where the runs of a stage are carried out side by side, on other machines too.
+"""A Dask cluster, which carries out the runs of a stage in parallel, also on other machines.
 
 The client of a cluster offers an executor of the standard library, which is all a stage asks for. The same
 cluster so serves runs in process and inside a Prefect flow run, whereas Prefect's own task runner for Dask
@@ -62,7 +62,7 @@ class ClusterExecutor(Executor):
         return future
 
     def give_up(self, reason: InstallationError) -> None:
-        """Call off everything that has not ended."""
+        """Cancel everything that has not ended."""
         self.given_up = reason
         self._executor.shutdown(wait=False)
 
@@ -133,7 +133,7 @@ def _disconnect(client: Client) -> None:
 
 @contextmanager
 def _words_in(folder: Path) -> Iterator[tuple[Path, str]]:
-    """A file in a folder, by which a worker shows that it sees the same files."""
+    """A file in a folder, by which a worker proves that it sees the same files."""
     text = uuid.uuid4().hex
     # Named like a published file that is being written: what a killed run leaves is removed by the next.
     file = folder / f".{text}.{os.getpid()}.tmp"
@@ -177,7 +177,7 @@ def _examine_workers(client: Client, address: str, expected: Expected) -> None:
 
 @contextmanager
 def _watched(client: Client, address: str, executor: ClusterExecutor) -> Iterator[None]:
-    """While the context lasts, see to it that nobody waits for ever for workers that do not come back."""
+    """While the context lasts, prevent endless waiting for workers that do not come back."""
     over = threading.Event()
     watch = threading.Thread(target=_watch, args=(client, address, executor, over), daemon=True)
     watch.start()

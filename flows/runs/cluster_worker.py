@@ -1,4 +1,4 @@
-"""What a worker of a Dask cluster does: make sure that it may be used, then carry out a call.
+"""Work of a worker of a Dask cluster: check that it may be used, then carry out a call.
 
 A worker outlives the runs it works for, so nothing it needs to know is kept in it: every call brings along
 what is expected of its worker. That also covers a worker that joins in the middle of a run.
@@ -147,7 +147,7 @@ class Call:
 
     @property
     def __name__(self) -> str:
-        """What Dask calls the work, and learns the usual duration of."""
+        """The name under which Dask learns the usual duration of the work."""
         return self.name
 
     def __call__(self) -> Any:
@@ -166,7 +166,7 @@ class Call:
 
 @cache
 def _require_fit(expected: Expected) -> None:
-    """Once for each run: what was found stays so."""
+    """Check this worker, once for each run."""
     from distributed import get_worker
 
     worker = get_worker()

@@ -11,7 +11,7 @@ FOLDER = "image-quality"
 
 
 class ExaminationRequest(RunRequest):
-    """What to examine; results are in ``image-quality`` beside the source unless that is said."""
+    """What to examine; results are in ``image-quality`` next to the source unless stated otherwise."""
 
     @property
     def directory(self) -> Path:

@@ -39,7 +39,7 @@ StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "di
 
 
 def story_named(name: StoryName | Literal["image_quality"]) -> Story:
-    """The story of this name; loaded when it is required, with all that it computes with."""
+    """The story of this name, which is loaded only when it is needed."""
     story: Story = getattr(import_module(f"flows.stories.{name}"), name)
     return story
 
@@ -70,7 +70,7 @@ class RunRequest:
     def of(
         cls, project_file: Path, out: str | None, overrides: tuple[str, ...], data: Path | None
     ) -> RunRequest:
-        """The request that a command or a flow parameter means; `out`: a folder or an address, as text.
+        """The request of a command or a flow parameter; `out`: a folder or an address, as text.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class RunRequest:
 
     @property
     def place(self) -> Path | ObjectAddress | None:
-        """What was requested with `of`: a folder or an address; None: neither."""
+        """The folder or address that was given to `of`; None: neither."""
         return self.out if self.out is not None else self.address
 
     def store(self) -> Store:
@@ -104,7 +104,7 @@ class RunRequest:
         return Store.of(self.directory, ObjectWorkspace.at(self.address))
 
     def project(self) -> Project:
-        """Read the project file, and take what its cameras want from the registry of calibrations.
+        """Read the project file, and take the calibrations that its cameras request from the registry.
 
         Raises
         ------
@@ -122,11 +122,11 @@ class RunRequest:
         )
 
     def read(self) -> Any:
-        """What the story of this request takes; errors as of `project`."""
+        """The input of this request's story; raises the errors of `project`."""
         return self.project()
 
     def declared_story(self) -> StoryName:
-        """What the project file declares: a calibration, a check, or neither, and so an adjustment.
+        """The declared story: a calibration, a check, or, without either, an adjustment.
 
         Of a calibration the check is a part. A project that cannot be read is left to the story to refuse.
         """
@@ -218,7 +218,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
 def _without_result(
     request: RunRequest, store: Store, status: Literal["input_error", "not_computable"], error: AerocalError
 ) -> RunOutcome:
-    """Say in summary.json why there is no result; everything else stays as it is."""
+    """State in summary.json why there is no result; all other files are left unchanged."""
     summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
     # A mistyped project path must not leave a results folder in some unrelated place.
     if request.place is not None or is_there(request.project_file):
@@ -229,7 +229,7 @@ def _without_result(
 
 
 def _tell_remotely(store: Store, summary: Summary) -> None:
-    """Say it on the remote side, too; whether that can be done changes nothing about what is wrong."""
+    """State it on the remote side, too; the original error is reported even if that fails."""
     if store.remote is None:
         return
     try:
@@ -239,7 +239,7 @@ def _tell_remotely(store: Store, summary: Summary) -> None:
 
 
 def _with_registered_cameras(project: Project) -> Project:
-    """The project, its cameras with what the registry has for them."""
+    """The project with the calibrations of its cameras from the registry."""
     if all(camera.calibration not in (REGISTRY, RIG_REGISTRY) for camera in project.cameras.values()):
         return project
     # Loaded only for a camera that wants it, as the clients of databases are.

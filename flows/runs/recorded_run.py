@@ -1,4 +1,4 @@
-"""A run of a project that production remembers: noted when it begins and when it has ended.
+"""A run of a project in the production records: noted when it begins and when it has ended.
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
 reported and stop no adjustment; what is missing in them is corrected from the server's own records
@@ -34,7 +34,7 @@ _PATIENCE_END = Patience(1.0, 15.0, 180.0)
 
 @dataclass(frozen=True)
 class FlowRunIdentity:
-    """What the server knows a run by.
+    """The identity of a run on the server.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class FlowRunIdentity:
 
 
 def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdentity) -> RunOutcome:
-    """Run a story on a project and note what becomes of it.
+    """Run a story on a project and record its outcome.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
 
 
 def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
-    """Note a run that was refused before there was a project file."""
+    """Record a run that was refused before there was a project file."""
     records = configured_records()
     if records is None:
         return
@@ -97,7 +97,7 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
 
 
 def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
-    """Put into the outbox that a calibration is due, or that nobody could look; such runs have no record."""
+    """Put into the outbox that a calibration is due or the check failed; such runs have no record."""
     records = configured_records()
     run = {"id": identity.id, "project": "registry", "story": identity.story, "state": state}
     notice = notice_of_run({**run, "message": message, "directory": ""}, None, utc_now())
@@ -127,7 +127,7 @@ def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
 
 @dataclass(frozen=True)
 class _Noted:
-    """A run whose beginning is noted."""
+    """A run whose beginning is recorded."""
 
     records: Records
     identity: FlowRunIdentity
@@ -143,7 +143,7 @@ class _Noted:
         *,
         may_pass: bool = False,
     ) -> None:
-        """Note how it has ended."""
+        """Record how it has ended."""
         stages = stages_since(self.request.directory, self.begun)
         _noted(
             lambda: self.records.end(
@@ -160,7 +160,7 @@ class _Noted:
 
 
 def _noted(write: Callable[[], None], patience: Patience) -> None:
-    """Write into the records; again and again while their database does not answer."""
+    """Write into the records; retried while their database does not answer."""
     try:
         patience.tried(write, lambda error: isinstance(error, InstallationError))
     except AerocalError as error:

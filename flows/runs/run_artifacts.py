@@ -1,4 +1,4 @@
-"""What a run shows in Prefect's dashboard besides its state: one short text, composed here."""
+"""The short text that a run shows in Prefect's dashboard besides its state."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def text_of_outcome(
 
 
 def text_of_refusal(project: str, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
-    """The text of a run that has come to no outcome.
+    """The text of a run that has no outcome.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class Stage(Generic[P, R]):
         executor: Executor | None = None,
         when_done: Callable[[int, Attempt[R]], None] = lambda _index, _outcome: None,
     ) -> tuple[Attempt[R], ...]:
-        """Run the stage for each set of keyword arguments; a run that cannot be done stops no other.
+        """Run the stage for each set of keyword arguments; a run that fails does not stop the others.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Stage(Generic[P, R]):
     def _outcomes(
         self, calls: Mapping[int, Mapping[str, object]], args: tuple[object, ...], executor: Executor | None
     ) -> Iterator[tuple[int, Attempt[R]]]:
-        """Number and outcome of every call, as they come to be known."""
+        """Number and outcome of every call, as they are completed."""
         function: Any = self.function
         if flow_run_is_active():
             task = (
@@ -177,7 +177,7 @@ def _outcome(run: Callable[[], R]) -> Attempt[R]:
 
 
 def _with_expected_errors_as_states(function: Callable[P, R]) -> Callable[P, Any]:
-    """The function, ending in a failed state with one sentence where the user has to do something.
+    """The function, ending in a failed state with one sentence if the user has to act.
 
     Prefect logs a traceback for an exception that leaves a task; one that comes as a failed state's
     data reaches the caller all the same, and the state says what it is.
@@ -200,7 +200,7 @@ def stage(function: Callable[P, R]) -> Stage[P, R]:
 
 
 def _a_retry_can_help(_task: Any, _task_run: Any, state: Any) -> bool:
-    """Whether a stage failed for a reason that may pass: a lost connection, never an input or a result."""
+    """Whether a stage failed for a temporary reason: a lost connection, never an input or a result."""
     return isinstance(state.data, ConnectionError | TimeoutError)
 
 

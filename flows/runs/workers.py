@@ -67,7 +67,7 @@ def processes(workers: int | None) -> Iterator[Executor | None]:
 
 
 def _begin() -> None:
-    """Prepare a worker: one thread, deaf to the interrupt key, bound to the process it works for."""
+    """Prepare a worker: one thread, ignores the interrupt key, ends with the process it works for."""
     os.environ[THREADS_VARIABLE] = "1"
     # The key reaches the whole group; the process that holds the workers decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -86,7 +86,7 @@ DASK_VARIABLE = "AEROCAL_DASK"
 
 
 def use_cluster(option: str | None) -> None:
-    """Keep the value of an option ``--dask`` where every run of this process finds it; None: as it is."""
+    """Store the value of ``--dask`` for every run of this process; None changes nothing."""
     if option is not None:
         os.environ[DASK_VARIABLE] = option
 

@@ -1,4 +1,4 @@
-"""The few questions to the server's API that need no Prefect, which takes seconds to load.
+"""Requests to the server's API without loading Prefect, which takes seconds.
 
 Runs and their states; and the automation that ends runs whose signs of life have stopped. A run says every
 half minute (`HEARTBEAT_S` of `flows.server.prefect_settings`) that it lives; so does one that is started by
@@ -41,7 +41,7 @@ class Api:
     password: str | None = None
 
     def get(self, path: str) -> Any:
-        """Read something; None if there is no such thing.
+        """Read something; None if it does not exist.
 
         Raises
         ------
@@ -51,15 +51,15 @@ class Api:
         return self._call("GET", path, None)
 
     def post(self, path: str, body: Mapping[str, Any] | Sequence[Any]) -> Any:
-        """Ask for something to be done; the answer. Errors as of `get`."""
+        """Post a request; returns the answer. Raises the errors of `get`."""
         return self._call("POST", path, body)
 
     def put(self, path: str, body: Mapping[str, Any]) -> None:
-        """Replace something. Errors as of `get`."""
+        """Replace something. Raises the errors of `get`."""
         self._call("PUT", path, body)
 
     def delete(self, path: str) -> None:
-        """Remove something. Errors as of `get`."""
+        """Remove something. Raises the errors of `get`."""
         self._call("DELETE", path, None)
 
     def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
@@ -86,7 +86,7 @@ class Api:
 
 
 def _answer(request: urllib.request.Request) -> bytes:
-    """What the server says; one whose database is busy (503: nothing was done) is asked again a few times."""
+    """The server's answer; a request to a busy database (503: nothing was done) is repeated a few times."""
 
     def ask() -> bytes:
         with urllib.request.urlopen(request, timeout=30) as answer:
@@ -145,7 +145,7 @@ class FlowRun:
 
     @property
     def age_s(self) -> float:
-        """Seconds that it has been in its state."""
+        """Time it has been in its state, seconds."""
         return (datetime.now(UTC) - self.since).total_seconds()
 
 
@@ -186,7 +186,7 @@ def _flow_run(answer: Mapping[str, Any]) -> FlowRun:
 
 
 def set_state(api: Api, run_id: str, kind: str, name: str, message: str, *, force: bool) -> bool:
-    """Tell the server that a run is in another state; whether it is now.
+    """Set the state of a run on the server; returns whether it is in that state now.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ SILENCE_S = 120
 
 
 def watch_heartbeats(api: Api) -> None:
-    """See to it that the server has the silence_automation, as it is meant, once.
+    """Make sure that the server has the silence_automation exactly once, in its present form.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def silence_automation() -> dict[str, Any]:
 
 
 def _holds(found: Any, meant: Any) -> bool:
-    """Whether something has all that is meant; what the server has added to it does not count."""
+    """Whether something has all that is expected; what the server has added is ignored."""
     if isinstance(meant, dict):
         return isinstance(found, dict) and all(_holds(found.get(key), meant[key]) for key in meant)
     if isinstance(meant, list) and isinstance(found, list):

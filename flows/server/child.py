@@ -32,7 +32,7 @@ _LOG_BYTES = 20_000_000
 
 
 class Lifeline:
-    """A pipe that keeps a child going as long as somebody holds its one end.
+    """A pipe that keeps a child alive as long as a process holds its other end.
 
     It outlasts the child: the next one that is started in its place is bound to it, too.
     """
@@ -41,7 +41,7 @@ class Lifeline:
         self.reading, self.held = os.pipe()
 
     def release(self) -> None:
-        """Hold it no longer; the child ends if nobody else does."""
+        """Release it; the child ends unless another process holds it."""
         for handle in (self.reading, self.held):
             with contextlib.suppress(OSError):
                 os.close(handle)
@@ -90,12 +90,12 @@ class Child:
         return self.process.poll() is not None
 
     def ask_to_end(self) -> None:
-        """Send SIGTERM to the process itself; what it has started is its own affair."""
+        """Send SIGTERM to the process itself, not to those it has started."""
         with contextlib.suppress(ProcessLookupError):
             self.process.terminate()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until it has ended; whether it has."""
+        """Wait until it has ended; returns whether it has."""
         try:
             self.process.wait(timeout_s)
         except subprocess.TimeoutExpired:
@@ -110,7 +110,7 @@ class Child:
         self.process.wait()
 
     def begin_log_anew(self) -> None:
-        """Keep a log that has grown large as the old one, and continue in an empty one.
+        """Rename a log that has grown large, and continue in an empty one.
 
         Lines written between the copy and the cut are lost; a few in a year.
         """
@@ -138,7 +138,7 @@ def _opened_log(log: Path) -> BinaryIO:
 
 
 def _end_when_released(handle: int) -> None:
-    """Wait until the other end of a pipe is closed everywhere, then end like one that was asked to."""
+    """Wait until the other end of a pipe is closed everywhere, then end as if asked to."""
     os.read(handle, 1)
     os.kill(os.getpid(), signal.SIGTERM)
 

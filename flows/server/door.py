@@ -44,7 +44,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Asked:
-    """A request as far as it decides who comes in.
+    """The parts of a request that decide on access.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Asked:
 
     @property
     def is_for_a_page(self) -> bool:
-        """Whether a browser wants something to show in its window."""
+        """Whether a browser requests a page to show."""
         return self.method == "GET" and "text/html" in self.one("accept")
 
 
@@ -88,16 +88,16 @@ class Door:
 
     @property
     def key(self) -> str:
-        """What a link holds: proves that one may read our files, and tells nothing about the password."""
+        """The key in a link: proves that its bearer may read our files, without revealing the password."""
         return self._digest("link")
 
     @property
     def link(self) -> str:
-        """Path of the link; what follows # is sent to nobody."""
+        """Path of the link; browsers never send what follows #."""
         return f"{ENTRANCE}#{self.key}"
 
     def refusal(self, asked: Asked) -> Refusal | None:
-        """Why nobody may ask this, whoever it is; None if it may be asked."""
+        """Why this request is refused to everyone; None if it is permitted."""
         hosts = asked.all("host")
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return Refusal(
@@ -115,7 +115,7 @@ class Door:
         return None
 
     def knows(self, asked: Asked) -> bool:
-        """Whether who asks brings the password, or the cookie."""
+        """Whether the request carries the password or the cookie."""
         return self._brings_password(asked) or self._brings_cookie(asked)
 
     def opens(self, asked: Asked, content: bytes) -> bool:
@@ -208,7 +208,7 @@ def door_of(password: str, hosts: Iterable[str], pages: Iterable[str | None]) ->
 
 
 def basic(password: str) -> str:
-    """The header ``Authorization`` that brings the password."""
+    """The header ``Authorization`` that carries the password."""
     return f"Basic {base64.b64encode(password.encode()).decode()}"
 
 
@@ -217,7 +217,7 @@ def _has_content(asked: Asked) -> bool:
 
 
 def _equal(given: str, wanted: str) -> bool:
-    """Takes as long for a nearly right one as for any other."""
+    """Compare in a time that does not depend on how nearly right a guess is."""
     return hmac.compare_digest(given.encode(errors="surrogatepass"), wanted.encode())
 
 

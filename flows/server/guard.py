@@ -19,7 +19,7 @@ _MOST_BYTES = 4_096
 
 
 class Guard:
-    """Lets in who may come in; websockets ask for the password by themselves, in their first message.
+    """Admits permitted requests; websockets check the password themselves, in their first message.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Guard:
         self.app, self.door = app, door
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Answer, or hand on."""
+        """Answer, or pass the request on."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return

@@ -57,7 +57,7 @@ class Delivery:
 
 @dataclass(frozen=True)
 class Inbox:
-    """What lies in an inbox.
+    """Contents of an inbox.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def configured_inbox(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 class CalledOffError(Exception):
-    """The look through the inbox was called off."""
+    """The search of the inbox was cancelled."""
 
 
 def read_inbox(
@@ -97,7 +97,7 @@ def read_inbox(
     still_s: float = 0.0,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Inbox:
-    """Look through an inbox.
+    """Search an inbox for deliveries.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _trouble(folder: Path, roots: Roots) -> str | None:
 
 
 def _trouble_of_listed(folder: Path, roots: Roots, is_over: Callable[[], bool]) -> str | None:
-    """Why what the marker file lists is not complete; None: it is."""
+    """Why the files listed in the marker file are incomplete; None: they are complete."""
     try:
         text = read_delivered((folder / MARKER).resolve(), "document").decode(errors="replace")
     except InputError as error:
@@ -193,7 +193,7 @@ def _digest(file: Path, is_over: Callable[[], bool]) -> str:
 
 
 def _has_just_changed(folder: Path, still_s: float) -> bool:
-    """Whether a file was written or renamed there just now; a clock that was put back stops nothing."""
+    """Whether a file was written or renamed there just now; a clock that was set back has no effect."""
     if still_s == 0.0:
         return False
     newest = max((file.stat().st_ctime for file in _delivered(folder)), default=0.0)
@@ -230,7 +230,7 @@ ON_DELIVERY = "on-delivery"
 
 @dataclass(frozen=True)
 class Scheduled:
-    """What has been done with an inbox.
+    """What has been scheduled from an inbox.
 
     Attributes
     ----------

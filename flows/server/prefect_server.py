@@ -65,11 +65,11 @@ def leave_hybrid_values_alone() -> None:
 
 
 def _leave_alone(_table: type, _values: MutableMapping[str, object], _value: object) -> None:
-    """What becomes of the value of a property in a bulk INSERT: nothing."""
+    """Leave the value of a property in a bulk INSERT unchanged."""
 
 
 def begin_writing_at_once() -> None:
-    """Let a transaction on SQLite that may write wait for its turn before it reads.
+    """Make a transaction on SQLite that may write wait for its turn before it reads.
 
     Prefect begins them reading. One that then writes while another has done so is refused at once ("database
     is locked"), however long SQLite was told to wait; seen several times a run.
@@ -93,7 +93,7 @@ def begin_writing_at_once() -> None:
 
 
 def leave_the_login_to_the_door() -> None:
-    """Have the dashboard's pages ask nobody for a password: who sees them has been let in."""
+    """Turn off the password prompt of the dashboard's pages: whoever sees them has been admitted."""
     from prefect.server.api import server
     from prefect.server.schemas.ui import UISettings
     from pydantic import field_validator

@@ -26,7 +26,7 @@ HEARTBEAT_S = 30
 
 
 class UnknownCallerError(InstallationError):
-    """The server asks for a password, and this process has none, or another one."""
+    """The server requires a password, and this process has none or a wrong one."""
 
 
 def prepare_prefect(server: str | None = None) -> None:
@@ -118,7 +118,7 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
 
 
 def require_server(address: str, timeout_s: float = 5.0) -> None:
-    """Ask the server whether it is well and takes calls of this process, without loading Prefect.
+    """Check, without loading Prefect, that the server is healthy and accepts calls of this process.
 
     Raises
     ------

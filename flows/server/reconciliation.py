@@ -1,4 +1,4 @@
-"""The records of production and the server's, brought into line with each other and with what lives.
+"""Reconcile the production records and the server's with each other and with the processes alive.
 
 A run writes its own end, into the records first and then to the server. One that was killed, cancelled or
 timed out can do neither; one whose server or database was away may have done one of them. Of both, the
@@ -41,7 +41,7 @@ _ENDED_HERE = "Its process was terminated from outside."
 
 
 def reconcile(api: Api, records: Records) -> tuple[RunRecord, ...]:
-    """Bring both into line.
+    """Reconcile both.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def reconcile(api: Api, records: Records) -> tuple[RunRecord, ...]:
 
 
 def _adopt(api: Api, records: Records) -> None:
-    """Note runs that wait, or were killed before they could note their beginning."""
+    """Record runs that wait, or were killed before they could record their beginning."""
     since = datetime.now(UTC) - _LOOKING_BACK
     found = {
         run.id: run
@@ -81,7 +81,7 @@ def _adopt(api: Api, records: Records) -> None:
 
 
 def _reconcile(api: Api, records: Records, run: RunRecord, found: FlowRun | None) -> bool:
-    """Bring a run into line that has not ended as far as its record says; whether the record was."""
+    """Reconcile a run that has not ended according to its record; returns whether the record was changed."""
     if found is None:
         records.lose(run.id, "Crashed", "The server no longer knows this run.", may_pass=False)
         return True
@@ -100,7 +100,7 @@ def _reconcile(api: Api, records: Records, run: RunRecord, found: FlowRun | None
 
 
 def _death(api: Api, records: Records, run: RunRecord, found: FlowRun) -> State | None:
-    """Find out that a run is dead which the server believes alive, and tell it; None: it may live."""
+    """Detect a dead run that the server believes alive, and tell the server; None: it may be alive."""
     dead = run.state == "Running" and died_here(run)
     if dead and (again := records.run(run.id)) is not None and again.state != "Running":
         # It has noted its end and gone between the two looks.
@@ -117,7 +117,7 @@ def _death(api: Api, records: Records, run: RunRecord, found: FlowRun) -> State 
 
 
 def _tell_decisions(api: Api, records: Records) -> None:
-    """Tell the server how runs have ended that could not tell it themselves."""
+    """Report to the server how runs ended that could not report it themselves."""
     open_there = flow_runs_in(api, ("RUNNING", "CRASHED"), datetime.now(UTC) - _LOOKING_BACK)
     decided = (run for run in records.runs_with(list(open_there)) if run.state in DECIDED)
     for run in decided:

@@ -1,4 +1,4 @@
-"""What a deployed run is confined to, whatever its parameters say: folders, object storage, registry.
+"""The limits of a deployed run, whatever its parameters say: folders, object storage, registry.
 
 Prefect hands parameters to a run and confines it to nothing. Everything here is set when the server starts
 (``aerocal serve``), travels in the environment, and never comes from who starts a run.
@@ -28,7 +28,7 @@ OUTPUT_PATTERN = rf"^(?!\.|\s*$)[^/\\{UNSEEN}]+$(?!\n)"
 
 
 def output_name(name: str) -> str:
-    """A name that a folder of results may have: one that everybody sees, and no hidden folder.
+    """A permitted name of a results folder: visible characters only, and no hidden folder.
 
     Raises
     ------
@@ -52,7 +52,7 @@ class Roots:
     folders: tuple[Path, ...]
 
     def hold(self, path: Path) -> bool:
-        """Whether a path, all links resolved, lies under one of the folders; one that is none does not."""
+        """Whether a path, all links resolved, lies below one of the folders; an invalid path does not."""
         try:
             resolved = path.resolve()
         except (OSError, RuntimeError, ValueError):
@@ -116,7 +116,7 @@ class Roots:
 
 
 def roots_of(folders: Sequence[Path]) -> Roots:
-    """The roots that are meant by folders as given.
+    """The roots for folders as given.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def configured_roots(environment: Mapping[str, str] = os.environ) -> Roots:
 
 
 def as_variable(roots: Roots) -> str:
-    """The value of ROOTS_VARIABLE that stands for these roots."""
+    """The value of ROOTS_VARIABLE for these roots."""
     return json.dumps([str(folder) for folder in roots.folders])
 
 
@@ -158,7 +158,7 @@ RESULTS_VARIABLE = "AEROCAL_RESULTS"
 
 
 def results_of_server(option: str | None, roots: Roots) -> ObjectAddress | None:
-    """The address that a server is told.
+    """The address of the results that a server uses.
 
     Raises
     ------

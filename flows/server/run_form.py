@@ -1,4 +1,4 @@
-"""The form of a run: the settings people change from one run to the next, over those of the project file."""
+"""The form of a run: the settings people change between runs, which override those of the project file."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ Number = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class RunForm(BaseModel):
-    """Settings of one run; what is left as it is comes from the project file."""
+    """Settings of one run; unchanged ones come from the project file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,4 +1,4 @@
-"""Prefect's server as a child process: its settings, and waiting until it is well."""
+"""Prefect's server as a child process: its settings, and waiting until it is ready."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class ServerAddress:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether nobody but programs on this machine reaches it."""
+        """Whether only programs on this machine can reach it."""
         if self.host == "localhost":
             return True
         try:
@@ -70,7 +70,7 @@ class ServerAddress:
             return False
 
     def require_free(self, option: str = "--port") -> None:
-        """Make sure that nobody listens there.
+        """Make sure that no program listens there.
 
         Parameters
         ----------
@@ -154,14 +154,14 @@ def _connection(database: str) -> str:
 
 
 def start_server(environment: Mapping[str, str], log: Path, lifeline: Lifeline) -> Child:
-    """Start the server; it is not well yet. Where it listens, its environment says (`server_environment`)."""
+    """Start the server without waiting until it is ready; its address is in the environment."""
     return Child("flows.server.prefect_server", environment=environment, log=log, lifeline=lifeline)
 
 
 def wait_until(
     what: str, is_so: Callable[[], bool], child: Child, is_over: Callable[[], bool], timeout_s: float
 ) -> bool:
-    """Wait for something a child is to bring about; False if it was called off before.
+    """Wait for something a child is to bring about; False if it was cancelled before.
 
     Raises
     ------

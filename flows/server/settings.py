@@ -1,4 +1,4 @@
-"""What ``aerocal serve`` and ``aerocal runner`` are told: one object, from the options to the last process.
+"""Settings of ``aerocal serve`` and ``aerocal runner``: one object, from the options to the last process.
 
 Prefect has settings of its own and none for projects, inbox, registry and results. The object travels whole
 to the runner, in one variable of its environment. What a run needs to know is in variables as well, the
@@ -50,7 +50,7 @@ _SERVER, _PAGE = (ServerAddress("127.0.0.1", port) for port in (4200, 4201))
 
 @dataclass(frozen=True)
 class Settings:
-    """What a server and its runners are told.
+    """Settings of a server and its runners.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Settings:
         return str(self.state / "records.sqlite") if self.database is None else self.database
 
     def door(self, password: str) -> Door:
-        """Who is let in: who knows this password, and asks for this machine by one of its names."""
+        """The rules of access: this password, and this machine under one of its names."""
         hosts = [self.address.host, socket.gethostname(), *os.environ.get(HOSTS_VARIABLE, "").split()]
         return door_of(password, hosts, [self.address.public, self.overview.public])
 
@@ -130,7 +130,7 @@ def settings_of_runner(environment: Mapping[str, str] = os.environ) -> Settings:
 
 
 def settings_of(given: Mapping[str, Any]) -> Settings:
-    """Check what was given on the command line.
+    """Check the options of the command line.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
 
 
 def _require_schedule(option: str, cron: str | None) -> None:
-    """Check what Prefect would only find out in the runner."""
+    """Check the schedule, which Prefect would do only in the runner."""
     if cron is not None and len(cron.split()) != 5:
         raise InputError(
             f"'{cron}' is not a schedule.",

@@ -1,4 +1,4 @@
-"""Where the running server is, and the password it asks for: files in the state folder, for this user only.
+"""Address and password of the running server: files in the state folder, for this user only.
 
 Prefect knows a server by the address it is told; here later commands of the same user find it by
 themselves. The lock is the operating system's, so it ends with the process that holds it, however that
@@ -30,7 +30,7 @@ STATE_VARIABLE = "AEROCAL_STATE"
 
 @dataclass(frozen=True)
 class RunningServer:
-    """What the state file says.
+    """Content of the state file.
 
     Attributes
     ----------
@@ -55,13 +55,13 @@ class FoundServer:
 
 
 def state_folder() -> Path:
-    """Folder of what this user's server keeps: state file, lock, logs, Prefect's database."""
+    """Folder of this user's server: state file, lock, logs, Prefect's database."""
     named = os.environ.get(STATE_VARIABLE)
     return Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
 
 
 def find_server(folder: Path | None = None) -> FoundServer | None:
-    """The server that the state file names; None if there is no such file, or nothing to be read in it."""
+    """The server that the state file names; None if the file is missing or cannot be read."""
     folder = state_folder() if folder is None else folder
     try:
         content = json.loads((folder / "serve.json").read_text(encoding="utf-8"))
@@ -88,7 +88,7 @@ def _is_locked(file: Path) -> bool:
 
 
 def make_private(folder: Path) -> None:
-    """Make the folder of states, for this user only; one that is there stays as it is.
+    """Create the state folder for this user only; an existing one is left unchanged.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def _not_writable(folder: Path, error: OSError) -> InstallationError:
 
 @contextmanager
 def the_only_server(folder: Path) -> Iterator[None]:
-    """Be the server of this folder while the context lasts; its state file is gone afterwards.
+    """Be the server of this folder while the context lasts; its state file is removed afterwards.
 
     Raises
     ------
@@ -160,7 +160,7 @@ _LINK = "link"
 
 
 def password_of(address: ServerAddress, folder: Path, environment: Mapping[str, str] = os.environ) -> str:
-    """The password a server asks for: that of the environment, else its own.
+    """The password a server requires: that of the environment, otherwise its own.
 
     Parameters
     ----------
@@ -215,13 +215,13 @@ def kept_password(folder: Path) -> str | None:
 
 
 def keep_link(folder: Path, link: str) -> Path:
-    """Write the link that makes a browser known, for this user only; where it stands."""
+    """Write the link that admits a browser, readable for this user only; returns its path."""
     _write_privately(folder / _LINK, link)
     return folder / _LINK
 
 
 def bring_password_to(address: str, folder: Path | None = None) -> None:
-    """Let this process bring the kept password to the server of this user, if that is who is asked.
+    """Let this process use the kept password for requests to the server of this user.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What ``aerocal serve`` looks after in threads of its own: inbox, runs that need help, notices.
+"""What ``aerocal serve`` watches in threads of its own: inbox, runs that need help, notices.
 
 Prefect ends runs by heartbeats and begins them by schedule; it knows neither deliveries nor the record of
 runs, and its notices are not kept while a receiver is away. None of this is ever in the way of runs.
@@ -21,7 +21,7 @@ from tasks.production.records import Records
 
 @dataclass(frozen=True)
 class InboxNews:
-    """What the last look into the inbox has found.
+    """What the last search of the inbox found.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class InboxNews:
 
 
 class Repeated:
-    """Does something every so often while a context lasts, beside everything else, whatever becomes of it.
+    """Repeats an action in a thread while a context lasts, even if the action fails.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Repeated:
 
 
 class Watch:
-    """Looks after inbox and records.
+    """Watches inbox and records.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Watch:
         self._verified: set[str] = set()
 
     def look(self, is_over: Callable[[], bool] = lambda: False) -> None:
-        """Do what is to be done, and say it; what cannot be, once.
+        """Do what is due and report it; a failure is reported once.
 
         Raises
         ------

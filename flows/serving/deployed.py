@@ -72,14 +72,14 @@ AS_IN_PROJECT = RunForm()
 
 
 def run_name() -> str:
-    """Name of a run that begins: project and story."""
+    """Name of a new run: project and story."""
     project = Path(str(flow_run.parameters["project"]))
     folder = project.parent if project.suffix == ".toml" else project
     return f"{folder.name or project.name} · {flow_run.flow_name}"
 
 
 def name_outcome(flow: "Flow[..., Any]", flow_run: FlowRun, state: State[Any]) -> None:
-    """Put the state a run ended in behind its name."""
+    """Append the final state of a run to its name."""
     story = str(flow.name)
     project = flow_run.name.partition(f" · {story}")[0]
     with get_client(sync_client=True) as client:
@@ -193,7 +193,7 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
 
 
 def registry_run_name() -> str:
-    """Name of a run that looks through the registry and begins."""
+    """Name of a new run that searches the registry."""
     return f"registry · {flow_run.flow_name}"
 
 
@@ -248,7 +248,7 @@ def recalibration_due(
 
 
 def clean_up_run_name() -> str:
-    """Name of a clean-up that begins."""
+    """Name of a new clean-up."""
     return f"output folders · {flow_run.flow_name}"
 
 

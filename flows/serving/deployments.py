@@ -50,7 +50,7 @@ _LOOK_S = 20.0
 
 
 class DrainingRunner(Runner):
-    """A runner that carries out our flows only; asked to end, it begins no further run and waits.
+    """A runner for our flows only; when asked to end, it starts no further run and waits.
 
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
     the event loop was doing. And while the server is away, this runner continues asking: Prefect's own ends
@@ -58,7 +58,7 @@ class DrainingRunner(Runner):
     """
 
     async def __aenter__(self) -> "DrainingRunner":
-        """Begin, patient from now on."""
+        """Begin; requests are repeated from now on."""
         await super().__aenter__()
         vars(self._scheduled_run_poller)["_resolve_starter"] = self._starter
         assert self._hook_runner is not None
@@ -71,7 +71,7 @@ class DrainingRunner(Runner):
         return self
 
     def _starter(self, _run: FlowRun) -> EngineCommandStarter:
-        """What starts a run: our program, whatever pull steps and entry point the server has for it."""
+        """The starter of a run: our program, whatever pull steps and entry point the server has for it."""
         return EngineCommandStarter(
             command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),
             tmp_dir=self._tmp_dir,
@@ -88,12 +88,12 @@ class DrainingRunner(Runner):
 
 
 async def _flow_of_ours(_run: FlowRun) -> Flow[..., Any]:
-    """Stands for the flow of any run when hooks are looked for; ours have none that a runner would call."""
+    """Stand-in for the flow of any run when hooks are looked up; ours have none that a runner would call."""
     return STORIES[0]
 
 
 def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
-    """A question to the server that is asked another time if there is no answer."""
+    """A request to the server that is repeated if there is no answer."""
 
     @wraps(question)
     async def asked(*args: Any, **kwargs: Any) -> None:
@@ -106,7 +106,7 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
 
 
 def deployments(settings: Settings) -> list[RunnerDeployment]:
-    """The deployments there are with these options; to be called outside an event loop."""
+    """The deployments for these options; to be called outside an event loop."""
     made = [_of(story, MANUAL, "Started manually.") for story in STORIES]
     if settings.inbox is not None:
         story = next(one for one in STORIES if one.name == settings.story)
@@ -159,7 +159,7 @@ def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeploymen
 
 
 class _ClosedSchema(ParameterSchema):
-    """The parameters there are, and no others: the server refuses a run with unknown ones."""
+    """A schema that permits no other parameters: the server refuses a run with unknown ones."""
 
     additionalProperties: bool  # noqa: N815
 
@@ -194,7 +194,7 @@ async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
 
 
 async def _help(limit: int) -> None:
-    """Carry out runs of the deployments that the server's own runner has registered, and may register."""
+    """Carry out runs of the deployments that the server's own runner has registered or will register."""
     runner = _runner(limit)
     async with get_client() as client, asyncio.TaskGroup() as tasks:
         looking = tasks.create_task(_look_for_deployments(client, runner))
@@ -203,7 +203,7 @@ async def _help(limit: int) -> None:
 
 
 async def _look_for_deployments(client: PrefectClient, runner: DrainingRunner) -> None:
-    """Let a runner carry out the runs of projects; looks for new deployments every so often.
+    """Let a runner carry out the runs of projects; looks for new deployments regularly.
 
     What looks through inbox and registry is left to the runner that has been told of them.
     """
@@ -219,7 +219,7 @@ async def _look_for_deployments(client: PrefectClient, runner: DrainingRunner) -
 
 
 async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequence[str]) -> None:
-    """Take the schedules of an earlier start away where this runner does not carry them out.
+    """Remove schedules of an earlier start that this runner does not carry out.
 
     Schedules that people have made in the dashboard, and what they have paused, stay.
     """

@@ -28,7 +28,7 @@ _FORESEEN = re.compile(rf"Finished in state ({'|'.join(STATE_NAMES.values())})\(
 
 
 def main() -> None:
-    """Carry out the run that the environment names; an outcome that is foreseen is not an error here."""
+    """Carry out the run that the environment names; an expected outcome is not an error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect: hundreds of thousands of objects, and all of them stay.
     gc.set_threshold(50_000)
@@ -60,14 +60,14 @@ def main() -> None:
 
 
 def foreseen(said: logging.LogRecord) -> bool:
-    """Say that a stage has refused what was delivered as a warning; Prefect takes it for an error of ours."""
+    """Log the refusal of a delivery by a stage as a warning; Prefect would log it as our error."""
     if said.levelno == logging.ERROR and _FORESEEN.match(said.getMessage()):
         said.levelno, said.levelname = logging.WARNING, "WARNING"
     return True
 
 
 def trouble_in(flow: Flow[..., Any], parameters: dict[str, Any]) -> str | None:
-    """Why a flow does not take parameters, a sentence; None if it does."""
+    """Why a flow does not accept parameters, as a sentence; None if it does."""
     known = list(inspect.signature(flow.fn).parameters)
     unknown = [name for name in parameters if name not in known]
     if unknown:

@@ -51,12 +51,12 @@ def state_of(outcome: RunOutcome) -> State[None]:
 
 
 def identity() -> FlowRunIdentity:
-    """What the server knows the flow run by that is active."""
+    """The identity of the active flow run on the server."""
     return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
 
 
 def show(text: ShortText) -> None:
-    """Store the text of the flow run that is active; what the server does not take is reported."""
+    """Store the text of the active flow run; a refusal by the server is reported."""
     try:
         artifact = ArtifactCreate(
             key=f"{text.key}-verdict",
@@ -230,5 +230,5 @@ def run_and_report(
 
 
 def _as_parameter(out: Path | ObjectAddress | None) -> str | None:
-    """An output place as the flows above take it."""
+    """An output location as the flows above accept it."""
     return str(out.absolute() if isinstance(out, Path) else out) if out is not None else None

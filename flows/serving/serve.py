@@ -1,4 +1,4 @@
-"""``aerocal serve`` and ``aerocal runner``: processes started, looked after, and ended in the right order.
+"""``aerocal serve`` and ``aerocal runner``: processes started, supervised, and ended in the right order.
 
 Prefect starts a server and a runner with two commands and looks after neither. Here one command on one
 machine does both: server and runner as children, all else (inbox, notices, production page) in this
@@ -129,7 +129,7 @@ class _Serving:
         self.of_server, self.of_runner = Lifeline(), Lifeline()
 
     def carry_out(self, notices: Repeated) -> int:
-        """Start server and runner, stay, and end them; the exit code."""
+        """Start server and runner, supervise them, and end them; returns the exit code."""
         with ExitStack() as at_end:
             at_end.callback(self.of_server.release)
             at_end.callback(self.of_runner.release)
@@ -210,14 +210,14 @@ class _Serving:
         self.say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
 
     def _tell_link(self) -> None:
-        """Where the link is that makes a browser known; itself only on a screen, for others may read logs."""
+        """Report where the access link is; the link itself only on a screen, because others may read logs."""
         link = f"{self.settings.address.dashboard}{self.door.link}"
         file = keep_link(self.settings.state, link)
         shown = link if sys.stdout.isatty() else f"it is stored in {file}"
         self.say(f"Open this link once to give a browser access: {shown}")
 
     def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
-        """Look after children and inbox until a request to end has come; then let the runner finish."""
+        """Supervise children and inbox until asked to end; then let the runner finish."""
         looks = Repeated(
             watch.look,
             self.settings.watch_s,
@@ -243,7 +243,7 @@ def _look_after(children: Sequence[Supervised], requests: Requests) -> None:
 
 
 def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
-    """The API address a further runner works for, and its settings completed by what that server says.
+    """The API address a further runner works for, and its settings, completed by those of that server.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def _own_name(state: Path) -> Iterator[str]:
 
 
 def _lock(file: Path) -> int:
-    """A handle that holds the lock of a file; -1 if somebody else does."""
+    """A handle that holds the lock of a file; -1 if another process does."""
     handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -88,7 +88,7 @@ def remarks_on(adjusted: Outputs, store: Store) -> Outputs:
 
 
 def trust_map_of(project: Project, store: Store, adjusted: Outputs) -> tuple[Outputs, ...]:
-    """The trust map of an adjusted block as a raster, if the project wants one and there is one."""
+    """The trust map of an adjusted block as a raster, if the project requests one and it exists."""
     if project.trust_map is None or "trust_map_cells" not in adjusted:
         return ()
     return (
@@ -103,7 +103,7 @@ def trust_map_of(project: Project, store: Store, adjusted: Outputs) -> tuple[Out
 
 
 def statements_of(project: Project, store: Store, stages: tuple[Outputs, ...]) -> tuple[Outputs, ...]:
-    """The accuracy statements that the project wants of the adjustment among the stages, if any."""
+    """The accuracy statements that the project requests for the adjustment among the stages, if any."""
     if not project.statement:
         return ()
     return (write_statements(store, stages=stages, statement=project.statement, name=project.project.name),)

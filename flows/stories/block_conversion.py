@@ -1,4 +1,4 @@
-"""Block conversion: the deliveries of a project in a format of block exchange, without an adjustment."""
+"""Block conversion: the deliveries of a project in a block exchange format, without an adjustment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tasks.store.store import Store
 def converted_block(
     project: Project, store: Store, to: str, out: Path, world: str | None
 ) -> tuple[Export, tuple[str, ...]]:
-    """Read the deliveries, find approximate values, write the block; also what looked wrong."""
+    """Read the deliveries, find approximate values, write the block; also returns what looked wrong."""
     block = prepare_block(project, store)
     outputs = {name: artifact for one in block.stages for name, artifact in one.items()}
     remarks = tuple(sentence for one in block.stages for sentence in read_notes(one["notes"]).problems)

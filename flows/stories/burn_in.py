@@ -26,7 +26,7 @@ def burn_in_protocol_of(
     platform: Outputs,
     described: Outputs,
 ) -> tuple[Outputs, ...]:
-    """Compose the virtual images, triangulate them, write the protocol; nothing where none is wanted.
+    """Compose the virtual images, triangulate them, write the protocol; nothing if none is requested.
 
     Parameters
     ----------

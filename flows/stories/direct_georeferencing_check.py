@@ -40,7 +40,7 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
 
 
 def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -> Outputs:
-    """Georeference a prepared block with a calibration: the one stated, or that of the adjustment before."""
+    """Georeference a prepared block with the stated calibration, or with that of the preceding adjustment."""
     outputs = {name: artifact for one in stages for name, artifact in one.items()}
     return check_georeferencing(
         store,
@@ -62,7 +62,7 @@ def checked_block(project: Project, store: Store, stages: tuple[Outputs, ...]) -
 
 
 def registered_calibrations(project: Project, outputs: Outputs) -> tuple[RegisteredCalibration, ...]:
-    """The calibrations of the registry for the cameras of a project, if it wants them."""
+    """The calibrations of the registry for the cameras of a project, if it requests them."""
     if not project.direct_georeferencing.calibration.registry:
         return ()
     return choose_calibrations(

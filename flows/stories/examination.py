@@ -91,7 +91,7 @@ def _finding(name: str, outputs: Outputs) -> Finding:
 
 
 def examine_everything(project: Project, store: Store) -> Examination:
-    """The list of all mistakes of a delivery, as far as they can be judged behind one another."""
+    """The list of all mistakes of a delivery, as far as they can be judged one after another."""
     found = Examination()
     imported = _imported(project, store, found)
     if imported is None:
@@ -157,7 +157,7 @@ def _listed(outputs: Outputs) -> list[ListedMistake]:
 
 
 def _single_rays(points: Outputs) -> list[ListedMistake]:
-    """Object points with one ray, where they are so many that names may differ between files."""
+    """Object points with one ray, if there are so many that names may differ between files."""
     note = read_notes(points["notes"])
     counts = cast(Mapping[str, int], note.figures["counts"])
     single, all_points = counts["single_ray_points"], counts["object_points"] + counts["single_ray_points"]
@@ -175,7 +175,7 @@ def _single_rays(points: Outputs) -> list[ListedMistake]:
 def _imported(
     project: Project, store: Store, found: Examination
 ) -> tuple[Project, Outputs, Outputs, Outputs] | None:
-    """The three imports, with what stops them corrected or set aside; None if the rest says nothing."""
+    """The three imports, with what stops them corrected or set aside; None if the rest cannot be judged."""
     for _ in range(_MOST_CORRECTED):
         outputs = _attempt(lambda project=project: _import(project, store))  # type: ignore[misc]
         if not isinstance(outputs, AerocalError):
@@ -211,7 +211,7 @@ def _import(project: Project, store: Store) -> tuple[Outputs, Outputs, Outputs]:
 
 
 def _going_on(project: Project, error: AerocalError) -> tuple[ListedMistake, Project | None]:
-    """The mistake that an error is, and the project with which the rest can be judged."""
+    """The mistake behind an error, and the project with which the rest can be judged."""
     if not isinstance(error, InputError):
         return _of_error(error), None
     table = input_table(project, error.file)

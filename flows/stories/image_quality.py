@@ -52,7 +52,7 @@ def image_quality(wanted: Examination, store: Store) -> Summary:
 
 
 def _scenes(wanted: Examination, store: Store) -> tuple[Outputs, ...]:
-    """What images of scenes show, and how it agrees with the movement of the camera."""
+    """Results of images of scenes, and whether they agree with the movement of the camera."""
     settings, project = wanted.settings, wanted.project
     if not settings.images:
         return ()

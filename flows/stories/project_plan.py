@@ -1,4 +1,4 @@
-"""A calibration plan: what a flight will determine, that nobody has flown or that is not adjusted yet."""
+"""A calibration plan: what a flight will determine that has not been flown or adjusted yet."""
 
 from __future__ import annotations
 

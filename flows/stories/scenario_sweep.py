@@ -69,7 +69,7 @@ def scenario_sweep(project: Project, variants: Mapping[str, Project], store: Sto
 
 
 def _prepared(variants: Mapping[str, Project], store: Store) -> dict[str, PreparedBlock]:
-    """The block of each variant; those that differ in the adjustment only share it."""
+    """The block of each variant; variants that differ only in the adjustment share it."""
     prepared: dict[str, PreparedBlock] = {}
     for name, variant in variants.items():
         alike = (other for other in prepared if _read_alike(variants[other], variant))
@@ -94,7 +94,7 @@ class _Case:
     block: PreparedBlock
 
     def images(self) -> dict[str, object]:
-        """Of `select_images`."""
+        """Arguments of `select_images`."""
         name = self.scenario.block
         return {
             "images": self.block.approximate["images"],
@@ -104,7 +104,7 @@ class _Case:
         }
 
     def roles(self) -> dict[str, object]:
-        """Of `assign_roles`."""
+        """Arguments of `assign_roles`."""
         name = self.scenario.control
         return {
             "control_points": self.block.control["control_points"],
@@ -115,7 +115,7 @@ class _Case:
         }
 
     def inputs(self, images: Outputs, roles: Outputs) -> dict[str, object]:
-        """What `approximate_block` and `adjust_bundle` have in common."""
+        """Common arguments of `approximate_block` and `adjust_bundle`."""
         return {
             "exposures": self.block.exposures["exposures"],
             "cameras": self.block.exposures["cameras"],
@@ -166,7 +166,7 @@ def _computed(cases: Sequence[_Case], store: Store, executor: Executor | None) -
 
 
 def _progress(plan: Sequence[Scenario]) -> Callable[[int, Attempt[Outputs]], None]:
-    """Says after each adjustment how many are done and what came out."""
+    """Reports after each adjustment how many are done, and the result."""
     done: list[int] = []
 
     def say(index: int, outcome: Attempt[Outputs]) -> None:

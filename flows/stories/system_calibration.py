@@ -123,7 +123,7 @@ def system_calibration(project: Project, store: Store) -> Summary:
 
 
 def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> OneStep:
-    """Release the parameters in stages; what turns out not to be determined is held from then on."""
+    """Release the parameters in stages; those that are not determined are held from then on."""
     held: Held = {}
     undetermined: tuple[str, ...] = ()
     history: list[JSON] = []
@@ -223,7 +223,7 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ou
 
 
 def described_platform(one: OneStep, store: Store, block: PreparedBlock) -> Outputs:
-    """Heads of a platform that takes no pictures, and the virtual image composed of theirs."""
+    """Heads of a platform that takes no pictures itself, and the virtual image composed of their images."""
     return describe_platform(
         store,
         parameters=one.adjusted["parameters"],
