@@ -10,7 +10,7 @@ from flows.command.progress import show_progress
 from flows.command.result_table import show_result
 from flows.runs.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
 from flows.server.prefect_settings import prepare_prefect, server_to_report_to
-from tasks.production.stage_states import STAGES_OF
+from tasks.production.stages import stages_of
 
 
 def execute(
@@ -34,7 +34,7 @@ def execute(
     address = server_to_report_to(server, remark)
     console = show_progress(on_screen=address is None)
     if address is None:
-        with living_line(console, request.directory, STAGES_OF[story.replace("_", "-")]):
+        with living_line(console, request.directory, stages_of(story.replace("_", "-"))):
             outcome = carry_out(story_named(story), request)
     else:
         outcome = _reported_to(address, request, story)

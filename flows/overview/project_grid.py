@@ -8,36 +8,9 @@ from typing import Any
 import dash_ag_grid as dag
 
 from tasks.production.project_row import ProjectRow
-from tasks.production.stage_states import STAGES, STAGES_OF
+from tasks.production.stages import STAGES, StageRow, stages_of
 
 GRID = "projects"
-#: Stages as the heads of their columns call them.
-STAGE_LABELS: Mapping[str, str] = {
-    "import_exposures": "exposures",
-    "import_control": "control",
-    "import_image_points": "image points",
-    "approximate_values": "approximate",
-    "bundle_adjustment": "adjustment",
-    "remarks": "remarks",
-    "judgement": "judgement",
-    "calibrated_cameras": "cameras",
-    "two_step": "two steps",
-    "calibration": "calibration",
-    "direct_georeferencing": "direct check",
-    "georeferencing_page": "check page",
-    "report": "report",
-    "certificate": "certificate",
-    "sub_block": "sub-blocks",
-    "control_roles": "control roles",
-    "sweep_table": "sweep table",
-    "sweep_page": "sweep page",
-    "image_quality": "edges, noise",
-    "smear_motion": "smear",
-    "sensor_quality": "sensor",
-    "drift": "drift",
-    "image_quality_page": "quality page",
-    "radiometric_certificate": "radiometric certificate",
-}
 #: Stories as the grid calls them.
 STORY_LABELS: Mapping[str, str] = {
     "aerial-triangulation": "triangulation",
@@ -94,7 +67,7 @@ def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
 
 def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
     """The columns; stages that no project has are hidden."""
-    used = {stage for row in rows for stage in (*STAGES_OF.get(row.story, ()), *row.stages)}
+    used = {stage for row in rows for stage in (*stages_of(row.story), *row.stages)}
     return [
         {"field": "project", "headerName": "Project", "pinned": "left", "width": 164, "tooltipField": "file",
          "cellClass": "project"},
@@ -104,7 +77,7 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         {"headerName": "Results", "colId": "links", "width": 172, "sortable": False, "filter": False,
          "cellRenderer": "LinksCell", "cellRendererParams": {"dashboard": dashboard}},
         {"field": "story", "headerName": "Story", "width": 104},
-        *(_stage_column(stage, stage in used) for stage in STAGES),
+        *(_stage_column(stage, stage.name in used) for stage in STAGES.values()),
         {"field": "changed", "headerName": "Age", "width": 64, "sort": "desc", "type": "rightAligned",
          "valueFormatter": {"function": "age(params.value)"}, "tooltipField": "changed", "filter": False},
         _figure("sigma0", "σ0", "σ0 a posteriori / a priori", 58),
@@ -127,13 +100,12 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
     ]  # fmt: skip
 
 
-def _stage_column(stage: str, used: bool) -> Column:
-    label = STAGE_LABELS[stage]
+def _stage_column(stage: StageRow, used: bool) -> Column:
     return {
-        "field": f"stages.{stage}",
-        "colId": stage,
-        "headerName": label,
-        "headerTooltip": f"Stage {stage}",
+        "field": f"stages.{stage.name}",
+        "colId": stage.name,
+        "headerName": stage.label,
+        "headerTooltip": f"Stage {stage.name}",
         "headerClass": "stage-head",
         "cellClass": "stage",
         "width": 25,
@@ -141,7 +113,7 @@ def _stage_column(stage: str, used: bool) -> Column:
         "resizable": False,
         "hide": not used,
         "cellRenderer": "StageCell",
-        "cellRendererParams": {"stage": label},
+        "cellRendererParams": {"stage": stage.label},
         "floatingFilter": False,
     }
 

@@ -7,59 +7,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tasks.production.run_record import SWEEP, RunRecord, StageTime
+from tasks.production.run_record import RunRecord, StageTime
+from tasks.production.stages import STAGES, stages_of
 from tasks.store.stage_record import read_records
 from tasks.store.store import Store
 
 StageState: TypeAlias = Literal["done", "reused", "failed", "running", "waiting"]
-
-_PREPARATION = ("import_exposures", "import_control", "import_image_points", "approximate_values")
-_ADJUSTMENT = ("bundle_adjustment", "remarks")
-_CHECK = ("direct_georeferencing", "georeferencing_page")
-#: The stages of each story, in the order in which it comes to them for the first time.
-STAGES_OF: Mapping[str, tuple[str, ...]] = {
-    "aerial-triangulation": (*_PREPARATION, *_ADJUSTMENT, "report"),
-    "system-calibration": (
-        *_PREPARATION,
-        "bundle_adjustment",
-        "judgement",
-        "remarks",
-        "calibrated_cameras",
-        "two_step",
-        "calibration",
-        *_CHECK,
-        "report",
-        "certificate",
-    ),
-    "direct-georeferencing-check": (*_PREPARATION, *_ADJUSTMENT, *_CHECK, "report"),
-    "image-quality": (
-        "import_exposures",
-        "image_quality",
-        "smear_motion",
-        "sensor_quality",
-        "drift",
-        "image_quality_page",
-        "radiometric_certificate",
-    ),
-    SWEEP: (*_PREPARATION, "sub_block", "control_roles", "bundle_adjustment", "sweep_table", "sweep_page"),
-}
-#: All of them, in an order that suits every story.
-STAGES: tuple[str, ...] = (
-    *_PREPARATION,
-    "sub_block",
-    "control_roles",
-    *STAGES_OF["system-calibration"][len(_PREPARATION) :],
-    "sweep_table",
-    "sweep_page",
-    *STAGES_OF["image-quality"][1:],
-)
-#: Those that a story may do without, as the project file wants it.
-_OPTIONAL: Mapping[str, frozenset[str]] = {
-    "system-calibration": frozenset(("calibrated_cameras", "two_step")),
-    "direct-georeferencing-check": frozenset((*_ADJUSTMENT, "report")),
-    SWEEP: frozenset(("sub_block", "control_roles")),
-    "image-quality": frozenset(STAGES_OF["image-quality"]) - {"image_quality_page"},
-}
 
 
 def stage_states(run: RunRecord, done: Sequence[StageTime]) -> dict[str, StageState]:
@@ -73,13 +26,13 @@ def stage_states(run: RunRecord, done: Sequence[StageTime]) -> dict[str, StageSt
     for stage in dict.fromkeys(one.stage for one in done):
         reused = all(one.reused for one in done if one.stage == stage)
         states[stage] = "reused" if reused else "done"
-    expected = STAGES_OF.get(run.story, ())
+    expected = stages_of(run.story)
     if run.failed_stage is not None:
         states[run.failed_stage] = "failed"
     elif run.state == "Running" and (ahead := _ahead(expected, states)):
-        optional = _OPTIONAL.get(run.story, frozenset())
         # Whether an optional stage is gone into is not known before it has ended.
-        states[next((stage for stage in ahead if stage not in optional), ahead[0])] = "running"
+        certain = (stage for stage in ahead if run.story in STAGES[stage].always)
+        states[next(certain, ahead[0])] = "running"
     if run.state not in ("Completed", "GateFailed"):
         states = {**dict.fromkeys(expected, "waiting"), **states}
     known = {stage: place for place, stage in enumerate(STAGES)}
