@@ -14,6 +14,7 @@ import pandas as pd
 
 from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
+from tasks.deliveries.film_reports import film_camera
 from tasks.deliveries.head_certificates import USES, certificate_of, stated_covariance
 from tasks.errors import InputError
 from tasks.formats.records import CameraRecord, PixelCamera
@@ -60,6 +61,10 @@ def camera_record(camera: CameraInput) -> CameraRecord:
     """
     if camera.head_certificate is not None:
         return certificate_of(camera, camera.head_certificate).camera
+    if camera.calibration_report is not None:
+        film = film_camera(camera)
+        _refuse_impossible(film, None)
+        return film
     if camera.file is not None and camera.format is not None:
         elsewhere = () if camera.principal_point_mm is None else ("x0_mm", "y0_mm")
         layout = replace(camera.table.layout, elsewhere=elsewhere)

@@ -14,6 +14,7 @@ from adjust.camera.fiducials import FEWEST_MARKS, FilmOrientations, film_orienta
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
 from tasks.deliveries.cameras import frame_cameras
+from tasks.deliveries.film_reports import fiducials_of
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.image_point_units import in_millimetres, unit_mm
 from tasks.errors import InputError
@@ -122,7 +123,7 @@ class MeasuredMarks:
                 f"{len(rows)} fiducial marks contradict the others by more than {_WRONG:g} σ; the worst is "
                 f"mark {self.mark[worst]} in image {self.images[self.image[worst]]} "
                 f"({1e3 * np.abs(found.residual[worst]).max():.1f} µm). Measure it again, or check "
-                "`fiducials_mm` of the camera."
+                "the marks of the camera."
             )
         return tuple(sentences)
 
@@ -177,17 +178,17 @@ def _of_file(
         row = table[table["camera"].isna()].iloc[0]
         known = did_you_mean(row["image"], list(camera_of_image.index))
         raise _error(row, "There is no exposure of this image.", f"Correct its name. {known}")
+    calibrated = {camera: fiducials_of(given[camera]) for camera in table["camera"].unique()}
     known_marks = [
-        given[camera].fiducials_mm.get(mark)
-        for camera, mark in zip(table["camera"], table["mark"], strict=True)
+        calibrated[camera].get(mark) for camera, mark in zip(table["camera"], table["mark"], strict=True)
     ]
     if None in known_marks:
         row = table.iloc[known_marks.index(None)]
-        names = list(given[row["camera"]].fiducials_mm)
+        names = list(calibrated[row["camera"]])
         raise _error(
             row,
             f"The camera {row['camera']} has no fiducial mark '{row['mark']}'.",
-            f"Add it to fiducials_mm of the camera. {did_you_mean(row['mark'], names)}",
+            f"Add it to the fiducial marks of the camera. {did_you_mean(row['mark'], names)}",
         )
     models = list(cameras.values())
     number = places_of(table["camera"], tuple(cameras))

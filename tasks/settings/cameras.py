@@ -157,6 +157,21 @@ def _refuse_beside_certificate(camera: CameraInput, given: list[str]) -> None:
         )
 
 
+def _refuse_beside_report(camera: CameraInput) -> None:
+    """The calibration report of a film camera says all but the size of its scanned images."""
+    taken = ("file", "head_certificate", "focal_length_mm", "principal_point_mm", "fiducials_mm")
+    also = [name for name in taken if getattr(camera, name)]
+    also += [name for name in camera.additional_parameters if name.startswith("brown")]
+    if also or camera.calibration != GIVEN:
+        raise trouble(
+            f"The camera has a calibration_report and also {', '.join(also) or 'a registered calibration'}.",
+            "Keep only one of the two, so that they cannot differ.",
+        )
+    missing = [name for name in ("columns", "rows", "pixel_um") if getattr(camera, name) is None]
+    if missing:
+        raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them: they are those of the scans.")
+
+
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
@@ -171,6 +186,12 @@ class CameraInput(Settings):
         "[rigs](rigs.md#certificates-of-heads)); instead of a `file` or the values below. What it states is "
         "used as `calibration_use` says. Only for the pictures of the head itself: "
         '`identity.product = "camera_head"`.',
+    )
+    calibration_report: InputPath | None = Field(
+        default=None,
+        description="Calibration report of a film camera (see [film images](import.md#film-images)): focal "
+        "length, principal point, fiducial marks and radial distortion; next to `columns`, `rows`, "
+        "`pixel_um` of the scans.",
     )
     name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="Name (or number) of the camera in `file`, if the file contains several."
@@ -283,6 +304,11 @@ class CameraInput(Settings):
         return None if self.calibration_use == "held" else self._covariance
 
     @property
+    def is_film(self) -> bool:
+        """Whether it has fiducial marks."""
+        return bool(self.fiducials_mm) or self.calibration_report is not None
+
+    @property
     def states_covariance(self) -> bool:
         """Whether its values come with a covariance."""
         return self.calibration in (REGISTRY, RIG_REGISTRY) or self.head_certificate is not None
@@ -330,7 +356,9 @@ class CameraInput(Settings):
                 f"The camera is a head of a rig and also has {' and '.join(sorted(twice))}.",
                 "Leave them out: they follow from those of the reference head, rotation_deg and position_m.",
             )
-        if self.head_certificate is not None:
+        if self.calibration_report is not None:
+            _refuse_beside_report(self)
+        elif self.head_certificate is not None:
             _refuse_beside_certificate(self, given)
         elif self.file is None and missing:
             raise trouble(f"The camera lacks {', '.join(missing)}.", "Add them, or give a camera `file`.")

@@ -324,7 +324,7 @@ class Inputs(Settings):
         default=(),
         description="Files of the fiducial marks measured in scanned film images, like files of image "
         "points, with the names of the marks in place of points. Their coordinates in the camera are "
-        "`fiducials_mm` of the camera. An affine transformation of each image corrects its image points "
+        "the marks of the camera. An affine transformation of each image corrects its image points "
         "for scan and film deformation.",
     )
     exposures: ExposuresInputs = Field(

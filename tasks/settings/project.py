@@ -154,17 +154,17 @@ class Project(Settings):
 
     @model_validator(mode="after")
     def _film_has_its_marks(self) -> Project:
-        film = next((name for name, camera in self.cameras.items() if camera.fiducials_mm), None)
+        film = next((name for name, camera in self.cameras.items() if camera.is_film), None)
         if film is not None and self.inputs.image_points and not self.inputs.fiducials:
             raise trouble(
                 f"The camera {film} has fiducial marks, but no measured ones are delivered.",
-                "Name their files (inputs.fiducials); remove fiducials_mm only if the image points are in "
-                "the system of the camera, corrected for film deformation.",
+                "Name their files (inputs.fiducials); remove the marks of the camera only if the image "
+                "points are in the system of the camera, corrected for film deformation.",
             )
         if self.inputs.fiducials and film is None:
             raise trouble(
                 "Measured fiducial marks are delivered, but no camera has any.",
-                "Give their calibrated coordinates, fiducials_mm of the camera.",
+                "Give their calibrated coordinates, fiducials_mm or calibration_report of the camera.",
             )
         return self
 

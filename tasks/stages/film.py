@@ -46,7 +46,7 @@ def orient_film(
     points = read_table(image_points)
     image = places_of(points["image"], marks.images)
     camera = points["image"].map(delivered.set_index("image")["camera"])
-    without = (image < 0) & camera.isin([name for name, own in given.items() if own.fiducials_mm]).to_numpy()
+    without = (image < 0) & camera.isin([name for name, own in given.items() if own.is_film]).to_numpy()
     if without.any():
         raise InputError(
             "The image of a film camera has no measured fiducial marks.",

@@ -62,6 +62,7 @@ def import_exposures(
         See `tasks.deliveries.exposures` and `tasks.deliveries.cameras`.
     """
     from tasks.deliveries.cameras import taken_from_registry, write_cameras
+    from tasks.deliveries.film_reports import about_film_reports
     from tasks.deliveries.head_certificates import about_head_certificates
     from tasks.tables.parquet import write_table
 
@@ -73,7 +74,11 @@ def import_exposures(
         from tasks.deliveries.trajectory_path import path_columns
 
         write_table(folder / "trajectories.parquet", TRAJECTORIES, path_columns(paths), frame)
-    of_cameras = (*taken_from_registry(cameras), *about_head_certificates(cameras))
+    of_cameras = (
+        *taken_from_registry(cameras),
+        *about_head_certificates(cameras),
+        *about_film_reports(cameras),
+    )
     write_notes(folder, replace(notes, problems=(*of_cameras, *notes.problems)))
 
 

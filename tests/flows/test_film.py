@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from adjust.arrays import Floats
 from adjust.simulate.block import simulate_block
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
@@ -36,9 +37,19 @@ def simulation() -> Simulation:
     return load_simulation("vaihingen-rmk-low", CHANGES, 3)
 
 
-def run(folder: Path, change: Callable[[Path], None] | None = None) -> Path:
+#: A lens with 10 µm of distortion, in a block of 2 µm.
+LENS = (
+    *CHANGES,
+    "noise.image_um=2.0",
+    'truth.image_errors.additional_um={"brown:K1"=30.0, "brown:K2"=-20.0}',
+)
+
+
+def run(
+    folder: Path, change: Callable[[Path], None] | None = None, described: Simulation | None = None
+) -> Path:
     """Results of the flight as delivered, or after a change of its folder."""
-    project = simulate_project(simulation(), folder / "flight").project_file
+    project = simulate_project(described or simulation(), folder / "flight").project_file
     if change is not None:
         change(project.parent)
     found = carry_out(aerial_triangulation, RunRequest(project, folder / "out"))
@@ -103,6 +114,40 @@ def test_a_wrong_mark_is_named(tmp_path: Path) -> None:
 
     problems = json.loads((run(tmp_path, displace) / "summary.json").read_text())["problems"]
     assert any("the worst is mark 3 in image E01_002" in text for text in problems)
+
+
+def with_report(outward_um: Floats, radius_mm: Floats) -> Callable[[Path], None]:
+    """The camera as its calibration report states it, with the true distortion to 0.1 µm."""
+
+    def change(folder: Path) -> None:
+        project = folder / "project.toml"
+        text = project.read_text()
+        (marks,) = re.findall(r"(?ms)^\[cameras.RMK-153.fiducials_mm\]\n(.*?)^\n", text)
+        (folder / "report.toml").write_text(
+            '[camera]\nserial = "145123"\nfocal_length_mm = 153.0\nppa_mm = [0.0, 0.0]\npps_mm = [0.0, 0.0]\n'
+            f'principal_point = "pps"\n\n[fiducials_mm]\n{marks}\n[distortion]\nunit = "um"\n'
+            f'positive = "outward"\nsigma = 0.03\nradius_mm = {radius_mm.tolist()}\n'
+            f"mean = {np.round(outward_um, 1).tolist()}\n"
+        )
+        remove_tables(project, "cameras.RMK-153.fiducials_mm")
+        text = re.sub(r"(?m)^principal_point_mm = .*\n", "", project.read_text())
+        project.write_text(re.sub(r"(?m)^focal_length_mm = .*$", 'calibration_report = "report.toml"', text))
+
+    return change
+
+
+def test_a_calibration_report_removes_the_distortion_of_the_lens(tmp_path: Path) -> None:
+    described = load_simulation("vaihingen-rmk-low", LENS, 3)
+    (errors,) = simulate_block(block_specification(described)).truth.image_errors
+    radius = np.arange(10.0, 161.0, 10.0)
+    outward = 1e6 * errors.error(np.column_stack([1e-3 * radius, np.zeros(len(radius))]))[:, 0]
+    assert 5.0 < np.abs(outward).max() < 20.0
+    results = run(tmp_path / "with", with_report(outward, radius), described)
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["sigma0"] == pytest.approx(1.0, abs=0.02)
+    assert any("calibration report of 145123" in text for text in summary["problems"])
+    without = run(tmp_path / "without", with_report(0.0 * outward, radius), described)
+    assert json.loads((without / "summary.json").read_text())["sigma0"] > 1.04
 
 
 def edited(old: str, new: str) -> Callable[[Path], None]:
